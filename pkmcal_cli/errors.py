@@ -1,0 +1,213 @@
+"""Faults and errors: what is wrong, where, and what to do about it.
+
+A `Fault` is one finding in a file. A `PkmcalError` ends the run; the application turns it into
+text and an exit code at one place. `BadInput` carries all the faults of a stage at once.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+MAX_FAULTS = 50
+"""So many faults of a stage are told; the rest is counted."""
+
+_MAX_LINE = 140
+
+
+@dataclass(frozen=True, order=True)
+class Location:
+    """A place in a text file; line and column count from 1 (column 0: the whole line)."""
+
+    file: str
+    line: int
+    column: int = 0
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}"
+        return f"{place}:{self.column}" if self.column else place
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One finding: what is wrong, where, and the remedy.
+
+    `source` is the text of the line that `where` names; it is shown with a caret below.
+    """
+
+    code: str
+    what: str
+    where: Location | None = None
+    hint: str | None = None
+    source: str | None = None
+    severity: Literal["error", "warning"] = "error"
+
+    def text(self) -> str:
+        """The fault as it is shown: head line, source line, caret line, help."""
+        head = f"{self.where}: " if self.where is not None else ""
+        lines = [f"{head}{self.severity}[{self.code}]: {self.what}"]
+        if self.where is not None and self.source is not None and self.where.column:
+            lines += _excerpt(self.source, self.where.column)
+        if self.hint:
+            lines.append(f"help: {self.hint}")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+def _excerpt(source: str, column: int) -> list[str]:
+    """The source line, cut around the column when it is long, and the caret line."""
+    shown = "".join(c if c.isprintable() or c == "\t" else "\ufffd" for c in source.rstrip("\r\n"))
+    at = min(column - 1, len(shown))
+    if len(shown) > _MAX_LINE:
+        start = max(0, min(at - _MAX_LINE // 2, len(shown) - _MAX_LINE))
+        head = "..." if start else ""
+        tail = "..." if start + _MAX_LINE < len(shown) else ""
+        shown = head + shown[start : start + _MAX_LINE] + tail
+        at = at - start + len(head)
+    caret = "".join("\t" if c == "\t" else " " for c in shown[:at])
+    return [shown, caret.ljust(at) + "^"]
+
+
+class PkmcalError(Exception):
+    """An error that the user can mend: what is wrong, where, and a hint.
+
+    `exit_code` is the process's exit code; `where` is a place in a file, a name, or nothing.
+    """
+
+    exit_code = 70
+
+    def __init__(
+        self,
+        what: str,
+        where: Location | str | None = None,
+        hint: str | None = None,
+        code: str = "error",
+    ) -> None:
+        self.what = what
+        self.where = where
+        self.hint = hint
+        self.code = code
+        super().__init__(what)
+
+    def text(self) -> str:
+        """The error as it is shown to the user."""
+        if isinstance(self.where, Location) or self.where is None:
+            return Fault(self.code, self.what, self.where, self.hint).text()
+        tail = f"\nhelp: {self.hint}" if self.hint else ""
+        return f"{self.where}: error[{self.code}]: {self.what}{tail}"
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+class UsageError(PkmcalError):
+    """The command line is wrong (exit code 2)."""
+
+    exit_code = 2
+
+
+class BadInput(PkmcalError):
+    """The machine, measurements or parameters are wrong (exit code 3): all faults of a stage."""
+
+    exit_code = 3
+
+    def __init__(self, faults: Sequence[Fault], total: int | None = None) -> None:
+        first = faults[0] if faults else Fault("input", "the input is wrong")
+        self.faults: tuple[Fault, ...] = tuple(faults)
+        self.total = len(self.faults) if total is None else total
+        super().__init__(first.what, first.where, first.hint, first.code)
+
+    def __reduce__(self) -> tuple[type[BadInput], tuple[tuple[Fault, ...], int]]:
+        return BadInput, (self.faults, self.total)
+
+    @classmethod
+    def single(
+        cls,
+        what: str,
+        where: Location | None = None,
+        hint: str | None = None,
+        code: str = "input",
+        source: str | None = None,
+    ) -> BadInput:
+        """A `BadInput` of one fault."""
+        return cls([Fault(code, what, where, hint, source)])
+
+    def text(self) -> str:
+        """All faults, a blank line between them, and how many more there are."""
+        parts = [fault.text() for fault in self.faults]
+        if self.total > len(self.faults):
+            parts.append(f"... and {self.total - len(self.faults)} more faults")
+        return "\n\n".join(parts)
+
+
+class OutputError(PkmcalError):
+    """A result cannot be written (exit code 4)."""
+
+    exit_code = 4
+
+
+@dataclass
+class FaultList:
+    """Collects the faults of a stage; knows errors from warnings, sorts by place."""
+
+    found: list[Fault] = field(default_factory=list)
+
+    def add(self, fault: Fault) -> None:
+        """Take a fault, unless the same one has been taken at the same place."""
+        if fault not in self.found:
+            self.found.append(fault)
+
+    def __iter__(self) -> Iterator[Fault]:
+        return iter(self.found)
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @property
+    def errors(self) -> list[Fault]:
+        """The faults that are no warnings, sorted by place."""
+        return _sorted(f for f in self.found if f.severity == "error")
+
+    @property
+    def warnings(self) -> list[Fault]:
+        """The warnings, sorted by place."""
+        return _sorted(f for f in self.found if f.severity == "warning")
+
+    def raise_if_any(self) -> None:
+        """Raise `BadInput` with the first `MAX_FAULTS` errors if there is any."""
+        errors = self.errors
+        if errors:
+            raise BadInput(errors[:MAX_FAULTS], len(errors))
+
+
+def _sorted(faults: Iterable[Fault]) -> list[Fault]:
+    nowhere = Location("", 0, 0)
+    return sorted(faults, key=lambda f: (f.where or nowhere, f.what))
+
+
+def nearest(name: str, names: Iterable[str]) -> str | None:
+    """The valid name that is most like `name`, or None."""
+    candidates = list(names)
+    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
+    if close:
+        return close[0]
+    lower = {c.lower(): c for c in candidates}
+    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.6)
+    return lower[close[0]] if close else None
+
+
+def did_you_mean(name: str, names: Iterable[str], otherwise: str | None = None) -> str | None:
+    """A hint with the nearest valid name, else the short list of names, else `otherwise`."""
+    candidates = list(names)
+    best = nearest(name, candidates)
+    if best is not None:
+        return f"did you mean `{best}`?"
+    if otherwise is not None:
+        return otherwise
+    if 0 < len(candidates) <= 12:
+        return "one of " + ", ".join(f"`{c}`" for c in candidates)
+    return None
