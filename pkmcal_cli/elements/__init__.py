@@ -1,0 +1,8 @@
+"""Elements: what holds a machine together, as generalised strains and their stiffness."""
+
+from .bar import Bar
+from .base import Element
+from .beam import Beam
+from .joint import JOINTS, Joint, JointType
+
+__all__ = ["JOINTS", "Bar", "Beam", "Element", "Joint", "JointType"]

@@ -1,0 +1,73 @@
+"""What every element is: generalised strains of the relative position and the two triads of its ends.
+
+The discrete-deformation form of finite elements for mechanisms (Besseling; van der Werff; Jonker and Meijaard).
+An element joins two ports i and j. Its strains depend on `delta`, the vector from port i to port j (m, base axes),
+and on the triads `ti`, `tj` of the ports (columns: carried unit axes, base axes). They vanish in the unstressed
+state and under every rigid motion. Inputs of the gradient are [delta (3), theta_i (3), theta_j (3)], the
+rotations being increments from the left in base axes; an element that ignores the triads has the first three only.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..rotation import Array
+
+DELTA, THETA_I, THETA_J = slice(0, 3), slice(3, 6), slice(6, 9)
+
+
+@dataclass(frozen=True)
+class Element(ABC):
+    """One kind of element; instances differ only in which of its strains they use."""
+
+    uses_triads: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def strains(self) -> tuple[str, ...]:
+        """Names of the m strains."""
+
+    @property
+    def patterns(self) -> Array:
+        """Constant matrices (P, m, m): the stiffness is the sum of P stiffness numbers times these."""
+        m = len(self.strains)
+        return np.eye(m)[:, :, None] * np.eye(m)[:, None, :]
+
+    @property
+    def inputs(self) -> int:
+        """Length of the gradient's input: 3 (delta) or 9 (delta, theta_i, theta_j)."""
+        return 9 if self.uses_triads else 3
+
+    @abstractmethod
+    def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
+        """Strains (N, E, m) and their gradient (N, E, m, inputs).
+
+        delta (N, E, 3); ti, tj (N, E, 3, 3); rest (N or 1, E, m): natural length, commanded travel, ...
+        Strains in m and rad. Must accept complex arrays (derivatives by complex step).
+        """
+
+    @abstractmethod
+    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
+        """Second derivative of the strains contracted with `stress` (N, E, m): (N, E, inputs, inputs).
+
+        The derivative of gradient^T stress with respect to the inputs; the rotational part is that of the moment,
+        hence not symmetric away from equilibrium.
+        """
+
+
+def outer(a: Array, b: Array) -> Array:
+    """Dyads a b^T, (..., 3, 3)."""
+    return np.asarray(a[..., :, None] * b[..., None, :])
+
+
+def turned(a: Array, h: Array) -> Array:
+    """Derivative of the moment a x h with respect to a rotation that carries a: a h^T - (a . h) I."""
+    out = outer(a, h)
+    trace = out[..., 0, 0] + out[..., 1, 1] + out[..., 2, 2]
+    for k in range(3):
+        out[..., k, k] -= trace
+    return out

@@ -1,0 +1,153 @@
+"""Joint between two ports, guide with its drive, spring to ground: displacement in triad i and relative rotation.
+
+Which rotations a joint blocks, and the formula of each that stays valid at any angle of its free rotations, is one
+row of `JOINTS`. The joint's own axes: z is the axis of revolute, cylindrical and planar joints; x that of a prismatic
+joint; a universal joint turns about x of the first member and y of the second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from ..rotation import Array, cross, dot, skew
+from .base import DELTA, THETA_I, THETA_J, Element, outer, turned
+from .beam import add_product
+
+# A rotation strain is a sum of products of a carried axis of i with one of j: (factor, axis of i, axis of j).
+_HALF = MappingProxyType(
+    {"rx": ((0.5, 1, 2), (-0.5, 2, 1)), "ry": ((0.5, 2, 0), (-0.5, 0, 2)), "rz": ((0.5, 0, 1), (-0.5, 1, 0))}
+)
+_ACROSS = MappingProxyType({"rx": ((-1.0, 1, 2),), "ry": ((1.0, 0, 2),)})
+_UNIVERSAL = MappingProxyType({"rz": ((-1.0, 0, 1),)})
+DISPLACEMENTS = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class JointType:
+    """Blocked directions of a joint and the products that measure its blocked rotations."""
+
+    blocked: tuple[str, ...]
+    rotations: MappingProxyType[str, tuple[tuple[float, int, int], ...]]
+    drive: str | None = None  # the free direction that an actuator can drive
+
+
+JOINTS: MappingProxyType[str, JointType] = MappingProxyType(
+    {
+        "fixed": JointType(("x", "y", "z", "rx", "ry", "rz"), _HALF),
+        "prismatic": JointType(("y", "z", "rx", "ry", "rz"), _HALF, "x"),
+        "revolute": JointType(("x", "y", "z", "rx", "ry"), _ACROSS, "rz"),
+        "cylindrical": JointType(("x", "y", "rx", "ry"), _ACROSS, "z"),
+        "planar": JointType(("z", "rx", "ry"), _ACROSS),
+        "universal": JointType(("x", "y", "z", "rz"), _UNIVERSAL),
+        "spherical": JointType(("x", "y", "z"), MappingProxyType({})),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Joint(Element):
+    """Strains of a joint: relative displacements (m) in the triad of i, and rotations (rad) about its axes.
+
+    `directions` lists those in use, out of x y z rx ry rz; `angle` is the unwrapped rotation of j about z of i, the
+    strain of a rotary drive or a torsion spring.
+    """
+
+    type: str
+    directions: tuple[str, ...]
+
+    @property
+    def strains(self) -> tuple[str, ...]:
+        return self.directions
+
+    @property
+    def patterns(self) -> Array:
+        """One number a direction, then one for each coupling of two directions (k < l)."""
+        m = len(self.directions)
+        pairs = [(k, k) for k in range(m)] + [(k, l) for k in range(m) for l in range(k + 1, m)]
+        out = np.zeros((len(pairs), m, m))
+        for p, (k, l) in enumerate(pairs):
+            out[p, k, l] = out[p, l, k] = 1.0
+        return out
+
+    def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
+        m = len(self.directions)
+        kind = np.result_type(delta, ti, tj)
+        e = np.zeros((*delta.shape[:-1], m), dtype=kind)
+        b = np.zeros((*delta.shape[:-1], m, 9), dtype=kind)
+        for row, name in enumerate(self.directions):
+            if name in DISPLACEMENTS:
+                a = ti[..., :, DISPLACEMENTS.index(name)]
+                e[..., row], b[..., row, DELTA], b[..., row, THETA_I] = dot(a, delta), a, cross(a, delta)
+            elif name == "angle":
+                e[..., row], b[..., row, THETA_I] = _angle(ti, tj)
+                b[..., row, THETA_J] = -b[..., row, THETA_I]
+            else:
+                for factor, p, q in self._products(name):
+                    a, d = ti[..., :, p], tj[..., :, q]
+                    moment = factor * cross(a, d)
+                    e[..., row] += factor * dot(a, d)
+                    b[..., row, THETA_I] += moment
+                    b[..., row, THETA_J] -= moment
+        return _wrapped(e - rest, self.directions), b
+
+    def _products(self, name: str) -> tuple[tuple[float, int, int], ...]:
+        return JOINTS[self.type].rotations.get(name) or _HALF[name]
+
+    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
+        out = np.zeros((*delta.shape[:-1], 9, 9), dtype=np.result_type(delta, ti, tj, stress))
+        for row, name in enumerate(self.directions):
+            s = stress[..., row]
+            if name in DISPLACEMENTS:
+                a = ti[..., :, DISPLACEMENTS.index(name)]
+                tangent = s[..., None, None] * skew(a)
+                out[..., DELTA, THETA_I] -= tangent
+                out[..., THETA_I, DELTA] += tangent
+                out[..., THETA_I, THETA_I] += s[..., None, None] * turned(a, delta)
+            elif name == "angle":
+                _add_angle(out, ti, tj, s)
+            else:
+                for factor, p, q in self._products(name):
+                    add_product(out, ti[..., :, p], tj[..., :, q], factor * s)
+        return out
+
+
+def _angle(ti: Array, tj: Array) -> tuple[Array, Array]:
+    """Angle of j about z of i, and its gradient with respect to theta_i (that for theta_j is the opposite)."""
+    x, y, d = ti[..., :, 0], ti[..., :, 1], tj[..., :, 0]
+    sine, cosine = dot(y, d), dot(x, d)
+    norm = (sine * sine + cosine * cosine)[..., None]
+    gradient = (cosine[..., None] * cross(y, d) - sine[..., None] * cross(x, d)) / norm
+    if not np.iscomplexobj(sine):
+        return np.arctan2(sine, cosine), gradient
+    real = np.arctan2(sine.real, cosine.real)
+    slope = (cosine.real * sine.imag - sine.real * cosine.imag) / norm.real[..., 0]
+    return real + 1j * slope, gradient
+
+
+def _add_angle(out: Array, ti: Array, tj: Array, stress: Array) -> None:
+    """Add `stress` times the second derivative of atan2(sine, cosine), sine = y . d and cosine = x . d."""
+    x, y, d = ti[..., :, 0], ti[..., :, 1], tj[..., :, 0]
+    sine, cosine = dot(y, d), dot(x, d)
+    norm = sine * sine + cosine * cosine
+    add_product(out, y, d, stress * cosine / norm)
+    add_product(out, x, d, -stress * sine / norm)
+    gradient = {}
+    for name, moment in (("sine", cross(y, d)), ("cosine", cross(x, d))):
+        gradient[name] = np.zeros((*moment.shape[:-1], 9), dtype=moment.dtype)
+        gradient[name][..., THETA_I], gradient[name][..., THETA_J] = moment, -moment
+    own = (2 * stress * sine * cosine / norm**2)[..., None, None]
+    mixed = (stress * (sine**2 - cosine**2) / norm**2)[..., None, None]
+    both = outer(gradient["sine"], gradient["cosine"])
+    out += own * (outer(gradient["cosine"], gradient["cosine"]) - outer(gradient["sine"], gradient["sine"]))
+    out += mixed * (both + np.swapaxes(both, -1, -2))
+
+
+def _wrapped(e: Array, directions: tuple[str, ...]) -> Array:
+    """Bring the drive angle's strain to (-pi, pi]: a drive may have made whole turns."""
+    if "angle" in directions:
+        row = directions.index("angle")
+        e[..., row] -= 2 * np.pi * np.round(e[..., row].real / (2 * np.pi))
+    return e

@@ -1,0 +1,290 @@
+"""Builds a `Layout` piece by piece: slots, rotations, travels, points, links. The compiler's drafting table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .elements import Element
+from .layout import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
+from .rotation import Array
+from .slots import Formula, SlotTable
+
+Number = float | Formula
+
+
+@dataclass(frozen=True)
+class Point:
+    """A sum of arms: offsets (sign, number) and travels (number, axis) by the rotation that carries them."""
+
+    offsets: tuple[tuple[int, float, int], ...] = ()  # (rotation, sign, offset)
+    travels: tuple[tuple[int, int, tuple[float, float, float]], ...] = ()  # (rotation, travel, axis)
+
+    def __add__(self, other: Point) -> Point:
+        return Point(self.offsets + other.offsets, self.travels + other.travels)
+
+
+@dataclass(frozen=True)
+class Port:
+    """A point and the rotation of the body that it belongs to."""
+
+    point: Point
+    rotation: int
+
+
+@dataclass(frozen=True)
+class _Link:
+    element: Element | None
+    name: str
+    ports: tuple[Port, Port]
+    triads: tuple[Array, Array]
+    rest: tuple[Number, ...]
+    stiffness: tuple[Number, ...]
+    prestress: tuple[Number, ...]
+    rigid: tuple[bool, ...]
+    rope: bool
+
+
+@dataclass
+class LayoutBuilder:
+    """Collects the pieces of a machine; `build` freezes them."""
+
+    planar: bool
+    constants: list[float] = field(default_factory=list)
+    formulas: list[tuple[int, Formula]] = field(default_factory=list)
+    labels: list[str] = field(default_factory=list)
+    rotations: list[tuple[Turn, Array, Array, tuple[int, int, int], str]] = field(default_factory=list)
+    travels: list[tuple[int, float, bool, str]] = field(default_factory=list)
+    offsets: list[tuple[int, int, int]] = field(default_factory=list)
+    links: list[_Link] = field(default_factory=list)
+    points: list[_Link] = field(default_factory=list)
+    forces: list[tuple[str, int, int]] = field(default_factory=list)  # (travel | rotation, number, slot)
+    nominal: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.vector((0.0, 0.0, 0.0), "zero")  # offset 0 pads
+        self.rotation(Turn.FIXED, name="base")
+
+    def slot(self, value: Number, label: str) -> int:
+        """A new slot; returns its number."""
+        self.labels.append(label)
+        if isinstance(value, Formula):
+            self.formulas.append((len(self.constants), value))
+            value = float(np.real(value.function(self.nominal)))
+        self.constants.append(float(value))
+        return len(self.constants) - 1
+
+    def vector(self, value: Sequence[Number], label: str) -> int:
+        """A new offset vector (three slots, m); returns its number."""
+        parts = list(value) + [0.0] * (3 - len(value))
+        x, y, z = (self.slot(v, f"{label}.{c}") for v, c in zip(parts, "xyz", strict=True))
+        self.offsets.append((x, y, z))
+        return len(self.offsets) - 1
+
+    def rotation(
+        self,
+        kind: Turn,
+        name: str,
+        axis: Array | None = None,
+        drawn: Array | None = None,
+        slots: Sequence[int] = (),
+    ) -> int:
+        """A new rotation; `slots`: its rotation vector (FIXED) or angle (AXIS, driven)."""
+        where = (*slots, -1, -1, -1)[:3]
+        axis = np.array([0.0, 0.0, 1.0]) if axis is None else np.asarray(axis, dtype=float)
+        self.rotations.append(
+            (kind, axis, np.eye(3) if drawn is None else drawn, (where[0], where[1], where[2]), name)
+        )
+        return len(self.rotations) - 1
+
+    def travel(self, drawn: float, name: str, slot: int = -1, free: bool = True) -> int:
+        """A new travel; `slot` holds its value where it is prescribed."""
+        self.travels.append((slot, drawn, free, name))
+        return len(self.travels) - 1
+
+    def free_point(self, at: Sequence[float], name: str) -> Point:
+        """A point with a travel along each base axis of the space."""
+        axes = np.eye(3)[: 2 if self.planar else 3]
+        return Point(
+            (),
+            tuple(
+                (GROUND, self.travel(float(v), f"{name}.{c}"), tuple(axis))
+                for v, c, axis in zip(at, "xyz", axes, strict=False)
+            ),
+        )
+
+    def offset(self, rotation: int, value: Sequence[Number], label: str) -> Point:
+        """A point at a constant offset in a rotation's triad."""
+        return Point(((rotation, 1.0, self.vector(value, label)),), ())
+
+    def link(
+        self,
+        element: Element,
+        name: str,
+        ports: tuple[Port, Port],
+        *,
+        rest: Sequence[Number],
+        stiffness: Sequence[Number],
+        rigid: Sequence[bool],
+        triads: tuple[Array, Array] | None = None,
+        prestress: Sequence[Number] | None = None,
+        rope: bool = False,
+    ) -> None:
+        """An element between two ports."""
+        frames = triads or (np.eye(3), np.eye(3))
+        loads = tuple(prestress or (0.0,) * len(element.strains))
+        self.links.append(
+            _Link(element, name, ports, frames, tuple(rest), tuple(stiffness), loads, tuple(rigid), rope)
+        )
+
+    def reading_point(self, name: str, port: Port) -> int:
+        """A point that sensors read; returns its number among the points."""
+        self.points.append(
+            _Link(None, name, (Port(Point(), GROUND), port), (np.eye(3), np.eye(3)), (), (), (), (), False)
+        )
+        return len(self.points) - 1
+
+    def force(self, kind: str, number: int, slot: int) -> None:
+        """A constant force along a travel, or moment about one rotation (its axis, or its three base axes)."""
+        self.forces.append((kind, number, slot))
+
+    def build(self, drives: Sequence[tuple[Drive, str, str]], held: Sequence[int] = ()) -> Layout:
+        """The frozen layout. `drives`: a drive with the element and strain names of a STRAIN target."""
+        ordered = self._groups()
+        groups, sequence = [], []
+        for element, links in ordered:
+            start = len(sequence)
+            sequence += links
+            groups.append(self._group(element, links, slice(start, len(sequence))))
+        first_point = len(sequence)
+        sequence += self.points
+        arms = self._arms(sequence)
+        kinds = np.array([int(r[0]) for r in self.rotations])
+        turning = Rotations(
+            kinds,
+            np.array([r[1] for r in self.rotations]),
+            np.array([r[2] for r in self.rotations]),
+            np.array([r[3] for r in self.rotations], dtype=np.intp),
+            tuple(r[4] for r in self.rotations),
+        )
+        widths = np.array([0, 3, 1])[kinds]
+        first = len(self.travels) + np.cumsum(widths) - widths
+        dofs, force_slots = [], []
+        for kind, number, slot in self.forces:
+            dofs.append(
+                number
+                if kind == "travel"
+                else int(first[number // 3]) + (number % 3 if widths[number // 3] == 3 else 0)
+            )
+            force_slots.append(slot)
+        return Layout(
+            self.planar,
+            SlotTable(np.array(self.constants), tuple(self.formulas), tuple(self.labels)),
+            np.array([t[0] for t in self.travels], dtype=np.intp),
+            np.array([t[1] for t in self.travels]),
+            np.array([t[2] for t in self.travels], dtype=bool),
+            tuple(t[3] for t in self.travels),
+            turning,
+            arms,
+            tuple(groups),
+            np.arange(first_point, len(sequence)),
+            np.array(dofs, dtype=np.intp),
+            np.array(force_slots, dtype=np.intp),
+            tuple(_located(drive, element, strain, groups) for drive, element, strain in drives),
+            tuple(held),
+        )
+
+    def _groups(self) -> list[tuple[Element, list[_Link]]]:
+        out: dict[Element, list[_Link]] = {}
+        for link in self.links:
+            assert link.element is not None
+            out.setdefault(link.element, []).append(link)
+        return list(out.items())
+
+    def _group(self, element: Element, links: list[_Link], where: slice) -> Group:
+        def block(kind: str, values: list[tuple[Number, ...]], names: Sequence[str]) -> slice:
+            start = len(self.constants)
+            for link, row in zip(links, values, strict=True):
+                for name, value in zip(names, row, strict=True):
+                    self.slot(value, f"{link.name}.{kind}.{name}")
+            return slice(start, len(self.constants))
+
+        numbers = [str(k) for k in range(len(element.patterns))]
+        return Group(
+            element,
+            tuple(link.name for link in links),
+            where,
+            np.array([[link.ports[side].rotation for link in links] for side in (0, 1)], dtype=np.intp),
+            np.array([[link.triads[side] for link in links] for side in (0, 1)]),
+            block("rest", [link.rest for link in links], element.strains),
+            block("stiffness", [link.stiffness for link in links], numbers),
+            block("prestress", [link.prestress for link in links], element.strains),
+            np.array([link.rigid for link in links], dtype=bool).reshape(len(links), len(element.strains)),
+            np.array([link.rope for link in links], dtype=bool),
+        )
+
+    def _arms(self, sequence: list[_Link]) -> Arms:
+        rows: list[tuple[int, int, list[tuple[float, int]], list[tuple[int, Array]]]] = []
+        start = []
+        for number, link in enumerate(sequence):
+            start.append(len(rows))
+            rows += [(number, r, offsets, travels) for r, offsets, travels in _arms_of(link)]
+        width = max(len(row[2]) for row in rows)
+        offset = np.zeros((len(rows), width), dtype=np.intp)
+        sign = np.zeros((len(rows), width))
+        travel = np.zeros((len(self.travels), len(rows) * 3))
+        for a, (_, _, offsets, travels) in enumerate(rows):
+            for p, (factor, index) in enumerate(offsets):
+                offset[a, p], sign[a, p] = index, factor
+            for t, axis in travels:
+                travel[t, 3 * a : 3 * a + 3] += axis
+        return Arms(
+            np.array([row[0] for row in rows], dtype=np.intp),
+            np.array([row[1] for row in rows], dtype=np.intp),
+            np.array(start, dtype=np.intp),
+            offset,
+            sign,
+            travel,
+            np.array(self.offsets, dtype=np.intp),
+        )
+
+
+def _arms_of(link: _Link) -> list[tuple[int, list[tuple[float, int]], list[tuple[int, Array]]]]:
+    """Arms of port j minus port i by rotation; what both share cancels."""
+    offsets: dict[tuple[int, int], float] = {}
+    travels: dict[tuple[int, int], Array] = {}
+    for factor, port in ((-1.0, link.ports[0]), (1.0, link.ports[1])):
+        for r, sign, index in port.point.offsets:
+            offsets[r, index] = offsets.get((r, index), 0.0) + factor * sign
+        for r, t, axis in port.point.travels:
+            travels[r, t] = travels.get((r, t), np.zeros(3)) + factor * np.array(axis)
+    rotations = sorted({r for r, _ in offsets} | {r for r, _ in travels}) or [GROUND]
+    out = []
+    for r in rotations:
+        mine = [(sign, index) for (q, index), sign in offsets.items() if q == r and sign] or [(0.0, 0)]
+        moved = [(t, axis) for (q, t), axis in travels.items() if q == r and axis.any()]
+        if mine != [(0.0, 0)] or moved or len(rotations) == 1:
+            out.append((r, mine, moved))
+    return out or [(GROUND, [(0.0, 0)], [])]
+
+
+def _located(drive: Drive, element: str, strain: str, groups: Sequence[Group]) -> Drive:
+    """A STRAIN drive with its target and slots filled in."""
+    if drive.kind is not DriveKind.STRAIN:
+        return drive
+    from dataclasses import replace
+
+    for g, group in enumerate(groups):
+        if element in group.names and strain in group.element.strains:
+            e, m = group.names.index(element), group.element.strains.index(strain)
+            at = e * len(group.element.strains) + m
+            return replace(
+                drive,
+                target=(g, e, m),
+                slot=group.rest.start + at,
+                force_slot=group.prestress.start + at,
+                rigid=bool(group.rigid[e, m]),
+            )
+    raise KeyError(f"drive {drive.name}: no element {element} with strain {strain}")

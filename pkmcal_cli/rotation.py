@@ -1,0 +1,105 @@
+"""Finite rotations on stacked arrays, written so that complex values pass through analytically.
+
+Rotation matrices carry components from a moving triad to base axes; increments `theta` are rotation vectors in
+base axes applied from the left: R <- exp([theta]x) R (rad).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_SMALL = 1e-4  # below this angle (rad) the series of sin and cos are exact to double precision
+
+
+def skew(v: Array) -> Array:
+    """Cross-product matrices [v]x, shape (..., 3, 3), of vectors (..., 3)."""
+    out = np.zeros((*v.shape, 3), dtype=v.dtype)
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return out
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product over the last axis; several times faster than np.cross on small stacked arrays."""
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    c0 = a1 * b2 - a2 * b1
+    out = np.empty((*c0.shape, 3), dtype=c0.dtype)
+    out[..., 0], out[..., 1], out[..., 2] = c0, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return out
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar product over the last axis without conjugation."""
+    return np.asarray((a * b).sum(-1))
+
+
+def _coefficients(angle2: Array) -> tuple[Array, Array, Array]:
+    """sin(a)/a, (1 - cos a)/a^2 and (a - sin a)/a^3 from a^2; series near zero, complex-safe."""
+    small = np.abs(angle2) < _SMALL**2
+    safe = np.where(small, 1.0, angle2)
+    a = np.sqrt(safe)
+    s1 = np.where(small, 1 - angle2 / 6, np.sin(a) / a)
+    s2 = np.where(small, 0.5 - angle2 / 24, (1 - np.cos(a)) / safe)
+    s3 = np.where(small, 1 / 6 - angle2 / 120, (a - np.sin(a)) / (safe * a))
+    return s1, s2, s3
+
+
+def exp(theta: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
+    s1, s2, _ = _coefficients(dot(theta, theta))
+    k = skew(theta)
+    return np.asarray(np.eye(3) + s1[..., None, None] * k + s2[..., None, None] * (k @ k))
+
+
+def left_jacobian(theta: Array) -> Array:
+    """d(left increment)/d(theta) of exp: exp(theta + d) = exp(J d) exp(theta), shape (..., 3, 3)."""
+    _, s2, s3 = _coefficients(dot(theta, theta))
+    k = skew(theta)
+    return np.asarray(np.eye(3) + s2[..., None, None] * k + s3[..., None, None] * (k @ k))
+
+
+def log(rotation: Array) -> Array:
+    """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3) for real arrays; angle in [0, pi]."""
+    r = rotation
+    axial = 0.5 * np.stack(
+        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1
+    )
+    sine = np.sqrt(dot(axial, axial))
+    cosine = 0.5 * (np.trace(r, axis1=-2, axis2=-1) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    small = sine < 1e-8
+    factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
+    theta = np.asarray(axial * factor[..., None])
+    flipped = small & (cosine < 0)
+    return _log_half_turn(theta, r, flipped) if flipped.any() else theta
+
+
+def _log_half_turn(theta: Array, rotation: Array, where: NDArray[np.bool_]) -> Array:
+    """Replace the entries of `theta` whose rotation is a half turn: the axis is the column of (R + I)/2."""
+    half = 0.5 * (rotation[where] + np.eye(3))
+    column = np.argmax(np.diagonal(half, axis1=-2, axis2=-1), axis=-1)
+    axis = np.take_along_axis(half, column[:, None, None], axis=-1)[..., 0]
+    theta = theta.copy()
+    theta[where] = np.pi * axis / np.sqrt(dot(axis, axis))[..., None]
+    return theta
+
+
+def log_jacobian(theta: Array) -> Array:
+    """Inverse of `left_jacobian`: d(log(exp(d) R))/dd at d = 0 for theta = log R, shape (..., 3, 3)."""
+    angle2 = dot(theta, theta)
+    small = angle2 < 1e-6
+    safe = np.where(small, 1.0, angle2)
+    a = np.sqrt(safe)
+    c = np.where(small, 1 / 12 + angle2 / 720, 1 / safe - (1 + np.cos(a)) / (2 * a * np.sin(a)))
+    k = skew(theta)
+    return np.asarray(np.eye(3) - 0.5 * k + c[..., None, None] * (k @ k))
+
+
+def first_order(theta: ComplexArray, rotation: Array) -> ComplexArray:
+    """(I + [theta]x) R: exact for the complex step, where theta is i times an infinitesimal vector."""
+    return np.asarray(rotation + skew(theta) @ rotation)

@@ -1,0 +1,56 @@
+"""Slots: the flat vector of everything that a parameter or an effect can set in the engine, one array per row.
+
+Every length, offset, guide angle, stiffness, force ... of the compiled machine is one slot (SI units). Slots come
+from the parameters by formulas; a stage of the prediction may give each row its own value. The engine differentiates
+with respect to slots only, and everything else chains to them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .rotation import Array
+
+_STEP = 1e-40  # imaginary step; formulas are analytic, so the derivative is exact at any small step
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A slot's value as a function of parameters (SI in, SI out), safe for complex arguments."""
+
+    names: tuple[str, ...]
+    function: Callable[[Mapping[str, complex]], complex]
+
+
+@dataclass(frozen=True)
+class SlotTable:
+    """All slots of a model: constants, and formulas for those that depend on parameters."""
+
+    constants: Array  # (S,) value of each slot at nominal parameters
+    formulas: tuple[tuple[int, Formula], ...]
+    labels: tuple[str, ...]  # (S,) what each slot is, for messages
+
+    def values(self, parameters: Mapping[str, float]) -> Array:
+        """Slot values (S,) at the given parameters."""
+        out = self.constants.copy()
+        for index, formula in self.formulas:
+            out[index] = np.real(formula.function(parameters))
+        return out
+
+    def jacobian(self, parameters: Mapping[str, float], names: Sequence[str]) -> Array:
+        """d slots / d parameters, (S, len(names)), by complex step through the formulas."""
+        out = np.zeros((len(self.constants), len(names)))
+        column = {name: j for j, name in enumerate(names)}
+        for index, formula in self.formulas:
+            for name in formula.names:
+                if name in column:
+                    stepped = {**parameters, name: parameters[name] + 1j * _STEP}
+                    out[index, column[name]] = np.imag(formula.function(stepped)) / _STEP
+        return out
+
+    def users(self, name: str) -> tuple[int, ...]:
+        """Slots that depend on parameter `name`."""
+        return tuple(index for index, formula in self.formulas if name in formula.names)
