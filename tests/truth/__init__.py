@@ -1,1 +1,2 @@
-"""Independent simulators of the shipped machines: minima of a potential energy, no code shared with pkmcal."""
+"""Independent simulators of the shipped machines: minima of a potential energy, no code shared with
+pkmcal."""

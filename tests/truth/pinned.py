@@ -4,12 +4,12 @@ Everything is SI: m, N, rad, N/m, J. A rod is a spring with elongation
 
     e = |d| - l - feed * s,    d = t + R a - (b + s u),    energy 1/2 k e^2 + T e
 
-(t, R: platform position and rotation matrix; a: rod end on the platform, in its frame; b + s u: rod end on the
-carrier at travel s of its drive; l: natural length; feed: growth of the natural length per travel; T: constant
-tension). The potential is the sum over the rods, minus the work of dead forces on points of the platform, minus
-the work F s of the force-controlled drives, plus 1/2 kd (s - q)^2 for drives of stiffness kd. Newton's method
-with the closed-form gradient and Hessian, gradient and state in extended precision, so the pose is good to about
-1e-15 m. Planar machines use the same formulas with the freedoms x, y (and rz) only.
+(t, R: platform position and rotation matrix; a: rod end on the platform, in its frame; b + s u: rod end on
+the carrier at travel s of its drive; l: natural length; feed: growth of the natural length per travel; T:
+constant tension). The potential is the sum over the rods, minus the work of dead forces on points of the
+platform, minus the work F s of the force-controlled drives, plus 1/2 kd (s - q)^2 for drives of stiffness kd.
+Newton's method with the closed-form gradient and Hessian, gradient and state in extended precision, so the
+pose is good to about 1e-15 m. Planar machines use the same formulas with the freedoms x, y (and rz) only.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ STEP_DONE = 1e-15
 
 @dataclass(frozen=True)
 class Rods:
-    """R rods as plain arrays; see the module's formula. `drive` (R,) names the drive by its column, -1: none."""
+    """R rods as plain arrays; see the module's formula. `drive` (R,) names the drive by its column, -1:
+    none."""
 
     body: Array
     base: Array
@@ -108,7 +109,8 @@ class State:
 
 @dataclass(frozen=True)
 class Drives:
-    """Which drives are free: constant `force` in N (work force * travel) or `stiffness` in N/m about `command`."""
+    """Which drives are free: constant `force` in N (work force * travel) or `stiffness` in N/m about
+    `command`."""
 
     force: Mapping[int, float]
     stiffness: Mapping[int, float]
@@ -125,12 +127,14 @@ class DeadForce:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A minimum: state, elastic energy in J, elongations (R,) in m, tensions (R,) in N, Newton steps taken."""
+    """A minimum: state, elastic energy in J, elongations (R,) in m, tensions (R,) in N, forces (A,) in N
+    which the drives give towards greater travel, Newton steps taken."""
 
     state: State
     energy: float
     elongation: Array
     tension: Array
+    drive_force: Array
     steps: int
 
 
@@ -143,12 +147,13 @@ def skew(vector: ArrayLike) -> Array:
 def rotation_matrix(vector: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of a rotation vector (3,) in rad."""
     turn = np.asarray(vector, WIDE)
-    angle = np.sqrt(turn @ turn)
+    angle: Any = np.sqrt(turn @ turn)
     cross = skew(turn)
     small = angle < 1e-3
     full = 1 - angle**2 / 6 + angle**4 / 120 if small else np.sin(angle) / angle
     half = 1 - angle**2 / 24 + angle**4 / 1920 if small else 2 * np.sin(angle / 2) / angle
-    return np.eye(3, dtype=WIDE) + full * cross + half**2 / 2 * (cross @ cross)
+    matrix: Array = np.eye(3, dtype=WIDE) + full * cross + half**2 / 2 * (cross @ cross)
+    return matrix
 
 
 def rotation_vector(matrix: ArrayLike) -> Array:
@@ -157,7 +162,8 @@ def rotation_vector(matrix: ArrayLike) -> Array:
     twice_sine = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]], WIDE)
     sine = np.sqrt(twice_sine @ twice_sine) / 2
     angle = np.arctan2(sine, (np.trace(turn) - 1) / 2)
-    return twice_sine / 2 * (angle / sine if sine > 1e-10 else 1)
+    turned: Array = twice_sine / 2 * (angle / sine if sine > 1e-10 else 1)
+    return turned
 
 
 def potential(
@@ -166,7 +172,7 @@ def potential(
     """Potential in J, gradient (6 + A,), Hessian (6 + A, 6 + A), elongations (R,), tensions (R,)."""
     count, width = rods.drive.size, 6 + state.travel.size
     driven = rods.drive >= 0
-    travel = np.where(driven, state.travel[rods.drive], 0)
+    travel = np.append(state.travel, 0)[rods.drive]
     arm = rods.body @ state.rotation.T
     chord = state.position + arm - rods.base - travel[:, None] * rods.along
     reach = np.sqrt((chord**2).sum(1))
@@ -185,7 +191,7 @@ def potential(
     slope = np.einsum("ri,riw->rw", unit, motion)
     slope[rows, 6 + rods.drive[rows]] -= rods.feed[rows]
 
-    value = (0.5 * stiffness * elongation**2 + rods.tension * elongation).sum()
+    value: Any = (0.5 * stiffness * elongation**2 + rods.tension * elongation).sum()
     gradient = tension @ slope
     hessian = np.einsum("r,rv,rw->vw", stiffness, slope, slope)
     hessian += np.einsum("r,riv,riw->vw", tension / reach, across, across)
@@ -198,9 +204,9 @@ def potential(
         gradient[:3] -= force
         gradient[3:6] -= np.cross(lever, force)
         hessian[3:6, 3:6] -= turning(force, lever)
-    for column, force in drives.force.items():
-        value -= force * state.travel[column]
-        gradient[6 + column] -= force
+    for column, push in drives.force.items():
+        value -= push * state.travel[column]
+        gradient[6 + column] -= push
     for column, spring in drives.stiffness.items():
         stretch = state.travel[column] - drives.command[column]
         value += 0.5 * spring * stretch**2
@@ -211,7 +217,9 @@ def potential(
 
 def turning(force: Array, lever: Array) -> Array:
     """Second derivative (3, 3) of force . (rotated lever) by the rotation vector of the turn."""
-    return (np.outer(force, lever) + np.outer(lever, force)) / 2 - (force @ lever) * np.eye(3, dtype=WIDE)
+    mixed = np.outer(force, lever)
+    second: Array = (mixed + mixed.T) / 2 - (force @ lever) * np.eye(3, dtype=WIDE)
+    return second
 
 
 def minimise(
@@ -224,12 +232,13 @@ def minimise(
 ) -> Equilibrium:
     """Minimum of the potential near `start`, over the platform's `freedoms` and the free drives.
 
-    `force`: drives of constant force in N, by column. `stiffness`: drives that yield, N/m, about their travel in
-    `start`. All other drives stay at their travel in `start`. Raises RuntimeError without a minimum.
+    `force`: drives of constant force in N, by column. `stiffness`: drives that yield, N/m, about their travel
+    in `start`. All other drives stay at their travel in `start`. Raises RuntimeError without a minimum.
     """
     drives = Drives(dict(force or {}), dict(stiffness or {}), start.travel)
     free = np.array([*freedoms, *(6 + c for c in sorted({*drives.force, *drives.stiffness}))])
     state, shift = start, 0.0
+    size = np.inf
     value, gradient, hessian, elongation, tension = potential(rods, state, loads, drives)
     for count in range(MAX_STEPS):
         step = np.zeros(6 + state.travel.size, WIDE)
@@ -239,10 +248,11 @@ def minimise(
             shift = max(10 * shift, 1e-9)
         system = reduced + shift * scale * np.eye(free.size)
         step[free] = -np.linalg.solve(system, gradient[free].astype(float))
-        size = np.abs(step).max()
+        size = float(np.abs(step).max())
         if size < STEP_DONE and shift == 0:
             elastic = (tension**2 / np.where(rods.stiffness > 0, rods.stiffness, np.inf)).sum() / 2
-            return Equilibrium(state, float(elastic), elongation, tension, count)
+            held = potential(rods, state, loads, Drives({}, {}, state.travel))[1][6:]
+            return Equilibrium(state, float(elastic), elongation, tension, held, count)
         trial = state.moved(step)
         trial_terms = potential(rods, trial, loads, drives)
         if trial_terms[0] > value and size > 1e-7:
@@ -251,7 +261,7 @@ def minimise(
         state = trial
         value, gradient, hessian, elongation, tension = trial_terms
         shift = 0.0 if shift < 1e-8 else shift / 100
-    raise RuntimeError(f"no minimum within {MAX_STEPS} steps, last step {float(size):.1e}")
+    raise RuntimeError(f"no minimum within {MAX_STEPS} steps, last step {size:.1e}")
 
 
 def positive(matrix: Array) -> bool:
