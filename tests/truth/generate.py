@@ -1,0 +1,178 @@
+"""Writes the simulated measurement files of the shipped machines: `python -m tests.truth.generate [FOLDER]`.
+
+Set values: the nominal machine, sent without strain and weight to a set of poses, rounded to the nanometre
+(as in the file). Measurements: the machine with planted parameter errors, at its minimum of energy, plus
+Gaussian noise. Beside each file NAME.csv stands NAME.csv.provenance.yaml with seed, noise and planted values.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from . import dimensions as dim
+from .machines import PINNED, Hexapod7
+from .pinned import Array
+from .pinned_machine import Machine
+
+FOLDER = Path(__file__).resolve().parents[2] / "machines"
+UM = 1e-6
+METHOD = {
+    True: "minimum of the potential energy of a platform on pinned rods (springs)",
+    False: "stationary point of the potential energy of legs that are chains of rigid pieces with springs",
+}
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A measurement file: machine, poses (N, k) in m and rad, sd of the noise of a position in m and of an
+    orientation in rad, seeds of the parameter errors and of the noise."""
+
+    machine: Machine | Hexapod7
+    poses: Array
+    noise: float
+    noise_angle: float
+    error_seed: int
+    noise_seed: int
+
+    def planted(self) -> dict[str, float]:
+        """True parameters, SI: nominal plus a normal error of sd range / 2, the same for the same name and
+        seed."""
+        machine, true = self.machine, {}
+        for name, value in machine.nominal.items():
+            draw = np.random.default_rng([self.error_seed, *name.encode()]).normal()
+            true[name] = value + draw * machine.ranges[name] / 2
+        return true
+
+    def set_values(self) -> Array:
+        """Drive positions (N, drives) in m, rounded to 1 nm."""
+        return np.round(self.machine.inverse(self.poses), 9)
+
+    def true_readings(self) -> Array:
+        """Readings (N, channels) in m and rad without noise."""
+        found = self.machine.forward(self.set_values(), self.planted()).tcp
+        return found[:, : len(self.machine.channels)]
+
+    def readings(self) -> Array:
+        """Readings (N, channels) in m and rad with noise."""
+        true = self.true_readings()
+        sigma = [self.noise_angle if c.startswith("r") else self.noise for c in self.machine.channels]
+        draw = np.random.default_rng(self.noise_seed).normal(size=true.shape)
+        noisy: Array = true + np.array(sigma) * draw
+        return noisy
+
+
+def grid(*axes: tuple[float, float, int]) -> Array:
+    """Poses (N, k) of a grid with end points, from (start, stop, count) in mm, last axis fastest; in m."""
+    lines = [np.linspace(start, stop, count) * dim.MM for start, stop, count in axes]
+    poses: Array = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, len(axes))
+    return poses
+
+
+def spread(count: int, lower: list[float], upper: list[float]) -> Array:
+    """Low-discrepancy points (count, k) in a box: additive recurrence with powers of the root of
+    x^(k+1) = x + 1 (Roberts 2018)."""
+    k, root = len(lower), 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (k + 1))
+    share = (0.5 + np.outer(np.arange(1, count + 1), root ** -np.arange(1.0, k + 1))) % 1
+    return np.array(lower) + share * (np.array(upper) - np.array(lower))
+
+
+def campaigns() -> dict[str, Campaign]:
+    """All measurement files by the machine's name."""
+    workspace = grid((0, 950, 3), (160, 390, 77))
+    drawn = np.array([*dim.HEXAPOD7_DRAWN, 0, 0, 0])
+    reach = np.array([0.08, 0.08, 0.08, 0.15, 0.15, 0.15])
+    poses = {
+        "triglide": workspace,
+        "triglide-nonredundant": workspace,
+        "biglide": grid((160, 560, 6), (160, 340, 10)),
+        "scissors": grid((-203, 203, 10), (-200, 200, 8)),
+        "delta4": spread(80, [-0.12, -0.12, 0.2], [0.12, 0.12, 0.4]),
+        "hexapod7": spread(80, list(drawn - reach), list(drawn + reach)),
+    }
+    noise = dict.fromkeys(poses, 10 * UM) | {"scissors": 0.5 * UM, "hexapod7": 5 * UM}
+    # the non-redundant Triglide is the Triglide without its third leg: the same errors, other noise
+    error_seeds = {name: seed for seed, name in enumerate(poses, 101)} | {"triglide-nonredundant": 101}
+    return {
+        name: Campaign(
+            Hexapod7() if name == "hexapod7" else PINNED[name](),
+            poses[name],
+            noise[name],
+            10e-6 if name == "hexapod7" else 0.0,
+            error_seeds[name],
+            noise_seed,
+        )
+        for noise_seed, name in enumerate(poses, 201)
+    }
+
+
+def in_file_units(machine: Machine | Hexapod7, name: str, value: float) -> dict[str, Any]:
+    """A parameter's value and unit as in the machine files."""
+    if name.startswith("k"):
+        return {"value": float(value / dim.KN_PER_MM), "unit": "kN/mm"}
+    if machine.ranges[name] == 0.1 * dim.MM:
+        return {"value": float(value / dim.MM), "unit": "mm"}
+    if name == "gamma":
+        return {"value": float(np.degrees(value)), "unit": "deg"}
+    return {"value": float(value), "unit": "rad"}
+
+
+def provenance(name: str, campaign: Campaign) -> Mapping[str, Any]:
+    """What the sidecar says."""
+    machine = campaign.machine
+    noise: dict[str, str] = {"position": f"{campaign.noise / UM:g} um"}
+    if campaign.noise_angle:
+        noise["orientation"] = f"{campaign.noise_angle / UM:g} urad"
+    return {
+        "data": f"{name}.csv",
+        "kind": "simulated",
+        "generator": "python -m tests.truth.generate",
+        "method": METHOD[isinstance(machine, Machine)] + "; independent of the engine, no code in common",
+        "control": "all drives position-controlled; set values of the nominal machine, strain-free",
+        "seed": {"errors": campaign.error_seed, "noise": campaign.noise_seed},
+        "rows": len(campaign.poses),
+        "noise": {"distribution": "normal", "standard_deviation": noise},
+        "planted": {
+            "distribution": "nominal + normal error, standard deviation = range / 2",
+            "parameters": {n: in_file_units(machine, n, v) for n, v in campaign.planted().items()},
+        },
+    }
+
+
+def write(name: str, campaign: Campaign, folder: Path) -> None:
+    """Writes NAME.csv and its sidecar."""
+    machine = campaign.machine
+    columns = [f"{q} [mm]" for q in machine.drives]
+    columns += [f"{c} [rad]" if c.startswith("r") else f"{c} [mm]" for c in machine.channels]
+    with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["id", *columns])
+        rows = zip(campaign.set_values(), campaign.readings(), strict=True)
+        for number, (travel, reading) in enumerate(rows, 1):
+            cells = [f"{q / dim.MM:.6f}" for q in travel]
+            for channel, value in zip(machine.channels, reading, strict=True):
+                cells.append(f"{value:.9f}" if channel.startswith("r") else f"{value / dim.MM:.6f}")
+            out.writerow([number, *cells])
+    with (folder / f"{name}.csv.provenance.yaml").open("w", encoding="utf-8") as file:
+        yaml.safe_dump(provenance(name, campaign), file, sort_keys=False, width=100)
+
+
+def main(folder: Path = FOLDER) -> None:
+    """Writes all files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, campaign in campaigns().items():
+        write(name, campaign, folder)
+        print(f"{name}: {len(campaign.poses)} rows", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main(*(Path(argument) for argument in sys.argv[1:2]))
