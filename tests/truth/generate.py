@@ -83,7 +83,8 @@ def spread(count: int, lower: list[float], upper: list[float]) -> Array:
     for _ in range(60):
         root = (1 + root) ** (1 / (k + 1))
     share = (0.5 + np.outer(np.arange(1, count + 1), root ** -np.arange(1.0, k + 1))) % 1
-    return np.array(lower) + share * (np.array(upper) - np.array(lower))
+    poses: Array = np.array(lower) + share * (np.array(upper) - np.array(lower))
+    return poses
 
 
 def campaigns() -> dict[str, Campaign]:

@@ -255,7 +255,7 @@ def minimise(
             return Equilibrium(state, float(elastic), elongation, tension, held, count)
         trial = state.moved(step)
         trial_terms = potential(rods, trial, loads, drives)
-        if trial_terms[0] > value and size > 1e-7:
+        if not trial_terms[0] <= value and size > 1e-7:
             shift = max(10 * shift, 1e-9)
             continue
         state = trial
@@ -265,9 +265,6 @@ def minimise(
 
 
 def positive(matrix: Array) -> bool:
-    """Whether a symmetric matrix is positive definite."""
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    """Whether a symmetric matrix is positive definite, and well enough to solve with."""
+    values = np.linalg.eigvalsh(matrix)
+    return bool(values[0] > 1e-14 * max(values[-1], 1e-300))
