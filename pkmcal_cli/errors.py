@@ -19,14 +19,14 @@ _MAX_LINE = 140
 
 @dataclass(frozen=True, order=True)
 class Location:
-    """A place in a text file; line and column count from 1 (column 0: the whole line)."""
+    """A place in a text file; line and column count from 1 (0: the whole line or file)."""
 
     file: str
-    line: int
+    line: int = 0
     column: int = 0
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}"
+        place = f"{self.file}:{self.line}" if self.line else self.file
         return f"{place}:{self.column}" if self.column else place
 
 

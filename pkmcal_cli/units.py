@@ -62,9 +62,7 @@ class FileUnits:
     mass: Unit = UNITS["kg"]
     time: Unit = UNITS["s"]
     temperature: Unit = UNITS["degC"]
-    _cache: dict[Dimension, Unit] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
+    _cache: dict[Dimension, Unit] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, texts: Mapping[str, str]) -> FileUnits:

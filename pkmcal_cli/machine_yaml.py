@@ -1,0 +1,34 @@
+"""Reading a machine file: from YAML to a resolved `Machine`, or all faults at once."""
+
+from __future__ import annotations
+
+import os
+
+from pkmcal_cli.errors import FaultList
+from pkmcal_cli.machine import Machine
+from pkmcal_cli.resolve import Resolver
+from pkmcal_cli.shape import shape
+from pkmcal_cli.yaml_source import read_source
+from pkmcal_cli.yaml_tree import SourceMap
+
+
+def read_machine(path: str | os.PathLike[str]) -> Machine:
+    """The machine that a file describes, resolved (SI, every quantity bound).
+
+    Raises `BadInput` (exit code 3) with all faults found, each with its place and a remedy.
+    """
+    faults = FaultList()
+    read = read_source(os.fspath(path))
+    for fault in read.faults:
+        faults.add(fault)
+    source = SourceMap(read.root, {read.file: read.lines})
+    shaped = shape(source, faults)
+    if shaped.machine is None:
+        faults.raise_if_any()
+    assert shaped.machine is not None
+    machine = Resolver(shaped.machine, source, faults).run()
+    faults.raise_if_any()
+    machine._source = source
+    machine._files = ((read.file, read.sha256),)
+    machine._warnings = tuple(faults.warnings)
+    return machine
