@@ -4,5 +4,6 @@ from .bar import Bar
 from .base import Element
 from .beam import Beam
 from .joint import JOINTS, Joint, JointType
+from .load import Load
 
-__all__ = ["JOINTS", "Bar", "Beam", "Element", "Joint", "JointType"]
+__all__ = ["JOINTS", "Bar", "Beam", "Element", "Joint", "JointType", "Load"]

@@ -1,0 +1,176 @@
+"""The drawing made to close: the unstressed shape from which rest lengths and triads are taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..equilibrium.kinematics import State, advance, drawn_state
+from ..equilibrium.mobility import null_space, pivots, rank, strain_rows
+from ..equilibrium.system import DriveState, System, build_system
+from ..layout import DriveKind, Layout
+from ..rotation import Array
+from .structure import Drawing
+
+_CHEAP = 1e4  # a drive moves this much more readily than anything else when the drawing is assembled
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A strain (m or rad) that the assembled drawing still has."""
+
+    element: str
+    strain: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """What the ranks at the drawing say."""
+
+    unknowns: int
+    degrees_of_freedom: int
+    actuators: int
+    redundancy: int
+    self_stress: int  # that no drive causes
+    free_motions: tuple[str, ...]
+    uncontrolled: tuple[str, ...]  # motions of the TCP or of loads that no drive holds
+    undetermined: int  # motions that the drives not marked redundant leave free
+    overdetermined: int  # drives not marked redundant that are too many
+    rigid_loops: tuple[str, ...]  # elements of closed loops in which nothing yields
+
+
+def machine_length(layout: Layout) -> float:
+    """Size of the machine: the largest distance between points of the drawing, m."""
+    from ..equilibrium.kinematics import arm_vectors, link_vectors
+
+    slots = layout.slots.constants[None]
+    state = drawn_state(layout, slots, 1, 0)
+    links = link_vectors(layout, arm_vectors(layout, slots, state))[0]
+    return float(np.sqrt((links**2).sum(-1)).max(initial=1e-3))
+
+
+def all_drives(layout: Layout, state: DriveState, loaded: bool = False) -> System:
+    """The system with every drive in one state."""
+    return build_system(layout, (state,) * len(layout.drives), loaded)
+
+
+def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
+    """Close the drawing with all drives released, moving as little as possible, drives most readily."""
+    system = all_drives(layout, DriveState.RELEASED)
+    slots = layout.slots.constants[None]
+    state = drawn_state(layout, slots, 1, system.constraints)
+    driven = {d.target[0] for d in layout.drives if d.kind is DriveKind.TRAVEL}
+    ease = np.array([_CHEAP if int(k) in driven else 1.0 for k in system.free])
+    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
+    for _ in range(50):
+        rows = strain_rows(system, slots, state, length)
+        if not len(rows.values):
+            break
+        step = -np.linalg.lstsq(rows.jacobian * ease, rows.values, rcond=1e-13)[0] * ease
+        step *= min(1.0, 0.3 / max(float(np.abs(step).max(initial=0.0)), 1e-300))
+        full = np.concatenate([step * unit, np.zeros(system.constraints)])
+        state = advance(system, state, full[None], 1.0)
+        if np.abs(step).max(initial=0.0) < 1e-14:
+            break
+    rows = strain_rows(system, slots, state, length)
+    gaps = [
+        Gap(element, strain, float(v) * (length if strain in ("elongation", "x", "y", "z") else 1.0))
+        for (element, strain), v in zip(rows.names, rows.values, strict=True)
+        if abs(v) > 1e-9
+    ]
+    return state, sorted(gaps, key=lambda g: -abs(g.value))
+
+
+def drawing_of(layout: Layout, state: State) -> Drawing:
+    """The assembled travels and orientations by name."""
+    travels = dict(zip(layout.travel_names, state.travel[0].tolist(), strict=True))
+    orientations = dict(zip(layout.rotations.names, state.rotation[0], strict=True))
+    return Drawing(travels, orientations)
+
+
+def free_motions(layout: Layout, length: float) -> tuple[Array, System]:
+    """Basis (n, k) of motions that nothing holds with all drives engaged, and that system."""
+    system = all_drives(layout, DriveState.ENGAGED)
+    slots = layout.slots.constants[None]
+    state = drawn_state(layout, slots, 1, system.constraints)
+    return null_space(strain_rows(system, slots, state, length).jacobian), system
+
+
+def coordinate_name(layout: Layout, coordinate: int) -> str:
+    """What a coordinate is, in words."""
+    if coordinate < len(layout.travel_slots):
+        return f"travel of {layout.travel_names[coordinate]}"
+    dofs = layout.rotation_dofs
+    r = max(int(k) for k in np.nonzero((dofs >= 0) & (dofs <= coordinate))[0])
+    return f"rotation of {layout.rotations.names[r]}"
+
+
+def split_motions(layout: Layout, basis: Array, system: System, length: float) -> tuple[Array, Array]:
+    """Of free motions (n, k): those that move nothing measured or loaded, and the others."""
+    from ..equilibrium.kinematics import arm_vectors, input_jacobian
+
+    if basis.shape[1] == 0:
+        return basis, basis
+    slots = layout.slots.constants[None]
+    state = drawn_state(layout, slots, 1, system.constraints)
+    jacobian, _ = input_jacobian(layout, system.points, state, arm_vectors(layout, slots, state))
+    rows = []
+    for p in range(len(layout.points)):
+        where = system.points.unknowns[p]
+        full = np.zeros((system.unknowns, jacobian.shape[-1]))
+        np.add.at(full, where[where >= 0], jacobian[0, p][where >= 0])
+        rows.append(full.T)
+    for dof in layout.force_dofs:
+        if system.place[dof] >= 0:
+            rows.append(np.eye(system.unknowns)[system.place[dof]][None])
+    felt = np.concatenate(rows) @ basis if rows else np.zeros((0, basis.shape[1]))
+    quiet = basis @ null_space(felt) if len(felt) else basis
+    loud = basis @ np.linalg.svd(felt)[2][: rank(felt)].T if len(felt) and rank(felt) else basis[:, :0]
+    return quiet, loud
+
+
+def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[str, ...]) -> Mobility:
+    """Counts by rank at the drawing, free motions already held."""
+    slots = layout.slots.constants[None]
+
+    def at(system: System) -> tuple[Array, np.ndarray]:  # type: ignore[type-arg]
+        rows = strain_rows(system, slots, drawn_state(layout, slots, 1, system.constraints), length)
+        return rows.jacobian, rows.rigid
+
+    released_system = all_drives(layout, DriveState.RELEASED)
+    released, _ = at(released_system)
+    r = rank(released)
+    freedom = released.shape[1] - r
+    own_stress = released.shape[0] - r
+    states = tuple(DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED for d in layout.drives)
+    substructure, _ = at(build_system(layout, states, False))
+    rs = rank(substructure)
+    engaged_system = all_drives(layout, DriveState.ENGAGED)
+    engaged = strain_rows(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
+    return Mobility(
+        released.shape[1],
+        freedom,
+        len(layout.drives),
+        len(layout.drives) - freedom,
+        own_stress,
+        held,
+        loud,
+        substructure.shape[1] - rs,
+        substructure.shape[0] - rs - own_stress,
+        _rigid_loops(engaged.names, engaged.jacobian[engaged.rigid], engaged.rigid),
+    )
+
+
+def _rigid_loops(names: tuple[tuple[str, str], ...], rigid_rows: Array, rigid: Array) -> tuple[str, ...]:
+    """Elements in dependent constraints: a self-stress of rigid parts only."""
+    if rank(rigid_rows) == len(rigid_rows):
+        return ()
+    loops = null_space(rigid_rows.T)
+    members = np.nonzero((np.abs(loops) > 1e-6).any(axis=1))[0]
+    elements = [names[k][0] for k in np.nonzero(rigid)[0]]
+    return tuple(dict.fromkeys(elements[m] for m in members))
+
+
+__all__ = ["Gap", "Mobility", "assemble", "coordinate_name", "drawing_of", "free_motions", "machine_length", "mobility", "pivots", "split_motions"]

@@ -1,0 +1,201 @@
+"""From a machine to a model: structure, members, drives and sensors, twice - for the drawing, then assembled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..equilibrium.kinematics import drawn_state
+from ..equilibrium.mobility import pivots
+from ..layout import DriveKind, Layout
+from ..layout_builder import LayoutBuilder, Port
+from ..machine import Machine, Sensor
+from ..model import Actuator, Channel, Model, ModelParameter
+from ..rotation import Array
+from . import assemble as asm
+from .drives import PlacedDrive, add_drive, leg_lengths
+from .members import add_bars, add_beams, add_guides, add_joints, add_loads
+from .numbers import is_zero, vector
+from .structure import Drawing, Structure
+
+_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A model and what its compilation found."""
+
+    model: Model
+    mobility: asm.Mobility
+    gaps: tuple[asm.Gap, ...]
+
+
+def compile_machine(machine: Machine) -> Compiled:
+    """The model of a machine. Faults of the mechanism are in `mobility` and `gaps`; `check` reports them."""
+    layout, _, _ = _draft(machine, Drawing())
+    length = asm.machine_length(layout)
+    state, gaps = asm.assemble(layout, length)
+    drawing = asm.drawing_of(layout, state)
+    layout, drives, sensors = _draft(machine, drawing)
+    held_names: tuple[str, ...] = ()
+    basis, system = asm.free_motions(layout, length)
+    quiet, loud = asm.split_motions(layout, basis, system, length)
+    held = tuple(int(system.free[k]) for k in pivots(quiet))
+    held_names = tuple(asm.coordinate_name(layout, k) for k in held)
+    loud_names = tuple(asm.coordinate_name(layout, int(system.free[k])) for k in pivots(loud))
+    layout = replace(layout, held=held)
+    found = asm.mobility(layout, length, held_names, loud_names)
+    return Compiled(_model(machine, layout, drives, sensors, length), found, tuple(gaps))
+
+
+@dataclass(frozen=True)
+class _PlacedSensor:
+    name: str
+    sensor: Sensor
+    point: int
+    rotation: int
+
+
+def _draft(machine: Machine, drawing: Drawing) -> tuple[Layout, list[PlacedDrive], list[_PlacedSensor]]:
+    """One pass over the machine."""
+    builder = LayoutBuilder(machine.space == "planar", nominal=machine.nominal_values())
+    structure = Structure(machine, drawing, builder)
+    structure.prepare()
+    for name in [*machine.bodies, *machine.nodes, *structure.owner]:
+        structure.point(name)
+    weights = add_beams(structure)
+    weights += add_bars(structure, leg_lengths(structure))
+    add_joints(structure)
+    add_guides(structure)
+    drives = [add_drive(structure, name, actuator) for name, actuator in machine.actuators.items()]
+    add_loads(structure, weights)
+    sensors = [_place_sensor(structure, name, sensor) for name, sensor in machine.sensors.items()]
+    if not sensors:
+        last = next(reversed([*machine.bodies, *machine.nodes]))
+        builder.reading_point("tcp", structure.port(last))
+    return builder.build([(d.drive, d.element, d.strain) for d in drives]), drives, sensors
+
+
+def _place_sensor(structure: Structure, name: str, sensor: Sensor) -> _PlacedSensor:
+    orientation = any(c.startswith("r") for c in sensor.reads)
+    offset_tool = not is_zero(sensor.offset)
+    port = structure.port(sensor.at, turning=orientation or offset_tool)
+    if offset_tool:
+        offset = structure.builder.offset(port.rotation, vector(sensor.offset), f"{name}.offset")
+        port = Port(port.point + offset, port.rotation)
+    return _PlacedSensor(name, sensor, structure.builder.reading_point(name, port), port.rotation)
+
+
+def _model(
+    machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors: list[_PlacedSensor], length: float
+) -> Model:
+    parameters = tuple(
+        ModelParameter(
+            name,
+            p.nominal,
+            p.range,
+            p.bounds if p.bounds is not None else (-math.inf, math.inf),
+            p.unit,
+            p.dimension.name,
+            p.identify,
+        )
+        for name, p in machine.parameters.items()
+    )
+    actuators = tuple(_actuator(machine, layout, d) for d in drives)
+    channels = _channels(machine, layout, sensors, actuators)
+    readings = _drawn_readings(layout, actuators)
+    point, rotation = (sensors[0].point, sensors[0].rotation) if sensors else (0, 0)
+    return Model(
+        machine.files[0][0] if machine.files else "machine",
+        layout,
+        parameters,
+        actuators,
+        channels,
+        length,
+        readings,
+        (point, rotation),
+        _tcp_drawn(layout, point),
+    )
+
+
+def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator:
+    spec = machine.actuators[placed.drive.name]
+    nominal = machine.nominal_values()
+    low, high = (-math.inf, math.inf)
+    if spec.limits is not None:
+        low, high = (q.number(nominal) for q in spec.limits)
+    sigma = math.nan if spec.sigma is None else spec.sigma.number(nominal)
+    force = 0.0
+    if spec.force is not None and spec.force.otherwise is not None:
+        force = spec.force.otherwise.number(nominal)
+    dimension = spec.reading_dimension
+    unit = spec.unit or machine.file_units.unit(dimension).text
+    return Actuator(placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, force)
+
+
+def _channels(
+    machine: Machine, layout: Layout, sensors: list[_PlacedSensor], actuators: tuple[Actuator, ...]
+) -> tuple[Channel, ...]:
+    """Sensor channels, then readings of force-controlled drives."""
+    nominal, out = machine.nominal_values(), []
+    for placed in sensors:
+        prefix = f"{placed.name}." if len(sensors) > 1 else ""
+        for direction in placed.sensor.reads:
+            k = _DIRECTIONS.index(direction)
+            turning = k > 2
+            quantity = "orientation" if turning else "position"
+            given = placed.sensor.sigma
+            sigma = given.get(direction) or given.get(quantity) or given.get("")
+            dimension = "angle" if turning else "length"
+            unit = machine.units.angle if turning else machine.units.length
+            out.append(
+                Channel(
+                    f"{prefix}{direction}",
+                    "orientation" if turning else "position",
+                    placed.rotation if turning else placed.point,
+                    k % 3,
+                    math.nan if sigma is None else sigma.number(nominal),
+                    unit,
+                    dimension,
+                )
+            )
+    for a, (drive, actuator) in enumerate(zip(layout.drives, actuators, strict=True)):
+        if drive.force_controlled:
+            gain = abs(float(layout.slots.constants[actuator.gain_slot]))
+            out.append(Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension))
+    return tuple(out)
+
+
+def _drawn_readings(layout: Layout, actuators: tuple[Actuator, ...]) -> Array:
+    """Readings of all drives at the assembled drawing, (A,)."""
+    from ..equilibrium.mobility import strain_rows
+
+    slots = layout.slots.constants[None]
+    engaged = asm.all_drives(layout, asm.DriveState.ENGAGED)
+    state = drawn_state(layout, slots, 1, engaged.constraints)
+    rows = strain_rows(engaged, slots, state, 1.0)
+    strains = dict(zip(rows.names, rows.values.tolist(), strict=True))
+    out = []
+    for drive, actuator in zip(layout.drives, actuators, strict=True):
+        gain, base = slots[0, actuator.gain_slot], slots[0, drive.slot]
+        if drive.kind is DriveKind.TRAVEL:
+            moved = state.travel[0, drive.target[0]] - base
+        elif drive.kind is DriveKind.ROTATION:
+            moved = -base
+        else:
+            g, e, m = drive.target
+            group = layout.groups[g]
+            moved = strains[group.names[e], group.element.strains[m]]
+        out.append(moved / gain)
+    return np.array(out)
+
+
+def _tcp_drawn(layout: Layout, point: int) -> Array:
+    from ..equilibrium.kinematics import arm_vectors, link_vectors
+
+    slots = layout.slots.constants[None]
+    state = drawn_state(layout, slots, 1, 0)
+    links = link_vectors(layout, arm_vectors(layout, slots, state))
+    return np.concatenate([links[0, layout.points[point]], np.zeros(3)])

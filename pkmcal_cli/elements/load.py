@@ -1,0 +1,33 @@
+"""A constant force at a point, as an element: its strains are the point's coordinates, its prestress the force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..rotation import Array
+from .base import Element
+
+
+@dataclass(frozen=True)
+class Load(Element):
+    """Coordinates of port j relative to port i (the base); energy -f . u when the prestress is -f (N)."""
+
+    uses_triads: ClassVar[bool] = False
+
+    @property
+    def strains(self) -> tuple[str, ...]:
+        return ("x", "y", "z")
+
+    @property
+    def patterns(self) -> Array:
+        """No stiffness."""
+        return np.zeros((0, 3, 3))
+
+    def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
+        return delta - rest, np.broadcast_to(np.eye(3), (*delta.shape, 3))
+
+    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
+        return np.zeros((*delta.shape, 3))

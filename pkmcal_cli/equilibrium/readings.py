@@ -1,0 +1,153 @@
+"""What sensors read at a state, and its gradient with respect to the unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..layout import Drive, DriveKind, Layout
+from ..rotation import Array, log, log_jacobian
+from .assembly import port_triads
+from .derivative import point_gradient, strain_gradient
+from .kinematics import State, arm_vectors, input_jacobian, link_vectors
+from .system import System
+
+
+class Channel(Protocol):
+    """A measured quantity: a coordinate of a point or of an orientation, or the reading of a drive."""
+
+    @property
+    def quantity(self) -> str: ...
+    @property
+    def index(self) -> int: ...
+    @property
+    def component(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Values (N, C); gradients with respect to unknowns (N, C, n + c); direct slot dependence (N, C, S) or None."""
+
+    values: Array
+    unknowns: Array | None = None
+    slots: Array | None = None
+
+
+def read_channels(
+    system: System, slots: Array, state: State, channels: tuple[Channel, ...], gains: Array, derivatives: bool
+) -> Readings:
+    """Readings of all channels; `gains` (A,) slot numbers of the drives' gains."""
+    layout = system.layout
+    arms = arm_vectors(layout, slots, state)
+    points = link_vectors(layout, arms)[:, layout.points]
+    values = np.empty((len(state), len(channels)))
+    gradient = np.zeros((len(state), len(channels), system.size)) if derivatives else None
+    direct = np.zeros((len(state), len(channels), slots.shape[1])) if derivatives else None
+    jacobian = input_jacobian(layout, system.points, state, arms)[0] if derivatives else None
+    for c, channel in enumerate(channels):
+        if channel.quantity == "position":
+            values[:, c] = points[:, channel.index, channel.component]
+            if gradient is not None and direct is not None and jacobian is not None:
+                local = jacobian[:, channel.index, :, channel.component]
+                _scatter_row(gradient[:, c], system.points.unknowns[channel.index], local)
+                force = np.zeros_like(points)
+                force[:, channel.index, channel.component] = 1.0
+                direct[:, c] = point_gradient(system, slots, state, force)
+        elif channel.quantity == "orientation":
+            turned = log(state.rotation[:, channel.index] @ layout.rotations.drawn[channel.index].T)
+            values[:, c] = turned[:, channel.component]
+            if gradient is not None and direct is not None:
+                row = log_jacobian(turned)[:, channel.component]  # (N, 3)
+                _rotation_gradient(system, state, channel.index, row, gradient[:, c], direct[:, c])
+        else:
+            drive, gain = layout.drives[channel.index], int(gains[channel.index])
+            part = _drive_reading(system, slots, state, drive, gain, derivatives)
+            values[:, c] = part.values
+            if gradient is not None and direct is not None:
+                gradient[:, c], direct[:, c] = part.unknowns, part.slots
+    return Readings(values, gradient, direct)
+
+
+def _scatter_row(target: Array, unknowns: Array, local: Array) -> None:
+    """Add local gradients (N, L) to rows (N, n + c)."""
+    used = np.nonzero(unknowns >= 0)[0]
+    np.add.at(target, (slice(None), unknowns[used]), local[:, used])
+
+
+def _rotation_gradient(system: System, state: State, r: int, row: Array, gradient: Array, direct: Array) -> None:
+    """Chain row . theta_r (N, 3) to the unknowns of rotation r, or to the slots that prescribe it."""
+    layout = system.layout
+    start, kind = int(layout.rotation_dofs[r]), layout.rotations.kind[r]
+    axis = layout.rotations.axis[r]
+    if start >= 0:
+        entries = row if kind == 1 else (row @ axis)[:, None]
+        where = system.place[start : start + entries.shape[1]]
+        gradient[:, where[where >= 0]] = entries[:, where >= 0]
+        slot = layout.rotations.slots[r, 0]
+        if kind != 1 and slot >= 0 and where[0] < 0:
+            direct[:, slot] = entries[:, 0]
+    elif layout.rotations.slots[r, 0] >= 0:
+        from ..rotation import left_jacobian
+
+        vector = log(state.rotation[:, r] @ layout.rotations.drawn[r].T)
+        direct[:, layout.rotations.slots[r]] = (row[:, None, :] @ left_jacobian(vector))[:, 0]
+
+
+def _drive_reading(system: System, slots: Array, state: State, drive: Drive, gain_slot: int, derivatives: bool) -> Readings:
+    """Reading = (measured position - position at reading zero - elastic travel of its own drive) / gain."""
+    rows = len(state)
+    gain = np.broadcast_to(slots[:, gain_slot], (rows,))
+    base = slots[:, drive.slot]
+    unknowns = np.zeros((rows, system.size))
+    direct = np.zeros((rows, slots.shape[1]))
+    if drive.kind is DriveKind.TRAVEL:
+        position = state.travel[:, drive.target[0]]
+        where = system.place[drive.target[0]]
+        if where >= 0:
+            unknowns[:, where] = 1.0
+        else:
+            direct[:, drive.slot] += 1.0
+    elif drive.kind is DriveKind.ROTATION:
+        r = drive.target[0]
+        turned = log(state.rotation[:, r] @ system.layout.rotations.drawn[r].T)
+        position = turned @ system.layout.rotations.axis[r]
+        _rotation_gradient(system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct)
+    else:
+        position = _strain_position(system, slots, state, drive, unknowns, direct, derivatives)
+    reading = (position - base) / gain
+    if not derivatives:
+        return Readings(reading)
+    direct[:, drive.slot] -= 1.0
+    unknowns, direct = unknowns / gain[:, None], direct / gain[:, None]
+    direct[:, gain_slot] -= reading / gain
+    return Readings(reading, unknowns, direct)
+
+
+def _strain_position(
+    system: System, slots: Array, state: State, drive: Drive, unknowns: Array, direct: Array, derivatives: bool
+) -> Array:
+    """Length or displacement of the driven element less its elastic part under the drive's force, (N,)."""
+    index, e, m = drive.target
+    group = system.groups[index]
+    arms = arm_vectors(system.layout, slots, state)
+    deltas = link_vectors(system.layout, arms)[:, group.group.links]
+    ti, tj = port_triads(system, group, state)
+    rest = slots[:, group.group.rest].reshape(-1, *group.group.shape)
+    strain, b = group.group.element.evaluate(deltas, ti, tj, rest)
+    position = strain[:, e, m] + rest[:, e, m]
+    if derivatives:
+        jacobian, _ = input_jacobian(system.layout, group.map, state, arms)
+        inputs = system.layout.inputs[system.layout.inputs < group.group.element.inputs]
+        local = (jacobian[:, e] @ b[:, e, m, inputs, None])[..., 0]
+        _scatter_row(unknowns, group.map.unknowns[e], local)
+        direct += strain_gradient(system, slots, state, drive.target)
+    if group.group.rigid[e, m]:
+        return position
+    stiffness_slot = group.group.stiffness.start + e * len(group.group.element.patterns) + m
+    tension, stiffness = slots[:, drive.force_slot], slots[:, stiffness_slot]
+    if derivatives:
+        direct[:, drive.force_slot] -= 1.0 / stiffness
+        direct[:, stiffness_slot] += tension / stiffness**2
+    return np.asarray(position - tension / stiffness)

@@ -1,0 +1,106 @@
+"""The compiled machine: index arrays, the systems to solve, parameters, drives and channels. It never changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from .equilibrium.system import DriveState, System, build_system
+from .layout import Layout
+from .rotation import Array
+
+
+@dataclass(frozen=True)
+class ModelParameter:
+    """A parameter in SI: `range` is the half-width about nominal, two standard deviations of the prior."""
+
+    name: str
+    nominal: float
+    range: float
+    bounds: tuple[float, float]
+    unit: str  # for display
+    dimension: str
+    identify: bool
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A drive seen from the control: position = value of its slot at reading zero + gain * reading."""
+
+    name: str
+    gain_slot: int
+    limits: tuple[float, float]
+    sigma: float  # standard uncertainty of the position, m or rad of travel (a spool's: of its line); nan: none
+    unit: str
+    dimension: str
+    force: float  # constant force of a force-controlled drive where no column gives it, N or N m
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured quantity."""
+
+    name: str
+    quantity: Literal["position", "orientation", "drive"]
+    index: int  # point, rotation or drive
+    component: int
+    sigma: float  # SI; nan where none is declared
+    unit: str
+    dimension: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """What `predict` works on."""
+
+    name: str
+    layout: Layout
+    parameters: tuple[ModelParameter, ...]
+    actuators: tuple[Actuator, ...]
+    channels: tuple[Channel, ...]
+    length: float  # size of the machine, m
+    drawn_readings: Array  # (A,) readings of the drives at the assembled drawing
+    tcp: tuple[int, int]  # point and rotation (-1: none) at which poses are given
+    tcp_drawn: Array  # (6,) coordinates there at the assembled drawing; rotation vector zero
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names, the order of every parameter vector."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def nominal(self) -> Array:
+        """Nominal values (P,), SI."""
+        return np.array([p.nominal for p in self.parameters])
+
+    @property
+    def ranges(self) -> Array:
+        """Half-widths (P,), SI."""
+        return np.array([p.range for p in self.parameters])
+
+    def by_name(self, values: Array) -> Mapping[str, float]:
+        """Values (P,) as a mapping."""
+        return dict(zip(self.names, (float(v) for v in values), strict=True))
+
+    @cached_property
+    def exact(self) -> System:
+        """All drives hold position or force; loads act."""
+        forced = [d.force_controlled for d in self.layout.drives]
+        states = tuple(DriveState.FORCED if f else DriveState.ENGAGED for f in forced)
+        return build_system(self.layout, states, loaded=True)
+
+    @cached_property
+    def rigid(self) -> System:
+        """Redundant drives released, no loads: the non-redundant substructure (Ecorchard 2010, section 3.1.1)."""
+        free = [d.force_controlled or d.redundant for d in self.layout.drives]
+        states = tuple(DriveState.RELEASED if f else DriveState.ENGAGED for f in free)
+        return build_system(self.layout, states, loaded=False)
+
+    @cached_property
+    def released(self) -> System:
+        """All drives released, no loads: the mechanism's own freedom."""
+        return build_system(self.layout, (DriveState.RELEASED,) * len(self.layout.drives), loaded=False)
