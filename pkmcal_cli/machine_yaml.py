@@ -6,10 +6,9 @@ import os
 
 from pkmcal_cli.errors import FaultList
 from pkmcal_cli.machine import Machine
+from pkmcal_cli.overlay import load
 from pkmcal_cli.resolve import Resolver
 from pkmcal_cli.shape import shape
-from pkmcal_cli.yaml_source import read_source
-from pkmcal_cli.yaml_tree import SourceMap
 
 
 def read_machine(path: str | os.PathLike[str]) -> Machine:
@@ -18,10 +17,8 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     Raises `BadInput` (exit code 3) with all faults found, each with its place and a remedy.
     """
     faults = FaultList()
-    read = read_source(os.fspath(path))
-    for fault in read.faults:
-        faults.add(fault)
-    source = SourceMap(read.root, {read.file: read.lines})
+    loaded = load(os.fspath(path), faults)
+    source = loaded.source
     shaped = shape(source, faults)
     if shaped.machine is None:
         faults.raise_if_any()
@@ -29,6 +26,6 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     machine = Resolver(shaped.machine, source, faults).run()
     faults.raise_if_any()
     machine._source = source
-    machine._files = ((read.file, read.sha256),)
+    machine._files = loaded.files
     machine._warnings = tuple(faults.warnings)
     return machine
