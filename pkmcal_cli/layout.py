@@ -113,6 +113,7 @@ class Layout:
     rotations: Rotations
     arms: Arms
     groups: tuple[Group, ...]
+    aims: tuple[Group, ...]  # constraints that put the TCP at a pose; act in inverse positions only
     points: Index  # links from the base to the points that sensors read
     force_dofs: Index  # (W,) coordinates on which constant forces act, numbered as in `dof`
     force_slots: Index  # (W,)

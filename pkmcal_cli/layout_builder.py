@@ -60,6 +60,7 @@ class LayoutBuilder:
     offsets: list[tuple[int, int, int]] = field(default_factory=list)
     links: list[_Link] = field(default_factory=list)
     points: list[_Link] = field(default_factory=list)
+    aims: list[_Link] = field(default_factory=list)
     forces: list[tuple[str, int, int]] = field(default_factory=list)  # (travel | rotation, number, slot)
     nominal: dict[str, float] = field(default_factory=dict)
 
@@ -139,6 +140,14 @@ class LayoutBuilder:
             _Link(element, name, ports, frames, tuple(rest), tuple(stiffness), loads, tuple(rigid), rope)
         )
 
+    def aim(self, element: Element, name: str, ports: tuple[Port, Port]) -> None:
+        """Constraints that hold port j at a pose given by slots; they act in inverse positions only."""
+        count = len(element.strains)
+        frames = (np.eye(3), np.eye(3))
+        numbers = (0.0,) * len(element.patterns)
+        zeros, rigid = (0.0,) * count, (True,) * count
+        self.aims.append(_Link(element, name, ports, frames, zeros, numbers, zeros, rigid, False))
+
     def reading_point(self, name: str, port: Port) -> int:
         """A point that sensors read; returns its number among the points."""
         self.points.append(
@@ -158,6 +167,11 @@ class LayoutBuilder:
             start = len(sequence)
             sequence += links
             groups.append(self._group(element, links, slice(start, len(sequence))))
+        aims = []
+        for link in self.aims:
+            assert link.element is not None
+            aims.append(self._group(link.element, [link], slice(len(sequence), len(sequence) + 1)))
+            sequence.append(link)
         first_point = len(sequence)
         sequence += self.points
         arms = self._arms(sequence)
@@ -189,6 +203,7 @@ class LayoutBuilder:
             turning,
             arms,
             tuple(groups),
+            tuple(aims),
             np.arange(first_point, len(sequence)),
             np.array(dofs, dtype=np.intp),
             np.array(force_slots, dtype=np.intp),

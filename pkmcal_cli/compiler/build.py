@@ -9,8 +9,9 @@ import numpy as np
 
 from ..equilibrium.kinematics import drawn_state
 from ..equilibrium.mobility import pivots
-from ..layout import DriveKind, Layout
-from ..layout_builder import LayoutBuilder, Port
+from ..elements import Joint
+from ..layout import GROUND, DriveKind, Layout, Turn
+from ..layout_builder import LayoutBuilder, Point, Port
 from ..machine import Machine, Sensor
 from ..model import Actuator, Channel, Model, ModelParameter
 from ..rotation import Array
@@ -75,7 +76,21 @@ def _draft(machine: Machine, drawing: Drawing) -> tuple[Layout, list[PlacedDrive
     if not sensors:
         last = next(reversed([*machine.bodies, *machine.nodes]))
         builder.reading_point("tcp", structure.port(last))
+    _aim_at_tcp(structure, sensors)
     return builder.build([(d.drive, d.element, d.strain) for d in drives]), drives, sensors
+
+
+def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:
+    """Constraints by which inverse positions put the TCP at a pose: place, and orientation where it has one."""
+    builder = structure.builder
+    port = builder.points[0].ports[1]
+    base = Port(Point(), GROUND)
+    builder.aim(Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port))
+    if sensors and sensors[0].rotation != GROUND:
+        slots = [builder.slot(0.0, f"tcp.turn.{c}") for c in "xyz"]
+        aim = builder.rotation(Turn.FIXED, "tcp.aim", drawn=structure.orientation(port.rotation), slots=slots)
+        turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
+        builder.aim(Joint("fixed", turns), "tcp.turn", (Port(Point(), aim), port))
 
 
 def _place_sensor(structure: Structure, name: str, sensor: Sensor) -> _PlacedSensor:

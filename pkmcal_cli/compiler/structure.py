@@ -49,6 +49,7 @@ class Structure:
     points: dict[str, Point] = field(default_factory=dict)
     rotations: dict[str, int] = field(default_factory=dict)
     owner: dict[str, str] = field(default_factory=dict)  # body point -> body
+    filed: dict[int, Array] = field(default_factory=dict)  # orientation of rotations in the file
 
     @property
     def planar(self) -> bool:
@@ -61,10 +62,13 @@ class Structure:
         return self.builder.nominal
 
     # --- what the layout needs -------------------------------------------------------------
-    def new_rotation(self, name: str, drawn: Array | None = None) -> int:
-        """An unknown rotation: about z in the plane, any in space."""
-        drawn = self.drawing.orientations.get(name, np.eye(3) if drawn is None else drawn)
-        return self.builder.rotation(Turn.AXIS if self.planar else Turn.FREE, name, drawn=drawn)
+    def new_rotation(self, name: str, filed: Array | None = None) -> int:
+        """An unknown rotation: about z in the plane, any in space. `filed`: its orientation in the file."""
+        filed = np.eye(3) if filed is None else filed
+        drawn = self.drawing.orientations.get(name, filed)
+        made = self.builder.rotation(Turn.AXIS if self.planar else Turn.FREE, name, drawn=drawn)
+        self.filed[made] = filed
+        return made
 
     def new_travel(self, name: str, drawn: float, slot: int = -1) -> int:
         """A travel, at its assembled value where there is one."""
@@ -280,9 +284,9 @@ class Structure:
     def _slide(self, joint_name: str, joint: Joint, child: str, parent: str, sign: float) -> Point:
         """Travels of a sliding joint along its free axes, carried by the parent."""
         rotation = self.rotation(parent)
-        turned = self.orientation(rotation).T
-        axis = unit(constant_vector(axis_vector(joint.axis or "x", 3), self.nominal))
-        drawn = self._drawn_place(child) - self.position(self.point(parent))
+        turned = self.filed.get(rotation, self.orientation(rotation)).T
+        drawn = self._drawn_place(child) - self._drawn_place(parent)
+        axis = self.slide_axis(joint, sign * drawn)
         axes = [axis] if joint.type != "planar" else [v for v in np.linalg.svd(axis[None])[2][1:]]
         moves = []
         for k, a in enumerate(axes):
@@ -293,9 +297,23 @@ class Structure:
             moves.append((rotation, travel, tuple(sign * (turned @ a))))
         return Point((), tuple(moves))
 
+    def slide_axis(self, joint: Joint, chord: Array) -> Array:
+        """Axis of a sliding joint in the file's drawing: as given, else along the line between its points, else x."""
+        if joint.axis is not None:
+            return unit(constant_vector(axis_vector(joint.axis, 3), self.nominal))
+        return unit(chord) if np.sqrt(chord @ chord) > 1e-9 else np.array([1.0, 0.0, 0.0])
+
     def _drawn_place(self, name: str) -> Array:
-        entity = self.machine.bodies.get(name) or self.machine.nodes[name]
-        return constant_vector(entity.at, self.nominal)
+        """Place of a node, body or point in the file's drawing."""
+        machine = self.machine
+        if name in self.owner:
+            body = self.owner[name]
+            offset = constant_vector(machine.bodies[body].points[name], self.nominal)
+            return self._drawn_place(body) + self._drawn_turn(body) @ offset
+        if name in machine.bodies and machine.bodies[name].on is not None:
+            return self.position(self.point(name))
+        at = machine.ground.get(name) or (machine.bodies.get(name) or machine.nodes[name]).at
+        return constant_vector(at, self.nominal)
 
     def joint_is_ideal_tree(self, name: str) -> bool:
         """Whether a joint's translations are built into the tree of points."""

@@ -80,8 +80,13 @@ class System:
         return len(self.free) + self.constraints
 
 
-def build_system(layout: Layout, states: tuple[DriveState, ...], loaded: bool) -> System:
-    """The system of `layout` with its drives in the given states; loads and prestress act where `loaded`."""
+def build_system(
+    layout: Layout, states: tuple[DriveState, ...], loaded: bool, aim: tuple[str, ...] = ()
+) -> System:
+    """The system of `layout` with its drives in the given states; loads and prestress act where `loaded`.
+
+    `aim`: coordinates of the TCP (x ... rz) that are prescribed, for inverse positions.
+    """
     free = _free_coordinates(layout, states)
     place = np.full(layout.n_dof, -1, dtype=np.intp)
     place[free] = np.arange(len(free))
@@ -90,9 +95,13 @@ def build_system(layout: Layout, states: tuple[DriveState, ...], loaded: bool) -
         if drive.kind is DriveKind.STRAIN and state is not DriveState.ENGAGED:
             g, e, m = drive.target
             active[g][e, m] = False
-    total = sum(int((a & group.rigid).sum()) for a, group in zip(active, layout.groups, strict=True))
+    all_groups = layout.groups
+    if aim:
+        all_groups = layout.groups + layout.aims
+        active += [np.array([[d in aim for d in group.element.strains]]) for group in layout.aims]
+    total = sum(int((a & group.rigid).sum()) for a, group in zip(active, all_groups, strict=True))
     size, row, groups = len(free) + total, 0, []
-    for group, on in zip(layout.groups, active, strict=True):
+    for group, on in zip(all_groups, active, strict=True):
         e, m = np.nonzero(on & group.rigid)
         links = build_links(
             layout, group.links, group.rotation if group.element.uses_triads else None, place, size

@@ -1,0 +1,109 @@
+"""Inverse positions: the drive readings that put the TCP at a pose, with no drive strained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .equilibrium.assembly import balance
+from .equilibrium.kinematics import State, drawn_state
+from .equilibrium.mobility import rank, strain_rows
+from .equilibrium.newton import Effort, NewtonOptions, follow
+from .equilibrium.status import RowStatus
+from .equilibrium.system import DriveState, System, build_system
+from .layout import DriveKind
+from .model import Model
+from .prediction import drawing_slots, stage_slots
+from .prediction import Rows
+from .rotation import Array, log
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+_CHUNK = 2000
+
+
+@dataclass(frozen=True)
+class DrivePositions:
+    """Readings (N, A), nan where `status` (N,) is not SOLVED, and the coordinates that were aimed at."""
+
+    readings: Array
+    status: NDArray[np.int_]
+    aimed: tuple[str, ...]
+
+
+def independent_coordinates(model: Model) -> tuple[str, ...]:
+    """TCP coordinates that the mechanism moves independently, in the order x ... rz."""
+    released = (DriveState.RELEASED,) * len(model.layout.drives)
+    slots = drawing_slots(model)
+    chosen: tuple[str, ...] = ()
+    available = [d for group in model.layout.aims for d in group.element.strains]
+    best = 0
+    for direction in ("", *available):
+        aim = (*chosen, direction) if direction else ()
+        system = build_system(model.layout, released, False, aim)
+        rows = strain_rows(system, slots, drawn_state(model.layout, slots, 1, system.constraints), model.length)
+        now = rank(rows.jacobian)
+        if direction and now > best:
+            chosen = aim
+        best = max(best, now)
+    return chosen
+
+
+def drive_positions(model: Model, poses: Array, values: Array | None = None) -> DrivePositions:
+    """Drive readings for TCP poses (N, 6) in m and rad (rotation vector against the drawing; nan: as drawn).
+
+    At parameter values (P,), by default the nominal ones. All drives are free, so the redundant ones are
+    strain-free; each takes up what the pose asks.
+    """
+    values = model.nominal if values is None else values
+    aimed = independent_coordinates(model)
+    system = build_system(model.layout, (DriveState.RELEASED,) * len(model.layout.drives), False, aimed)
+    parts = [_chunk(model, system, poses[k : k + _CHUNK], values) for k in range(0, max(len(poses), 1), _CHUNK)]
+    return DrivePositions(
+        np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), aimed
+    )
+
+
+def _chunk(model: Model, system: System, poses: Array, values: Array) -> tuple[Array, NDArray[np.int_]]:
+    layout = model.layout
+    begin = _aimed(model, drawing_slots(model), model.tcp_drawn[None])
+    zero = Rows.at(np.zeros((len(poses), len(layout.drives))))
+    target = _aimed(model, stage_slots(model, values, zero), np.where(np.isnan(poses), model.tcp_drawn, poses))
+    state = drawn_state(layout, begin, len(poses), system.constraints)
+    options = NewtonOptions(curved=False)
+    state, status, _ = follow(system, begin, target, state, model.length, options, Effort())
+    status = np.where(status == RowStatus.SOLVED, status, RowStatus.OUT_OF_REACH)
+    readings = _readings(model, system, target, state)
+    readings[status != RowStatus.SOLVED] = np.nan
+    return readings, status
+
+
+def _aimed(model: Model, slots: Array, poses: Array) -> Array:
+    """Slots with the TCP's pose (N, 6) set."""
+    out = np.repeat(slots, len(poses), axis=0) if len(slots) == 1 else slots.copy()
+    place, *turn = model.layout.aims
+    count = len(place.element.strains)
+    out[:, place.rest] = poses[:, :count]
+    if turn:
+        frame = int(turn[0].rotation[0, 0])
+        out[:, model.layout.rotations.slots[frame]] = poses[:, 3:]
+    return out
+
+
+def _readings(model: Model, system: System, slots: Array, state: State) -> Array:
+    """Readings (N, A) of released drives at a state: (position - position at reading zero) / gain."""
+    strains = balance(system, slots, state, 1.0, tangent=False).strains
+    out = np.empty((len(state), len(model.layout.drives)))
+    for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
+        if drive.kind is DriveKind.TRAVEL:
+            moved = state.travel[:, drive.target[0]] - slots[:, drive.slot]
+        elif drive.kind is DriveKind.ROTATION:
+            r = drive.target[0]
+            turned = log(state.rotation[:, r] @ model.layout.rotations.drawn[r].T)
+            moved = turned @ model.layout.rotations.axis[r] - slots[:, drive.slot]
+        else:
+            g, e, m = drive.target
+            moved = strains[g][:, e, m]
+        out[:, a] = moved / slots[:, actuator.gain_slot]
+    return out
