@@ -34,7 +34,9 @@ class Actuator:
     name: str
     gain_slot: int
     limits: tuple[float, float]
-    sigma: float  # standard uncertainty of the position, m or rad of travel (a spool's: of its line); nan: none
+    sigma: (
+        float  # standard uncertainty of the position, m or rad of travel (a spool's: of its line); nan: none
+    )
     unit: str
     dimension: str
     force: float  # constant force of a force-controlled drive where no column gives it, N or N m

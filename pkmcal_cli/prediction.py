@@ -243,7 +243,13 @@ def _relaxed_slots(model: Model, slots: Array, state: State) -> Array:
                 out[:, drive.slot] = state.travel[:, drive.target[0]]
             elif drive.kind is DriveKind.STRAIN:
                 index, e, m = drive.target
-                strains = balance(model.released, slots, State(state.travel, state.rotation, np.zeros((len(slots), model.released.constraints))), 1.0, tangent=False).strains
+                strains = balance(
+                    model.released,
+                    slots,
+                    State(state.travel, state.rotation, np.zeros((len(slots), model.released.constraints))),
+                    1.0,
+                    tangent=False,
+                ).strains
                 out[:, drive.slot] += strains[index][:, e, m]
     return out
 
@@ -253,7 +259,12 @@ def _one_step(model: Model, slots: Array, state: State, status: NDArray[np.int_]
     from .equilibrium.kinematics import advance
 
     system = model.exact
-    placed = place_prescribed(model.layout, slots, State(state.travel, state.rotation, np.zeros((len(slots), system.constraints))), free=system.free)
+    placed = place_prescribed(
+        model.layout,
+        slots,
+        State(state.travel, state.rotation, np.zeros((len(slots), system.constraints))),
+        free=system.free,
+    )
     scale = typical_stiffness(system, slots)
     now = balance(system, slots, placed, scale, curved=False)
     assert now.tangent is not None
@@ -296,7 +307,15 @@ def _finish(  # noqa: PLR0913
         forces, energy = _forces(model, system, slots, state, slack)
         forces[bad], energy[bad] = np.nan, np.nan
     return Prediction(
-        readings.values, status, state, jacobian, by_drive, forces, energy, _slack_names(system, slack, offset), effort.steps
+        readings.values,
+        status,
+        state,
+        jacobian,
+        by_drive,
+        forces,
+        energy,
+        _slack_names(system, slack, offset),
+        effort.steps,
     )
 
 
@@ -352,7 +371,9 @@ def _chain(
     return by_slot[..., used] @ chain[used], by_drive
 
 
-def _forces(model: Model, system: object, slots: Array, state: State, slack: Slack | None) -> tuple[Array, Array]:
+def _forces(
+    model: Model, system: object, slots: Array, state: State, slack: Slack | None
+) -> tuple[Array, Array]:
     """Drive forces (N, A) and strain energy (N,)."""
     from .equilibrium.assembly import stiffness_matrices
     from .equilibrium.system import System
@@ -380,9 +401,19 @@ def _joined(parts: Sequence[Prediction]) -> Prediction:
         pieces = [getattr(p, name) for p in parts]
         return None if pieces[0] is None else np.concatenate(pieces)
 
-    state = State(*(np.concatenate([getattr(p.state, f) for p in parts]) for f in ("travel", "rotation", "multiplier")))
+    state = State(
+        *(np.concatenate([getattr(p.state, f) for p in parts]) for f in ("travel", "rotation", "multiplier"))
+    )
     slack = {row: name for p in parts for row, name in p.slack.items()}
     values, status = np.concatenate([p.values for p in parts]), np.concatenate([p.status for p in parts])
     return Prediction(
-        values, status, state, join("jacobian"), join("by_drive"), join("forces"), join("energy"), slack, sum(p.steps for p in parts)
+        values,
+        status,
+        state,
+        join("jacobian"),
+        join("by_drive"),
+        join("forces"),
+        join("energy"),
+        slack,
+        sum(p.steps for p in parts),
     )

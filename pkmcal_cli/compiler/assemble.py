@@ -144,11 +144,16 @@ def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[s
     r = rank(released)
     freedom = released.shape[1] - r
     own_stress = released.shape[0] - r
-    states = tuple(DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED for d in layout.drives)
+    states = tuple(
+        DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED
+        for d in layout.drives
+    )
     substructure, _ = at(build_system(layout, states, False))
     rs = rank(substructure)
     engaged_system = all_drives(layout, DriveState.ENGAGED)
-    engaged = strain_rows(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
+    engaged = strain_rows(
+        engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length
+    )
     return Mobility(
         released.shape[1],
         freedom,
@@ -173,4 +178,15 @@ def _rigid_loops(names: tuple[tuple[str, str], ...], rigid_rows: Array, rigid: A
     return tuple(dict.fromkeys(elements[m] for m in members))
 
 
-__all__ = ["Gap", "Mobility", "assemble", "coordinate_name", "drawing_of", "free_motions", "machine_length", "mobility", "pivots", "split_motions"]
+__all__ = [
+    "Gap",
+    "Mobility",
+    "assemble",
+    "coordinate_name",
+    "drawing_of",
+    "free_motions",
+    "machine_length",
+    "mobility",
+    "pivots",
+    "split_motions",
+]

@@ -85,7 +85,9 @@ def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:
     builder = structure.builder
     port = builder.points[0].ports[1]
     base = Port(Point(), GROUND)
-    builder.aim(Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port))
+    builder.aim(
+        Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port)
+    )
     if sensors and sensors[0].rotation != GROUND:
         slots = [builder.slot(0.0, f"tcp.turn.{c}") for c in "xyz"]
         aim = builder.rotation(Turn.FIXED, "tcp.aim", drawn=structure.orientation(port.rotation), slots=slots)
@@ -179,7 +181,9 @@ def _channels(
     for a, (drive, actuator) in enumerate(zip(layout.drives, actuators, strict=True)):
         if drive.force_controlled:
             gain = abs(float(layout.slots.constants[actuator.gain_slot]))
-            out.append(Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension))
+            out.append(
+                Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension)
+            )
     return tuple(out)
 
 

@@ -94,7 +94,9 @@ def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDriv
     return PlacedDrive(drive, element, strain, gain_slot)
 
 
-def _drive(name: str, actuator: Actuator, kind: DriveKind, slot: int, target: tuple[int, ...], sign: float) -> Drive:
+def _drive(
+    name: str, actuator: Actuator, kind: DriveKind, slot: int, target: tuple[int, ...], sign: float
+) -> Drive:
     forced = actuator.control == "force"
     return Drive(name, kind, slot, target, -1, sign, actuator.redundant, forced, actuator.stiffness is None)
 
@@ -118,7 +120,15 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     ports, axis = _driven_ports(structure, actuator)
     element = f"{name}.drive"
     add_joint_link(
-        structure, element, "prismatic", ("x",), ports, triad_along(axis), None, {"x": base}, {"x": number(actuator.stiffness)}
+        structure,
+        element,
+        "prismatic",
+        ("x",),
+        ports,
+        triad_along(axis),
+        None,
+        {"x": base},
+        {"x": number(actuator.stiffness)},
     )
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "x"
 
@@ -160,7 +170,17 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     from .numbers import triad_about
 
     stiffness = {} if actuator.stiffness is None else {"angle": number(actuator.stiffness)}
-    add_joint_link(structure, f"{name}.drive", "revolute", ("angle",), ports, triad_about(about), None, {"angle": combined(lambda z: z - offset, zero)}, stiffness)
+    add_joint_link(
+        structure,
+        f"{name}.drive",
+        "revolute",
+        ("angle",),
+        ports,
+        triad_about(about),
+        None,
+        {"angle": combined(lambda z: z - offset, zero)},
+        stiffness,
+    )
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), f"{name}.drive", "angle"
 
 
@@ -181,4 +201,3 @@ def _joint_of(structure: Structure, body: str, target: str) -> str:
         if joint.type == "revolute" and body in (structure.owner.get(e, e) for e in joint.between):
             return name
     raise KeyError(f"{body} turns on no revolute joint")
-

@@ -40,7 +40,13 @@ def add_bars(structure: Structure, leg_lengths: dict[str, Number]) -> list[Weigh
         length = leg_lengths.get(name, rest_length(structure, bar, ports))
         stiffness = _bar_stiffness(bar, length)
         structure.builder.link(
-            Bar(), name, ports, rest=[length], stiffness=[stiffness or 0.0], rigid=[stiffness is None], rope=rope
+            Bar(),
+            name,
+            ports,
+            rest=[length],
+            stiffness=[stiffness or 0.0],
+            rigid=[stiffness is None],
+            rope=rope,
         )
         if bar.mass is not None:
             weights += _halves(name, ports, number(bar.mass))
@@ -97,7 +103,15 @@ def _beam_end(structure: Structure, name: str, side: int, beam: BeamSpec, chord:
     triad = _joint_triad(structure, end, chord)
     rows = tuple(d for d in joint_rows(end.joint, structure.planar) if d[0] == "r" or moving)
     if rows:
-        add_joint_link(structure, label, end.joint, rows, (structure.port(node, rows[-1][0] == "r"), port), triad, end.stiffness)
+        add_joint_link(
+            structure,
+            label,
+            end.joint,
+            rows,
+            (structure.port(node, rows[-1][0] == "r"), port),
+            triad,
+            end.stiffness,
+        )
     return port
 
 
@@ -133,7 +147,12 @@ def _beam_pieces(
     stations = [ports[0]]
     for k in range(1, count):
         label = f"{name}.{k}"
-        stations.append(Port(structure.free_point(label, ends[0] + (ends[1] - ends[0]) * k / count), structure.new_rotation(label)))
+        stations.append(
+            Port(
+                structure.free_point(label, ends[0] + (ends[1] - ends[0]) * k / count),
+                structure.new_rotation(label),
+            )
+        )
     stations.append(ports[1])
     total = rest_length(structure, beam, ports)
     length = combined(lambda l: l / count, total)
@@ -259,7 +278,9 @@ def _elastic_rows(stiffness: Stiffness | None, kind: str, planar: bool) -> tuple
         return ()
     rows = joint_rows(kind, planar)
     return tuple(
-        r for r in rows if getattr(stiffness, r, None) is not None or (stiffness.radial is not None and r in "xyz")
+        r
+        for r in rows
+        if getattr(stiffness, r, None) is not None or (stiffness.radial is not None and r in "xyz")
     )
 
 
@@ -270,7 +291,9 @@ def add_joints(structure: Structure) -> None:
         shares = tree and joint.type in ("fixed", "prismatic")
         rows = joint_rows(joint.type, structure.planar)
         if tree:
-            rows = tuple(r for r in rows if r[0] == "r" and not shares and not _axis_built_in(structure, name))
+            rows = tuple(
+                r for r in rows if r[0] == "r" and not shares and not _axis_built_in(structure, name)
+            )
         rows += free_springs(joint.stiffness, joint.type, structure.planar)
         driven = [a for a in structure.machine.actuators.values() if a.drives == name]
         extra: dict[str, Number] = {}
@@ -366,7 +389,15 @@ def add_guides(structure: Structure) -> None:
         rows = tuple(d for d in elastic if d in "xyz") + (all_turns if turns else ())
         ports = (Port(rail.origin, rail.rotation), structure.port(name))
         triad = structure.orientation(rail.rotation)
-        add_joint_link(structure, f"{name}.guidance", "fixed", rows, ports, triad, structure.machine.guides[body.on].stiffness)
+        add_joint_link(
+            structure,
+            f"{name}.guidance",
+            "fixed",
+            rows,
+            ports,
+            triad,
+            structure.machine.guides[body.on].stiffness,
+        )
 
 
 def add_loads(structure: Structure, weights: list[Weight]) -> None:
@@ -400,7 +431,9 @@ def _centre(structure: Structure, name: str) -> Port:
     if is_zero(centre):
         return port
 
-    return Port(port.point + structure.builder.offset(port.rotation, vector(centre), f"{name}.centre"), port.rotation)
+    return Port(
+        port.point + structure.builder.offset(port.rotation, vector(centre), f"{name}.centre"), port.rotation
+    )
 
 
 def _add_force(structure: Structure, name: str, port: Port, force: list[Number]) -> None:

@@ -25,7 +25,9 @@ def combined(function: Callable[..., complex], *parts: Number | Quantity) -> Num
     names = tuple(dict.fromkeys(n for v in values if isinstance(v, Formula) for n in v.names))
     if not names:
         return float(np.real(function(*values)))
-    return Formula(names, lambda p: function(*(v.function(p) if isinstance(v, Formula) else v for v in values)))
+    return Formula(
+        names, lambda p: function(*(v.function(p) if isinstance(v, Formula) else v for v in values))
+    )
 
 
 def vector(parts: Sequence[Quantity]) -> tuple[Number, Number, Number]:

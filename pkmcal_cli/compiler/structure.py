@@ -103,8 +103,12 @@ class Structure:
     def prepare(self) -> None:
         """Frames and guides, owners of points, and which joint places what."""
         for name, frame in self.machine.frames.items():
-            turn = (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if self.planar else frame.turn
-            slots = [self.builder.slot(n, f"{name}.turn.{c}") for n, c in zip(vector(turn), "xyz", strict=True)]
+            turn = (
+                (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if self.planar else frame.turn
+            )
+            slots = [
+                self.builder.slot(n, f"{name}.turn.{c}") for n, c in zip(vector(turn), "xyz", strict=True)
+            ]
             rotation = self.builder.rotation(Turn.FIXED, name, slots=slots)
             self.frames[name] = (self.builder.offset(GROUND, vector(frame.at), f"{name}.at"), rotation)
         for name, guide in self.machine.guides.items():
@@ -123,12 +127,18 @@ class Structure:
         """A joint without elastic translations places a node (or else a body) that nothing else places."""
         if joint.stiffness is not None and joint.type not in ("spherical", "universal", "revolute"):
             return
-        if joint.stiffness is not None and any(getattr(joint.stiffness, d) is not None for d in ("radial", "x", "y", "z")):
+        if joint.stiffness is not None and any(
+            getattr(joint.stiffness, d) is not None for d in ("radial", "x", "y", "z")
+        ):
             return
         owners = [self.owner.get(end, end) for end in joint.between]
         for side in sorted((1, 0), key=lambda s: owners[s] in self.machine.bodies):
             child, parent = owners[side], owners[1 - side]
-            if self._can_be_placed(child) and not self._leads_to(parent, child) and self._aligned(joint, child, parent):
+            if (
+                self._can_be_placed(child)
+                and not self._leads_to(parent, child)
+                and self._aligned(joint, child, parent)
+            ):
                 self.placed_by[child] = (name, side)
                 return
 
@@ -206,7 +216,9 @@ class Structure:
 
     def _body_point(self, name: str, body: Body) -> Point:
         if body.on is None:
-            return self._partly_fixed(name, constant_vector(body.at, self.nominal), vector(body.at), body.fixed)
+            return self._partly_fixed(
+                name, constant_vector(body.at, self.nominal), vector(body.at), body.fixed
+            )
         rail = self.rails[body.on]
         slot = self.builder.slot(number(body.at[0]), f"{name}.travel")
         travel = self.new_travel(name, body.at[0].number(self.nominal), slot)
@@ -236,7 +248,9 @@ class Structure:
         elif body is not None and body.on is not None:
             rail = self.rails[body.on]
             turns = any(d[0] == "r" for d in self.elastic_directions(body.on))
-            self.rotations[name] = self.new_rotation(name, self.orientation(rail.rotation)) if turns else rail.rotation
+            self.rotations[name] = (
+                self.new_rotation(name, self.orientation(rail.rotation)) if turns else rail.rotation
+            )
         else:
             fixed = body.fixed if body is not None else self.machine.nodes[name].fixed
             turn = self._drawn_turn(name)
@@ -291,7 +305,9 @@ class Structure:
         moves = []
         for k, a in enumerate(axes):
             slot = self.builder.slot(float(sign * a @ drawn), f"{joint_name}.travel")
-            travel = self.new_travel(joint_name if k == 0 else f"{joint_name}.{k}", float(sign * a @ drawn), slot)
+            travel = self.new_travel(
+                joint_name if k == 0 else f"{joint_name}.{k}", float(sign * a @ drawn), slot
+            )
             if k == 0:
                 self.carriage_travel[joint_name] = travel
             moves.append((rotation, travel, tuple(sign * (turned @ a))))
@@ -318,5 +334,3 @@ class Structure:
     def joint_is_ideal_tree(self, name: str) -> bool:
         """Whether a joint's translations are built into the tree of points."""
         return any(joint == name for joint, _ in self.placed_by.values())
-
-

@@ -31,11 +31,13 @@ class Balance:
 
 def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
     """S of every element, (1 or N, E, m, m), zero where a strain is rigid or released."""
-    count, _ = group.group.shape
+    count, width = group.group.shape
     patterns = group.group.element.patterns
     numbers = slots[:, group.group.stiffness].reshape(len(slots), count, len(patterns))
     full = (
-        np.tensordot(numbers, patterns, axes=(2, 0)) if len(patterns) else np.zeros((len(slots), count, 0, 0))
+        np.tensordot(numbers, patterns, axes=(2, 0))
+        if len(patterns)
+        else np.zeros((len(slots), count, width, width))
     )
     return np.asarray(full * group.elastic[:, :, None] * group.elastic[:, None, :])
 

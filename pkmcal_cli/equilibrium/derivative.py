@@ -38,7 +38,9 @@ def _start(system: System, slots: Array, state: State) -> _Sums:
     deltas = link_vectors(system.layout, arms)
     kind = np.result_type(state.travel, state.rotation)
     moment = np.zeros((*state.rotation.shape[:2], 3), dtype=kind)
-    return _Sums(arms, deltas, np.zeros_like(deltas), moment, np.zeros((len(state), slots.shape[1]), dtype=kind))
+    return _Sums(
+        arms, deltas, np.zeros_like(deltas), moment, np.zeros((len(state), slots.shape[1]), dtype=kind)
+    )
 
 
 def lagrangian_gradient(system: System, slots: Array, state: State, slack: Slack | None) -> Array:

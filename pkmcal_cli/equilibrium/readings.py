@@ -76,7 +76,9 @@ def _scatter_row(target: Array, unknowns: Array, local: Array) -> None:
     np.add.at(target, (slice(None), unknowns[used]), local[:, used])
 
 
-def _rotation_gradient(system: System, state: State, r: int, row: Array, gradient: Array, direct: Array) -> None:
+def _rotation_gradient(
+    system: System, state: State, r: int, row: Array, gradient: Array, direct: Array
+) -> None:
     """Chain row . theta_r (N, 3) to the unknowns of rotation r, or to the slots that prescribe it."""
     layout = system.layout
     start, kind = int(layout.rotation_dofs[r]), layout.rotations.kind[r]
@@ -95,7 +97,9 @@ def _rotation_gradient(system: System, state: State, r: int, row: Array, gradien
         direct[:, layout.rotations.slots[r]] = (row[:, None, :] @ left_jacobian(vector))[:, 0]
 
 
-def _drive_reading(system: System, slots: Array, state: State, drive: Drive, gain_slot: int, derivatives: bool) -> Readings:
+def _drive_reading(
+    system: System, slots: Array, state: State, drive: Drive, gain_slot: int, derivatives: bool
+) -> Readings:
     """Reading = (measured position - position at reading zero - elastic travel of its own drive) / gain."""
     rows = len(state)
     gain = np.broadcast_to(slots[:, gain_slot], (rows,))
@@ -113,7 +117,9 @@ def _drive_reading(system: System, slots: Array, state: State, drive: Drive, gai
         r = drive.target[0]
         turned = log(state.rotation[:, r] @ system.layout.rotations.drawn[r].T)
         position = turned @ system.layout.rotations.axis[r]
-        _rotation_gradient(system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct)
+        _rotation_gradient(
+            system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct
+        )
     else:
         position = _strain_position(system, slots, state, drive, unknowns, direct, derivatives)
     reading = (position - base) / gain
@@ -126,7 +132,13 @@ def _drive_reading(system: System, slots: Array, state: State, drive: Drive, gai
 
 
 def _strain_position(
-    system: System, slots: Array, state: State, drive: Drive, unknowns: Array, direct: Array, derivatives: bool
+    system: System,
+    slots: Array,
+    state: State,
+    drive: Drive,
+    unknowns: Array,
+    direct: Array,
+    derivatives: bool,
 ) -> Array:
     """Length or displacement of the driven element less its elastic part under the drive's force, (N,)."""
     index, e, m = drive.target

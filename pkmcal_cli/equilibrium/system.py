@@ -106,7 +106,8 @@ def build_system(
         links = build_links(
             layout, group.links, group.rotation if group.element.uses_triads else None, place, size
         )
-        elastic = (on & ~group.rigid).astype(float)
+        yields = len(group.element.patterns) > 0  # loads have strains but no stiffness
+        elastic = (on & ~group.rigid & yields).astype(float)
         stressed = np.ones(group.shape) if loaded else np.zeros(group.shape)
         groups.append(GroupMap(group, links, elastic, stressed, (e, m), slice(row, row + len(e))))
         row += len(e)
