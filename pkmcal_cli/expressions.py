@@ -34,6 +34,7 @@ _HINTS = {
     "^": "write `**` for a power",
     "\u2212": "write the plain minus sign `-`",
     "{": 'braces belong to `each`; quote the text: "{i}"',
+    ":": "no times or base-60 numbers: a number, a text with a unit, or an expression",
     "%": "no percent in expressions: divide by 100",
     "°": "an angle is a number in the file's unit, or a text like `30 deg`",
 }

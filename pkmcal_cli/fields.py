@@ -149,7 +149,7 @@ class Shape:
                 return (raw,)
             raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}")
         if len(raw) not in counts or (raw == () and 0 not in counts):
-            where = f" in a {space} machine" if space else ""
+            where = f" in a {space} machine" if space in ("planar", "spatial") else ""
             raise fault("value", f"{self._wanted(counts)}{where}, not {len(raw)}")
         return raw
 

@@ -6,8 +6,10 @@ import os
 
 from pkmcal_cli.errors import FaultList
 from pkmcal_cli.machine import Machine
+from pkmcal_cli.names import NameCheck
 from pkmcal_cli.overlay import load
 from pkmcal_cli.resolve import Resolver
+from pkmcal_cli.sense import SenseCheck
 from pkmcal_cli.shape import shape
 
 
@@ -19,11 +21,13 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     faults = FaultList()
     loaded = load(os.fspath(path), faults)
     source = loaded.source
-    shaped = shape(source, faults)
-    if shaped.machine is None:
+    drafted, aside = shape(source, faults)
+    if drafted is None:
         faults.raise_if_any()
-    assert shaped.machine is not None
-    machine = Resolver(shaped.machine, source, faults).run()
+        raise AssertionError("a machine without faults")
+    NameCheck(drafted, source, faults, aside).run()
+    SenseCheck(drafted, source, faults, aside).run()
+    machine = Resolver(drafted, source, faults, aside).run()
     faults.raise_if_any()
     machine._source = source
     machine._files = loaded.files

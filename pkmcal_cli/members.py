@@ -24,6 +24,7 @@ from pkmcal_cli.fields import (
 from pkmcal_cli.parts import Stiffness
 
 JointType = Literal["revolute", "prismatic", "universal", "spherical", "cylindrical", "planar", "fixed"]
+PLANAR_JOINTS: tuple[JointType, ...] = ("revolute", "prismatic", "fixed")
 Two = tuple[str, str]
 
 

@@ -10,6 +10,7 @@ from pkmcal_cli.dimensions import DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.errors import FaultList
 from pkmcal_cli.parts import Parameter, Ranges
 from pkmcal_cli.quantities import Draft, Quantity
+from pkmcal_cli.shape import Aside
 from pkmcal_cli.unit_text import Unit, parse_unit
 from pkmcal_cli.units import FileUnits
 from pkmcal_cli.yaml_tree import Path, SourceMap
@@ -33,6 +34,7 @@ class ParameterResolver:
     ranges: Ranges
     source: SourceMap
     faults: FaultList
+    aside: Aside
 
     def resolve(self, name: str, parameter: Parameter, dimension: Dimension) -> Parameter:
         """The parameter with SI floats; faults are added at their places."""
@@ -93,6 +95,8 @@ class ParameterResolver:
                 hint += "write `identify: false`"
                 self.faults.add(self.source.fault("range", what, where, hint))
             return math.nan if value is None else value
+        if self.aside.touches((*path, "range")) or self.aside.touches(("ranges",)):
+            return math.nan
         for key, named in DIMENSIONS.items():
             default = getattr(self.ranges, key, None)
             if named == dimension and isinstance(default, Quantity):

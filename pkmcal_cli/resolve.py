@@ -6,16 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pkmcal_cli.binding import Binder, Slip
+from pkmcal_cli.binding import Binder, Slip, article
 from pkmcal_cli.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.errors import FaultList
 from pkmcal_cli.fields import Entity
 from pkmcal_cli.inference import Inference
 from pkmcal_cli.instruments import KINDS, Actuator, Sensor
 from pkmcal_cli.machine import Machine
+from pkmcal_cli.magnitudes import MagnitudeCheck, radian_warning
 from pkmcal_cli.parameter_values import ParameterResolver, stated_dimension
-from pkmcal_cli.parts import Body, Frame, Guide, Load
+from pkmcal_cli.parts import Body, Frame, Guide, Load, Parameter
 from pkmcal_cli.quantities import Draft, Quantity
+from pkmcal_cli.shape import Aside
 from pkmcal_cli.units import FileUnits
 from pkmcal_cli.walk import drafts, replaced
 from pkmcal_cli.wanted import ORIENTATION, Wanted, wanted
@@ -31,9 +33,12 @@ class Resolver:
     machine: Machine
     source: SourceMap
     faults: FaultList
+    aside: Aside
     units: FileUnits = field(init=False)
     uses: list[tuple[Path, Draft, Wanted]] = field(init=False)
     origin: dict[str, Path] = field(default_factory=dict)
+    slipped: set[Path] = field(default_factory=set)
+    known: dict[str, Dimension] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.units = self.machine.file_units
@@ -49,22 +54,35 @@ class Resolver:
         dimensions = self._dimensions()
         binder = Binder(self.units, dimensions)
         ranges = replaced(self.machine.ranges, self._constant, ("ranges",))
-        resolver = ParameterResolver(self.units, ranges, self.source, self.faults)
+        resolver = ParameterResolver(self.units, ranges, self.source, self.faults, self.aside)
         parameters = {
             name: resolver.resolve(name, parameter, dimensions[name])
             for name, parameter in self.machine.parameters.items()
             if name in dimensions
         }
         bound = {path: self._bind(binder, path, draft, want) for path, draft, want in self.uses}
+        self._check_values(bound, parameters)
         rest = self.machine.model_copy(
             update={"ranges": ranges, "parameters": {}},
         )
         made: Machine = replaced(rest, lambda path, draft: bound[path])
         return filled(made.model_copy(update={"parameters": parameters}))
 
+    def _check_values(self, bound: Mapping[Path, Quantity], parameters: Mapping[str, Parameter]) -> None:
+        """Values at nominal: finite, sign, magnitude; pi in a file of degrees."""
+        written = self.machine.parameters
+        check = MagnitudeCheck(parameters, written, self.units, self.source, self.faults)
+        for path, draft, _ in self.uses:
+            if path in self.slipped:
+                continue
+            check.check(path, draft, bound[path])
+            doubt = radian_warning(path, draft, self.units, self.source)
+            if doubt is not None:
+                self.faults.add(doubt)
+
     def _dimensions(self) -> dict[str, Dimension]:
         """The dimension of every parameter: as stated, else inferred from its uses."""
-        known: dict[str, Dimension] = {}
+        known = self.known
         for name, parameter in self.machine.parameters.items():
             stated = stated_dimension(parameter)
             if stated is not None:
@@ -98,10 +116,12 @@ class Resolver:
         """The bound draft; a stand-in where a name is unknown or after a fault."""
         stand_in = Quantity(draft.text, want.dimensions[0], (), ("number", 1.0))
         if any(name not in binder.dimensions for name in draft.names):
+            self.slipped.add(path)
             return stand_in
         try:
             return binder.bind(draft, want.dimensions, want.bare)
         except Slip as slip:
+            self.slipped.add(path)
             hint = slip.hint or self._first_uses(draft, path)
             self.faults.add(self.source.fault(slip.code, slip.what, path, hint, slip.offset))
             return stand_in
@@ -113,9 +133,9 @@ class Resolver:
             origin = self.origin.get(name)
             if origin is None or origin == path:
                 continue
-            where = self.source[origin]
-            how = "declared" if origin[0] == "parameters" else "used as such"
-            told.append(f"`{name}` is {how} in line {where.line}")
+            kind, line = article(self.known[name]), self.source[origin].line
+            how = "declared" if origin[0] == "parameters" else "by its use"
+            told.append(f"`{name}` is {kind} {how} in line {line}")
         return "; ".join(told) or None
 
 

@@ -6,6 +6,7 @@ in the same run.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, get_args
@@ -17,49 +18,97 @@ from pkmcal_cli.machine import Machine
 from pkmcal_cli.quantities import hint_of, kind_of
 from pkmcal_cli.yaml_tree import Path, SourceMap
 
-_ROUNDS = 6
+_ROUNDS = 8
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_DECISIVE = ("moves", "drives", "turns", "winds", "unit", "radius", "reads", "nominal")
+"""Keys on which the meaning of their siblings hangs."""
 
 
 @dataclass
-class Shaped:
-    """A machine with drafts, and what was set aside because of faults (plain data by path)."""
+class Aside:
+    """What was set aside because of faults: plain data by path."""
 
-    machine: Machine | None
-    aside: dict[Path, Any] = field(default_factory=dict)
+    data: dict[Path, Any] = field(default_factory=dict)
+
+    def touches(self, path: Path) -> bool:
+        """Whether something at or under this path was set aside."""
+        return any(each[: len(path)] == path for each in self.data)
+
+    def names(self, section: str) -> list[str]:
+        """Names of the entries of a section that were set aside."""
+        return [str(path[1]) for path in self.data if len(path) == 2 and path[0] == section]
+
+    def words(self) -> frozenset[str]:
+        """All words in what was set aside, and its names."""
+        found: set[str] = set()
+        stack: list[Any] = [*self.data.values(), *(part for path in self.data for part in path)]
+        while stack:
+            item = stack.pop()
+            if isinstance(item, str):
+                found.update(_WORD.findall(item))
+            elif isinstance(item, dict):
+                stack += [*item, *item.values()]
+            elif isinstance(item, tuple | list):
+                stack += item
+        return frozenset(found)
+
+    def take(self, data: dict[str, Any], path: Path) -> None:
+        """Takes what stands at a path out of the plain data."""
+        at: Any = data
+        for part in path[:-1]:
+            at = at.get(part) if isinstance(at, dict) else None
+        if path and isinstance(at, dict) and path[-1] in at:
+            self.data[path] = at.pop(path[-1])
 
 
-def shape(source: SourceMap, faults: FaultList) -> Shaped:
-    """The machine of the tree's plain data; adds a fault for everything that does not fit."""
+def shape(source: SourceMap, faults: FaultList) -> tuple[Machine | None, Aside]:
+    """The machine (with drafts) of the tree's plain data, and what was set aside.
+
+    Adds a fault for everything that does not fit; no machine where nothing can be said further.
+    """
     data = source.root.plain()
     for section in [name for name, value in data.items() if value is None]:
         data[section] = {} if section in Machine.model_fields else None
-    aside: dict[Path, Any] = {}
+    aside = Aside()
     for _ in range(_ROUNDS):
-        context = {"space": data.get("space") if isinstance(data.get("space"), str) else None}
+        context = {"space": data.get("space")}
         try:
-            return Shaped(Machine.model_validate(data, context=context), aside)
+            return Machine.model_validate(data, context=context), aside
         except ValidationError as error:
-            paths = _report(error, source, faults)
+            paths = _report(error, source, faults, aside)
+        if ("space",) in paths:
+            return None, aside
         for path in paths:
-            if path == ("space",):
-                return Shaped(None, aside)
-            _set_aside(data, path, aside)
-    return Shaped(None, aside)
+            aside.take(data, path)
+    return None, aside
 
 
-def _report(error: ValidationError, source: SourceMap, faults: FaultList) -> list[Path]:
+def _report(error: ValidationError, source: SourceMap, faults: FaultList, aside: Aside) -> list[Path]:
     """Adds pydantic's errors as faults; the paths that must be set aside to go on."""
     paths: list[Path] = []
     for found in error.errors(include_url=False):
-        path, depth = _known_path(source, found["loc"])
+        loc, kind = found["loc"], found["type"]
+        if kind == "missing" and aside.touches(loc):
+            paths.append(loc[:2])
+            continue
+        path = _known_path(source, loc)
         _add(found, path, source, faults)
-        kind = found["type"]
-        whole = path if kind == "extra_forbidden" or depth <= 2 else path[:2]
-        paths.append(("space",) if kind == "missing" and found["loc"] == ("space",) else whole)
+        paths.append(("space",) if loc == ("space",) else _to_take(path, kind))
     return list(dict.fromkeys(paths))
 
 
-def _known_path(source: SourceMap, loc: tuple[str | int, ...]) -> tuple[Path, int]:
+def _to_take(path: Path, kind: str) -> Path:
+    """What goes out for a fault at a path: the key, or the entry where others hang on the key."""
+    if kind == "extra_forbidden":
+        return path
+    if kind == "missing" or (len(path) > 2 and path[2] in _DECISIVE):
+        return path[:2]
+    keys = [i for i, part in enumerate(path) if isinstance(part, str)]
+    first_index = next((i for i, part in enumerate(path) if isinstance(part, int)), len(path))
+    return path[: max((i for i in keys if i < first_index), default=0) + 1]
+
+
+def _known_path(source: SourceMap, loc: tuple[str | int, ...]) -> Path:
     """Pydantic's location without the parts that the file does not have."""
     node, path = source.root, []
     for part in loc:
@@ -67,7 +116,7 @@ def _known_path(source: SourceMap, loc: tuple[str | int, ...]) -> tuple[Path, in
         if child is not None:
             node = child
             path.append(part)
-    return tuple(path), len(path)
+    return tuple(path)
 
 
 def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultList) -> None:
@@ -87,6 +136,9 @@ def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultL
         what = f"unknown key `{loc[-1]}`{_of(loc[:-1])}"
         hint = did_you_mean(str(loc[-1]), names, _list_of(names))
         faults.add(source.fault("unknown-key", what, path, hint, 0, True))
+    elif kind == "missing" and isinstance(loc[-1], int):
+        what = f"2 entries are wanted{_of(loc[:-1])}, not {len(found['input'])}"
+        faults.add(source.fault("value", what, path))
     elif kind == "missing":
         owner = _owner(loc[:-1])
         what = f"`{loc[-1]}` is missing{_of(loc[:-1])}"
@@ -115,8 +167,10 @@ def _plain_words(found: Mapping[str, Any]) -> tuple[str, str | None]:
         return f"a map (`name: ...`) is wanted here, not {shown}", None
     if kind == "tuple_type":
         return f"a list is wanted here, not {shown}", None
-    if kind in ("too_short", "too_long"):
-        return f"{found['msg'].replace('Tuple', 'the list')}", None
+    if kind == "too_long":
+        return f"{context['max_length']} entries are wanted here, not {context['actual_length']}", None
+    if kind in ("greater_than_equal", "less_than_equal"):
+        return f"{shown} is out of range: {found['msg'].removeprefix('Input should be ')}", None
     return str(found["msg"]), None
 
 
@@ -149,12 +203,3 @@ def _model_in(kind: Any) -> Any:
     models = [a for a in args if isinstance(a, type) and issubclass(a, BaseModel)]
     origin = getattr(kind, "__origin__", None)
     return models[0] if models and origin not in (dict, tuple) else kind
-
-
-def _set_aside(data: dict[str, Any], path: Path, aside: dict[Path, Any]) -> None:
-    """Takes an entry out of the plain data."""
-    at: Any = data
-    for part in path[:-1]:
-        at = at.get(part) if isinstance(at, dict) else None
-    if path and isinstance(at, dict) and path[-1] in at:
-        aside[path] = at.pop(path[-1])
