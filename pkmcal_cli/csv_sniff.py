@@ -1,0 +1,251 @@
+"""Finds out how a measurement file was written: encoding, header line, separator and decimal mark.
+
+Separator and decimal mark are decided together, by the pair that splits the lines evenly and makes numbers of
+most cells; either one alone is a trap ("x;y / 1,5;2,5" is also one column of text, or rows of 3 integers).
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+SPACE = " "  # stands for any run of spaces and tabs
+SEPARATORS = (",", ";", "\t", "|", SPACE)
+SEPARATOR_NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", SPACE: "space"}
+DECIMAL_NAMES = {".": "decimal point", ",": "decimal comma"}
+_EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
+_NUMBER = {
+    ".": re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)" + _EXPONENT),
+    ",": re.compile(r"[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)" + _EXPONENT),
+}
+_WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
+_SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
+QUOTE_HINT = "close the quote; a cell may not run over the end of its line"
+_UNIT = re.compile(r"(.*?)\s*\[([^\[\]]*)\]")
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """Something wrong at a place of the file; `cell` counts columns from 0, None means the whole line."""
+
+    code: str
+    what: str
+    hint: str | None
+    line: int | None = None
+    cell: int | None = None
+
+
+@dataclass(frozen=True)
+class HeaderCell:
+    """One cell of the header: `text` as written, split into `name` and `unit` ("x [mm]")."""
+
+    text: str
+    name: str
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class Format:
+    """How the file is written. Lines count from 1; `trailing` nameless empty cells may end every row."""
+
+    separator: str
+    decimal: str
+    decimal_seen: bool
+    header_line: int
+    header: tuple[HeaderCell, ...]
+    trailing: int = 0
+    comments: tuple[str, ...] = ()
+
+    def fits(self, cells: Sequence[str]) -> bool:
+        """Whether a row has one cell for every name of the header."""
+        return _fits(cells, len(self.header), self.trailing)
+
+    def describe(self) -> str:
+        """What to announce: "separated by semicolons, decimal comma"; empty for the plain form."""
+        if (self.separator, self.decimal) == (",", "."):
+            return ""
+        mark = f", {DECIMAL_NAMES[self.decimal]}" if self.decimal_seen else ""
+        return f"cells separated by {SEPARATOR_NAMES[self.separator]}{mark}"
+
+
+def split_line(line: str, separator: str) -> list[str] | None:
+    """Cells of one line without its end, stripped of blanks and quotes; None where a quote is left open."""
+    if separator == SPACE:
+        return [a or b for a, b in _WORD.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    try:
+        rows = list(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True))
+    except csv.Error:
+        return None
+    return [cell.strip() for cell in rows[0]]
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether the whole cell is one finite decimal number (no thousands separators, no "nan", no "inf")."""
+    return _NUMBER[decimal].fullmatch(cell) is not None
+
+
+def split_header(text: str) -> HeaderCell:
+    """Name and unit of a header cell such as "x [mm]"."""
+    match = _UNIT.fullmatch(text)
+    if match is None or not match[1]:
+        return HeaderCell(text, text, None)
+    return HeaderCell(text, match[1].strip(), match[2].strip())
+
+
+def find_encoding(head: bytes, is_utf8: bool) -> tuple[str, str]:
+    """(encoding, announcement) from the first bytes of the file and whether the whole of it is UTF-8."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16", "encoded as UTF-16"
+    if head.startswith(codecs.BOM_UTF8):
+        return "utf-8-sig", "begins with a byte order mark"
+    if is_utf8:
+        return "utf-8", ""
+    return "cp1252", "not UTF-8, read as Windows-1252"
+
+
+def find_binary(head: bytes) -> Flaw | None:
+    """The flaw of a file that is no text, with the remedy for the usual kinds."""
+    kinds = {
+        b"PK\x03\x04": ("a spreadsheet or zip file", "save the sheet as CSV"),
+        b"\xd0\xcf\x11\xe0": ("an old spreadsheet file", "save the sheet as CSV"),
+        b"\x1f\x8b": ("a gzip file", "unpack it first, or pipe it: `gzip -dc FILE | pkmcal ... -`"),
+        b"%PDF": ("a PDF file", "export the table as CSV"),
+    }
+    for magic, (kind, hint) in kinds.items():
+        if head.startswith(magic):
+            return Flaw("csv-binary", f"this is {kind}, not a table in text form", hint)
+    if b"\0" in head and not head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return Flaw(
+            "csv-binary", "this is a binary file, not a table in text form", "save it as CSV in UTF-8"
+        )
+    return None
+
+
+def find_format(lines: Sequence[str]) -> Format | Flaw:
+    """The format of a file whose first lines (without line ends) are given."""
+    comments: list[str] = []
+    separators: tuple[str, ...] = SEPARATORS
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        if text.startswith("#"):
+            comments.append(text[1:].strip())
+        elif number == 1 and (match := _SEP_LINE.fullmatch(line)) and match[1] in SEPARATORS:
+            separators = (match[1],)
+        elif text:
+            return _decide(number, lines, separators, comments)
+    return Flaw(
+        "csv-empty",
+        "there is no table in this file",
+        "a first line names the columns, then one line for each pose",
+    )
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """How well one pair of separator and decimal mark explains the lines."""
+
+    separator: str
+    decimal: str
+    header: tuple[str, ...]
+    widths: tuple[int, ...]  # cells in every row
+    trailing: int
+    fitting: int  # rows that have as many cells as the header
+    failing: int  # cells that are no numbers
+    seen: bool  # some cell tells the decimal mark
+
+    @property
+    def rank(self) -> tuple[int, int, int]:
+        return self.fitting, -self.failing, len(self.header)
+
+
+def _fits(cells: Sequence[str], columns: int, trailing: int) -> bool:
+    return columns <= len(cells) <= columns + trailing and not any(cells[columns:])
+
+
+def _header_cells(line: str, separator: str) -> list[str]:
+    """Cells of the header; between blanks a unit belongs to the name before it ("x [mm] y [mm]")."""
+    if separator == SPACE:
+        line = re.sub(r"\s+\[", "[", line)
+    return split_line(line, separator) or []
+
+
+def split_names(line: str, separator: str) -> list[str]:
+    """Names in a header line, without the nameless cells at its end; [] where a quote is left open."""
+    names = _header_cells(line, separator)
+    while names and not names[-1]:
+        names.pop()
+    return names
+
+
+def _try(header: str, rows: Sequence[str], separator: str, decimal: str) -> _Trial | None:
+    names = split_names(header, separator)
+    if not names:
+        return None
+    split = [split_line(row, separator) or [] for row in rows]
+    columns = len(names)
+    ends = [len(row) - columns for row in split if not any(row[columns:])]
+    trailing = max(*ends, len(_header_cells(header, separator)) - columns, 0, 0)
+    fitting = sum(1 for row in split if _fits(row, columns, trailing))
+    cells = [cell for row in split for cell in row if cell]
+    failing = sum(1 for cell in cells if not is_number(cell, decimal))
+    seen = any(is_number(cell, ".") != is_number(cell, ",") for cell in cells)
+    widths = tuple(len(row) for row in split)
+    return _Trial(separator, decimal, tuple(names), widths, trailing, fitting, failing, seen)
+
+
+def _trials(header: str, rows: Sequence[str], separators: Iterable[str]) -> list[_Trial]:
+    pairs = [(s, d) for s in separators for d in (".", ",") if s != d]
+    if any('"' in row for row in rows) and "," in separators:
+        pairs.append((",", ","))  # "1,5","2,5"
+    return [trial for s, d in pairs if (trial := _try(header, rows, s, d)) is not None]
+
+
+def _choose(header: str, rows: Sequence[str], separators: Sequence[str]) -> _Trial | None:
+    """The pair by which most rows fit and fewest cells are no numbers; one column only if all are."""
+    trials = _trials(header, rows, separators)
+    wide = [t for t in trials if len(t.header) > 1]
+    alone = [t for t in trials if len(t.header) == 1 and t.fitting == len(rows)]
+    best = max(wide, key=lambda t: t.rank, default=None)
+    if best is not None and (2 * best.fitting > len(rows) or not rows):
+        return best
+    sure = [t for t in alone if not t.failing]
+    if sure or not wide:
+        return max(sure or alone or trials, key=lambda t: t.rank, default=None)
+    return best
+
+
+def _decide(
+    number: int, lines: Sequence[str], separators: Sequence[str], comments: Sequence[str]
+) -> Format | Flaw:
+    """The format, given the line number of the header."""
+    rows = [line for line in lines[number:] if line.strip()]
+    trial = _choose(lines[number - 1], rows, separators)
+    if trial is None:
+        return Flaw("csv-quote", "a quote is opened and not closed in the header", QUOTE_HINT, number)
+    if all(is_number(name, trial.decimal) for name in trial.header):
+        hint = "the first line names the columns, with units: `q1 [mm]`"
+        return Flaw("csv-header", "the first line holds numbers, no names of columns", hint, number)
+    if rows and not trial.fitting:
+        return _misfit(trial, number, 1 + lines.index(rows[0], number))
+    header = tuple(split_header(name) for name in trial.header)
+    return Format(trial.separator, trial.decimal, trial.seen, number, header, trial.trailing, tuple(comments))
+
+
+def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
+    """No row has as many cells as the header: one flaw for all of them."""
+    names, widths = len(trial.header), sorted(set(trial.widths))
+    cells = str(widths[0]) if len(widths) == 1 else f"{widths[0]} to {widths[-1]}"
+    hint = f"line {header_line} is read as the header; lines before the header begin with `#`"
+    if trial.separator == "," and widths == [2 * names]:
+        hint = "a decimal comma cannot be told from the separator: export with `;`, or with decimal points"
+    what = f"the header names {_count(names, 'column')}, the rows have {cells} cells"
+    return Flaw("csv-width", what, hint, line)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
