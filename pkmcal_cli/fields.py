@@ -14,6 +14,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationInfo,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
@@ -234,7 +235,8 @@ RotationCoupling = Annotated[Quantity, Measure(ROTATIONAL_STIFFNESS)]
 DriveStiffness = Annotated[Quantity, Measure(STIFFNESS, (ROTATIONAL_STIFFNESS,), sign="+")]
 Acceleration = Annotated[Quantity, Measure(ACCELERATION, usual=(0.0, 100.0))]
 Travel = Annotated[Quantity, Measure(LENGTH, (ANGLE,))]
-Fixed = Annotated[tuple[Direction, ...], BeforeValidator(_fixed)]
+_FIXED = {"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(SPATIAL)}}]}
+Fixed = Annotated[tuple[Direction, ...], BeforeValidator(_fixed), WithJsonSchema(_FIXED)]
 Zero = Annotated[Quantity | Literal["home"], Measure(LENGTH, (ANGLE,), words=("home",))]
 Scale = Annotated[Quantity, Measure(NUMBER, (LENGTH / ANGLE, ANGLE / LENGTH))]
 Sigma = Annotated[Quantity, Measure(LENGTH, (ANGLE,), sign="+")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from pkmcal_cli.dimensions import ANGLE, LENGTH, Dimension
 from pkmcal_cli.errors import did_you_mean
@@ -55,7 +55,11 @@ class Actuator(Entity):
     drives: str | None = Field(default=None, description="Bar or prismatic joint (telescopic leg)")
     turns: str | None = Field(default=None, description="Body or revolute joint (crank)")
     winds: str | None = Field(default=None, description="Rope (spool)")
-    kind: ActuatorKind = Field(default="carriage", description="Implied by moves, drives, turns, winds")
+    kind: ActuatorKind = Field(
+        default="carriage",
+        description="Implied by moves, drives, turns, winds",
+        json_schema_extra={"default": None},
+    )
     redundant: bool = Field(default=False, description="Outside the non-redundant substructure")
     control: Literal["position", "force"] = Field(default="position", description="What is commanded")
     force: DriveForce | None = Field(default=None, description="Force: a number or {column, otherwise}")
@@ -114,16 +118,41 @@ def _sigma(raw: Any) -> Any:
     return raw if isinstance(raw, dict) else {"": raw}
 
 
+_CHANNELS = {"enum": list(SPATIAL)}
+_QUANTITY = {"type": ["number", "string"]}
+_READS = {
+    "anyOf": [
+        {"type": "array", "items": _CHANNELS, "minItems": 1, "uniqueItems": True},
+        {
+            "type": "object",
+            "propertyNames": _CHANNELS,
+            "additionalProperties": {"type": "string"},
+            "minProperties": 1,
+        },
+    ]
+}
+_SIGMA = {
+    "anyOf": [
+        _QUANTITY,
+        {
+            "type": "object",
+            "propertyNames": {"enum": ["position", "orientation", *SPATIAL]},
+            "additionalProperties": _QUANTITY,
+        },
+    ]
+}
+Reads = Annotated[dict[Direction, str], BeforeValidator(_reads), WithJsonSchema(_READS)]
+SigmaByChannel = Annotated[dict[str, Sigma], BeforeValidator(_sigma), WithJsonSchema(_SIGMA)]
+
+
 class Sensor(Entity):
     """An instrument; `sigma` is its stated standard uncertainty."""
 
     kind: Literal["tcp"] = Field(default="tcp", description="tcp: coordinates and orientation of a point")
     at: str = Field(description="Body, body's point or node that is measured")
     offset: Point = Field(default=(), description="Tool offset in the body's axes; default 0")
-    reads: Annotated[dict[Direction, str], BeforeValidator(_reads)] = Field(
-        description="Channels [x, y, z, rx, ry, rz], or {channel: column}"
-    )
-    sigma: Annotated[dict[str, Sigma], BeforeValidator(_sigma)] = Field(
+    reads: Reads = Field(description="Channels [x, y, z, rx, ry, rz], or {channel: column}")
+    sigma: SigmaByChannel = Field(
         description="A value, or by channel: {x: ..., position: ..., orientation: ...}"
     )
     frame: Literal["machine"] = Field(description="Where it measures: machine (no default)")
