@@ -125,7 +125,7 @@ class Expansion:
             if item is None:
                 hint = did_you_mean(match[1], env, "variables: " + ", ".join(env))
                 self._fault(f"`{match[0]}` is no variable of `each` here", where, hint)
-                return "x"
+                return next(iter(env.values())).text or ""
             return item.text or ""
 
         return _VARIABLE.sub(value, text)

@@ -86,7 +86,7 @@ def _parse(text: str) -> ast.expr:
     except SyntaxError as error:
         at = min(max((error.offset or 1) - 1 + start, 0), max(len(text) - 1, 0))
         what = f"`{text}` is no number, unit value or expression"
-        raise ExpressionError(what, at, _EXAMPLE) from None
+        raise ExpressionError(what, at, _syntax_hint(text)) from None
     except (RecursionError, MemoryError, ValueError):
         raise ExpressionError("the expression is too deeply nested", 0, _EXAMPLE) from None
     if start:
@@ -97,7 +97,16 @@ def _parse(text: str) -> ast.expr:
     return tree
 
 
+UNIT_HINT = "a unit stands after one number only: use the file's units here, or a parameter"
 _EXAMPLE = "for example `-d1`, `20/255/2`, `r*cos(2*pi/3)` or `12 um`"
+
+
+def _syntax_hint(text: str) -> str:
+    if re.match(r"\s*[+-]?\d+,\d", text):
+        return "write a decimal point, not a comma"
+    if re.search(r"(?<![A-Za-z0-9_])[\d.]+\s+[A-Za-z]", text):
+        return UNIT_HINT
+    return _EXAMPLE
 
 
 def _check(node: ast.expr, text: str, depth: int) -> None:

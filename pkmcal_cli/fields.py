@@ -93,6 +93,8 @@ def _check_name(name: str) -> str:
         hint = "a letter, then letters, digits and _"
         if "{" in name:
             hint = "a name in braces needs `each: {i: [...]}` in its entry"
+        if name == "<<":
+            hint = "YAML 1.2 has no merge keys: use `each`, or `extends` another file"
         raise fault("name", f"`{name}` is no valid name", hint)
     return name
 

@@ -48,8 +48,8 @@ class _Chain:
 
     def read(self, file: str) -> SourceNode:
         """The merged tree of a file and what it extends."""
-        self.seen.append(os.path.realpath(file))
         read = read_source(file)
+        self.seen.append(os.path.realpath(file))
         self.lines[file] = read.lines
         self.files.append((file, read.sha256))
         for fault in read.faults:
@@ -62,7 +62,7 @@ class _Chain:
 
     def base(self, extends: SourceNode, file: str, read: Source) -> SourceNode:
         line = read.lines[extends.where.line - 1]
-        if not isinstance(extends.value, str) or not extends.value:
+        if not isinstance(extends.value, str) or not extends.value.isprintable():
             what = "`extends` wants the path of a machine file"
             raise BadInput.single(what, extends.where, "extends: machine.yaml", "extends", line)
         folder = os.path.dirname(file)

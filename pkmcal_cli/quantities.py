@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +19,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pkmcal_cli.dimensions import NUMBER, Dimension
 from pkmcal_cli.expressions import (
+    UNIT_HINT,
     Evaluate,
     ExpressionError,
     Term,
@@ -128,6 +130,8 @@ class Measure:
         return self._read_text(raw)
 
     def _read_text(self, raw: str) -> Draft:
+        if not raw.strip():
+            raise fault("value", "a number or text is wanted here, not an empty text")
         parts = split_value(raw)
         if parts is not None:
             if not math.isfinite(parts[0]):
@@ -135,7 +139,9 @@ class Measure:
             try:
                 unit = parse_unit(parts[1]) if parts[1] else None
             except UnitError as error:
-                raise fault("unit", error.what, error.hint) from None
+                inside = re.search(r"\s[-+*]\s|[()]", parts[1] or "")
+                hint = UNIT_HINT if inside else error.hint
+                raise fault("unit", error.what, hint) from None
             return Draft(raw, self, None, parts[0], unit)
         try:
             return Draft(raw, self, parse_expression(raw))

@@ -291,4 +291,6 @@ def _yaml_hint(lines: list[str], where: Location) -> str | None:
         return "indent with spaces, not with tabs"
     if re.search(r":\s*[%@`]", line):
         return "quote a text that begins with a special character"
+    if re.search(r":\s.*:\s", line):
+        return "quote a text that contains a colon and a space"
     return None
