@@ -73,15 +73,13 @@ class Format:
 
 def split_line(line: str, separator: str) -> list[str] | None:
     """Cells of one line without its end, stripped of blanks and quotes; None where a quote is left open."""
+    if line.count('"') % 2:
+        return None
     if separator == SPACE:
         return [a or b for a, b in _WORD.findall(line)]
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
-    try:
-        rows = list(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True))
-    except csv.Error:
-        return None
-    return [cell.strip() for cell in rows[0]]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -206,15 +204,18 @@ def _trials(header: str, rows: Sequence[str], separators: Iterable[str]) -> list
 
 
 def _choose(header: str, rows: Sequence[str], separators: Sequence[str]) -> _Trial | None:
-    """The pair by which most rows fit and fewest cells are no numbers; one column only if all are."""
+    """The pair by which most rows fit and fewest cells are no numbers.
+
+    One column it is only where nothing but blanks could part the header, and all cells are numbers.
+    """
     trials = _trials(header, rows, separators)
     wide = [t for t in trials if len(t.header) > 1]
     alone = [t for t in trials if len(t.header) == 1 and t.fitting == len(rows)]
     best = max(wide, key=lambda t: t.rank, default=None)
     if best is not None and (2 * best.fitting > len(rows) or not rows):
         return best
-    sure = [t for t in alone if not t.failing]
-    if sure or not wide:
+    sure = [t for t in alone if not t.failing and all(w.separator == SPACE for w in wide)]
+    if sure or best is None:
         return max(sure or alone or trials, key=lambda t: t.rank, default=None)
     return best
 
@@ -239,11 +240,11 @@ def _decide(
 def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     """No row has as many cells as the header: one flaw for all of them."""
     names, widths = len(trial.header), sorted(set(trial.widths))
-    cells = str(widths[0]) if len(widths) == 1 else f"{widths[0]} to {widths[-1]}"
+    cells = _count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
     hint = f"line {header_line} is read as the header; lines before the header begin with `#`"
     if trial.separator == "," and widths == [2 * names]:
         hint = "a decimal comma cannot be told from the separator: export with `;`, or with decimal points"
-    what = f"the header names {_count(names, 'column')}, the rows have {cells} cells"
+    what = f"the header names {_count(names, 'column')}, the rows have {cells}"
     return Flaw("csv-width", what, hint, line)
 
 

@@ -21,12 +21,14 @@ import numpy as np
 from pkmcal_cli.csv_cells import has_zone
 from pkmcal_cli.csv_parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Parser, Plan
 from pkmcal_cli.csv_sniff import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
-from pkmcal_cli.csv_write import TableWriter, write_table
+from pkmcal_cli.csv_write import TableWriter, open_writer, write_table
 from pkmcal_cli.errors import BadInput
 from pkmcal_cli.files import input_name, open_input
 
-__all__ = ["TEXT_COLUMNS", "Chunk", "FaultLog", "Kind", "Table", "TableReader", "TableWriter", "open_table",
-           "read_table", "write_table"]  # fmt: skip
+__all__ = [
+    "TEXT_COLUMNS", "Chunk", "FaultLog", "Kind", "Table", "TableReader", "TableWriter", "open_table",
+    "open_writer", "read_table", "write_table",
+]  # fmt: skip
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 """Names of the columns that hold text in every measurement table."""

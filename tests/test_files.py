@@ -1,0 +1,161 @@
+"""Written tables and files: exact, whole or absent."""
+
+from __future__ import annotations
+
+import csv
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pkmcal_cli import csv_table
+from pkmcal_cli.csv_table import read_table, write_table
+from pkmcal_cli.errors import BadInput, OutputError
+from pkmcal_cli.files import check_target, sha256, write_text
+
+
+@settings(deadline=None)
+@given(values=st.lists(st.floats(allow_infinity=False), min_size=1, max_size=20))
+def test_floats_come_back_exactly(values: list[float], tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.getbasetemp() / "round.csv"
+    write_table(path, [("x", None, np.array(values)), ("n", None, np.arange(len(values)))], force=True)
+    assert np.array_equal(read_table(path).numbers["x"], values, equal_nan=True)
+
+
+def test_written_table(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    columns = [
+        ("id", None, ["a", "b;c", 'd"e,f']),
+        ("x", "mm", np.array([0.0015, np.nan, -3.0])),
+        ("q1", "deg", np.array([np.pi, 0.0, -np.pi / 2])),
+        ("n", None, np.array([1, 2, 3])),
+    ]
+    write_table(path, columns, comments=["first\nsecond"], digits=12)
+    expected = "# first\n# second\n"
+    expected += 'id,x [mm],q1 [deg],n\na,1.5,180.0,1\nb;c,,0.0,2\n"d""e,f",-3000.0,-90.0,3\n'
+    assert path.read_text() == expected
+    back = read_table(path)
+    assert back.units == (None, "mm", "deg", None)
+    assert back.texts["id"] == ("a", "b;c", 'd"e,f')
+    assert back.comments == ("first", "second")
+
+
+def test_one_column_with_gaps_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    write_table(path, [("x", None, np.array([1.0, np.nan, 2.0]))])
+    assert np.array_equal(read_table(path).numbers["x"], [1, np.nan, 2], equal_nan=True)
+
+
+def test_infinite_numbers_are_not_written(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="infinite"):
+        write_table(tmp_path / "out.csv", [("x", "mm", np.array([np.inf]))])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_blocks_are_appended(tmp_path: Path) -> None:
+    with csv_table.open_writer(tmp_path / "out.csv", [("x", "mm"), ("id", None)]) as writer:
+        for start in range(3):
+            writer.write([np.array([start, start + 0.5]), [f"p{start}", "q"]])
+    rows = list(csv.reader((tmp_path / "out.csv").open()))
+    assert rows[0] == ["x [mm]", "id"]
+    assert [row[0] for row in rows[1:]] == ["0.0", "500.0", "1000.0", "1500.0", "2000.0", "2500.0"]
+
+
+def test_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:
+    write_table("-", [("x", "mm", np.array([1.0]))])
+    assert capsys.readouterr().out == "x [mm]\n1000.0\n"
+
+
+# --- files --------------------------------------------------------------------------------------------------
+
+
+def test_a_file_appears_whole(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    with write_text(target) as file:
+        file.write("half")
+        assert not target.exists()
+    assert target.read_text() == "half"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+    umask = os.umask(0)
+    os.umask(umask)
+    assert target.stat().st_mode & 0o777 == 0o666 & ~umask
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_or_not_at_all(tmp_path: Path, error: type[BaseException]) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old")
+    with pytest.raises(error), write_text(target, force=True) as file:
+        file.write("half")
+        raise error
+    assert target.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old")
+    target.chmod(0o640)
+    with pytest.raises(OutputError, match="exists") as caught, write_text(target):
+        raise AssertionError
+    assert caught.value.exit_code == 4
+    assert "`--force` replaces it" in caught.value.text()
+    with write_text(target, force=True) as file:
+        file.write("new")
+    assert target.read_text() == "new"
+    assert target.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_file_that_appears_meanwhile_stays(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    with pytest.raises(OutputError, match="exists"), write_text(target) as file:
+        file.write("mine")
+        target.write_text("theirs")
+    assert target.read_text() == "theirs"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_links_are_written_through(tmp_path: Path) -> None:
+    (tmp_path / "real.txt").write_text("old")
+    (tmp_path / "link.txt").symlink_to("real.txt")
+    with write_text(tmp_path / "link.txt", force=True) as file:
+        file.write("new")
+    assert (tmp_path / "real.txt").read_text() == "new"
+    assert (tmp_path / "link.txt").is_symlink()
+
+
+def test_targets_are_checked_before_the_work(tmp_path: Path) -> None:
+    check_target("-")
+    check_target("/dev/null")
+    check_target(tmp_path / "a.csv")
+    (tmp_path / "b.csv").touch()
+    with pytest.raises(OutputError, match="exists"):
+        check_target(tmp_path / "b.csv")
+    check_target(tmp_path / "b.csv", force=True)
+    with pytest.raises(OutputError, match="the folder does not exist"):
+        check_target(tmp_path / "no" / "a.csv")
+    with pytest.raises(OutputError, match="this is a folder"):
+        check_target(tmp_path, force=True)
+
+
+def test_devices_are_written_directly() -> None:
+    with write_text("/dev/null") as file:
+        file.write("x")
+    assert Path("/dev/null").is_char_device()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_is_an_output_error() -> None:
+    with pytest.raises(OutputError, match="cannot be written"), write_text("/dev/full") as file:
+        file.write("x" * 100_000)
+
+
+def test_sha256(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"abc")
+    expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert sha256(tmp_path / "a") == expected
+    with pytest.raises(BadInput):
+        sha256(tmp_path / "b")
