@@ -1,0 +1,1 @@
+"""Identification on top of the one prediction: residuals, fit, identifiability, sensitivity, observability, hold-out."""

@@ -1,0 +1,104 @@
+"""Error figures by kind of channel: RMS, largest, the paper's criterion; line lengths from the measured pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..inverse import drive_positions, independent_coordinates
+from ..layout import DriveKind
+from ..rotation import Array
+from .residual import Evaluation, Problem
+
+KINDS = ("position", "orientation", "drive", "force", "length")
+
+
+@dataclass(frozen=True)
+class ErrorFigures:
+    """Error of one kind, SI: `rms` and `largest` of a point (position, orientation) or of a reading (others).
+
+    `criterion`: sum of squares over all rows (Ecorchard 2010, eq. 24), m^2 or rad^2; `count`: points or readings.
+    """
+
+    kind: str
+    rms: float
+    largest: float
+    criterion: float
+    count: int
+    dimension: str
+
+
+def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True) -> dict[str, ErrorFigures]:
+    """Figures of every kind that was measured, and of the drives' lengths where the pose was."""
+    out: dict[str, ErrorFigures] = {}
+    channels = problem.model.channels
+    for kind in ("position", "orientation"):
+        columns = [k for k, c in enumerate(channels) if c.quantity == kind]
+        used = problem.measured[:, columns].any(axis=1) if columns else np.zeros(0, dtype=bool)
+        if used.any():
+            squares = (evaluation.residual[used][:, columns] ** 2).sum(axis=1)
+            out[kind] = _figures(kind, squares, "length" if kind == "position" else "angle")
+    columns = [k for k, c in enumerate(channels) if c.quantity == "drive"]
+    on = problem.measured[:, columns]
+    if columns and on.any():
+        out["drive"] = _figures("drive", evaluation.residual[:, columns][on] ** 2, channels[columns[0]].dimension)
+    squares = length_residuals(problem, evaluation.values).ravel() ** 2 if lengths else np.zeros(0)
+    squares = squares[~np.isnan(squares)]
+    if len(squares):
+        out["length"] = _figures("length", squares, "length")
+    return out
+
+
+def _figures(kind: str, squares: Array, dimension: str) -> ErrorFigures:
+    total = float(squares.sum())
+    count = len(squares)
+    return ErrorFigures(kind, float(np.sqrt(total / count)), float(np.sqrt(squares.max())), total, count, dimension)
+
+
+def length_residuals(problem: Problem, values: Array) -> Array:
+    """Measured drive position minus that which the measured pose asks for, (N, L) m, of the L drives with lengths.
+
+    The drives are strain-free at the measured pose; nan where the pose was not fully measured.
+    """
+    model = problem.model
+    turning = {"angle"}
+    drives = [
+        a
+        for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True))
+        if drive.kind is not DriveKind.ROTATION and not (actuator.dimension in turning and drive.kind is DriveKind.TRAVEL)
+    ]
+    poses, rows = _measured_poses(problem)
+    out = np.full((len(problem), len(drives)), np.nan)
+    if not drives or not len(rows):
+        return out
+    found = drive_positions(model, poses, values)
+    slots = model.layout.slots.values(model.by_name(values))
+    read = _drive_readings(problem)
+    gains = np.array([slots[model.actuators[a].gain_slot] for a in drives])
+    out[rows] = (read[rows][:, drives] - found.readings[:, drives]) * gains
+    return out
+
+
+def _drive_readings(problem: Problem) -> Array:
+    """Readings of all drives (N, A): inputs, or measured channels of force-controlled ones."""
+    read = problem.rows.readings.copy()
+    for k, channel in enumerate(problem.model.channels):
+        if channel.quantity == "drive":
+            read[:, channel.index] = problem.readings[:, k]
+    return read
+
+
+def _measured_poses(problem: Problem) -> tuple[Array, Array]:
+    """Poses (n, 6) of the rows whose independent coordinates were all measured by the first sensor, and these rows."""
+    model = problem.model
+    directions = ("x", "y", "z", "rx", "ry", "rz")
+    poses = np.full((len(problem), 6), np.nan)
+    for k, channel in enumerate(model.channels):
+        first = {"position": model.tcp[0], "orientation": model.tcp[1]}.get(channel.quantity)
+        if first is not None and channel.index == first:
+            column = channel.component + (3 if channel.quantity == "orientation" else 0)
+            poses[:, column] = np.where(problem.measured[:, k], problem.readings[:, k], np.nan)
+    needed = [directions.index(d) for d in independent_coordinates(model)]
+    rows = np.nonzero(~np.isnan(poses[:, needed]).any(axis=1))[0]
+    return poses[rows], rows

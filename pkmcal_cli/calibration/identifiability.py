@@ -1,0 +1,171 @@
+"""What data can determine: singular directions of the whitened, range-scaled Jacobian, in numbers and words.
+
+Singular values s belong to combinations of parameters in range units; 1/s is a combination's standard uncertainty
+in ranges. A *null* direction (s below 1e-10 of the largest) is not seen at all. A *weak* one has a standard
+uncertainty above its range: it is held, and its prior (range = 2 standard deviations) takes part in the others'
+uncertainty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lu, null_space
+
+from ..rotation import Array
+
+NULL = 1e-10
+_SHARE = 1e-6  # a parameter takes part in a direction when its component exceeds this
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak."""
+
+    names: tuple[str, ...]
+    ranges: Array  # (p,) SI
+    singular_values: Array
+    vectors: Array
+    null: NDArray[np.bool_]
+    weak: NDArray[np.bool_]
+
+    @property
+    def rank(self) -> int:
+        """Number of directions that are not null."""
+        return int((~self.null).sum())
+
+    @property
+    def condition_number(self) -> float:
+        """Largest over smallest singular value; inf with null directions."""
+        if not len(self.singular_values):
+            return 1.0
+        if self.null.any():
+            return float("inf")
+        return float(self.singular_values[0] / self.singular_values[-1])
+
+    def variances(self) -> Array:
+        """Variance of each direction in range units: 1/s^2, the prior's 1/4 where weak, inf where null."""
+        with np.errstate(divide="ignore"):
+            measured = 1.0 / self.singular_values**2
+        return np.where(self.null, np.inf, np.where(self.weak, 0.25, measured))
+
+    def undetermined(self) -> NDArray[np.bool_]:
+        """Parameters (p,) with a share in a null direction."""
+        return np.asarray((np.abs(self.vectors[self.null]) > _SHARE).any(axis=0))
+
+    def covariance(self) -> Array:
+        """Covariance (p, p) in SI; rows and columns of undetermined parameters are nan."""
+        variance = np.where(self.null, 0.0, self.variances())
+        scaled = self.vectors.T * variance @ self.vectors
+        out = scaled * np.outer(self.ranges, self.ranges)
+        lost = self.undetermined()
+        out[lost, :] = np.nan
+        out[:, lost] = np.nan
+        return np.asarray(out)
+
+    def determined_covariance(self) -> Array:
+        """Covariance (p, p) in SI of what is determined: null directions contribute nothing."""
+        variance = np.where(self.null, 0.0, self.variances())
+        return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
+
+
+def directions(jacobian: Array, names: tuple[str, ...], ranges: Array) -> Directions:
+    """Directions of a whitened Jacobian (n, p), SI; zero rows are added where there are fewer rows than parameters."""
+    scaled = jacobian * ranges
+    p = scaled.shape[1]
+    if len(scaled) < p:
+        scaled = np.vstack([scaled, np.zeros((p - len(scaled), p))])
+    if p == 0:
+        empty = np.zeros(0)
+        return Directions(names, ranges, empty, np.zeros((0, 0)), empty.astype(bool), empty.astype(bool))
+    if len(scaled) > 4 * p:
+        scaled = np.linalg.qr(scaled, mode="r")
+    _, s, vt = np.linalg.svd(scaled)
+    null = s <= NULL * max(float(s[0]), 1e-300)
+    return Directions(names, ranges, s, vt, null, ~null & (s < 1.0))
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Parameters that data cannot tell apart, and the combinations of them that are determined.
+
+    `direction`: (name, coefficient) of the motion that is not seen (null) or barely seen (weak), largest 1 in range
+    units. `determined`: coefficient rows in SI with respect to `names`.
+    """
+
+    kind: str  # "null" or "weak"
+    names: tuple[str, ...]
+    direction: tuple[float, ...]
+    determined: Array  # (d, len(names)) SI coefficients, leading one 1
+    std: float  # of a weak direction in ranges, inf for null
+
+    @property
+    def text(self) -> str:
+        """In words, coefficients in units of the ranges."""
+        if len(self.names) == 1:
+            seen = "has no influence" if self.kind == "null" else "is barely seen"
+            return f"{self.names[0]} {seen}"
+        parts = ", ".join(f"{n} {c:+.2f}" for n, c in zip(self.names, self.direction, strict=True))
+        return f"{parts} {'apart they are not seen' if self.kind == 'null' else 'are barely told apart'}"
+
+
+def combinations(found: Directions) -> tuple[Combination, ...]:
+    """Null directions in sparse form, grouped by the parameters they share; then the weak ones."""
+    out = []
+    if found.null.any():
+        basis = sparse_basis(found.vectors[found.null])
+        for group in _connected(basis):
+            out.append(_null_combination(found, basis[group]))
+    for k in np.nonzero(found.weak)[0]:
+        vector = found.vectors[k] / found.vectors[k][np.argmax(np.abs(found.vectors[k]))]
+        members = np.nonzero(np.abs(vector) > 0.1)[0]
+        names = tuple(found.names[m] for m in members)
+        std = float(1.0 / found.singular_values[k])
+        out.append(Combination("weak", names, tuple(vector[members]), np.zeros((0, len(names))), std))
+    return tuple(out)
+
+
+def sparse_basis(basis: Array) -> Array:
+    """A basis (k, p) of the same space in reduced echelon form with pivots, each row scaled to largest 1."""
+    _, _, upper = lu(basis[:, _pivot_order(basis)])
+    order = _pivot_order(basis)
+    k = len(basis)
+    reduced = np.linalg.solve(upper[:, :k], upper) if k else upper
+    out = np.zeros_like(basis)
+    out[:, order] = reduced
+    out[np.abs(out) < 1e-7] = 0.0
+    largest = np.take_along_axis(out, np.abs(out).argmax(axis=1)[:, None], axis=1)
+    return np.asarray(out / largest)
+
+
+def _pivot_order(basis: Array) -> NDArray[np.intp]:
+    from scipy.linalg import qr
+
+    _, _, order = qr(basis, mode="economic", pivoting=True)
+    return np.asarray(order)
+
+
+def _connected(basis: Array) -> list[list[int]]:
+    """Rows of a sparse basis that share parameters."""
+    groups: list[tuple[set[int], list[int]]] = []
+    for row, vector in enumerate(basis):
+        members = set(np.nonzero(vector)[0].tolist())
+        joined = [g for g in groups if g[0] & members]
+        rows = sorted([row, *(r for g in joined for r in g[1])])
+        groups = [g for g in groups if not g[0] & members]
+        groups.append((members.union(*(g[0] for g in joined)), rows))
+    return [g[1] for g in groups]
+
+
+def _null_combination(found: Directions, basis: Array) -> Combination:
+    members = np.nonzero(basis.any(axis=0))[0]
+    moved = basis[:, members] * found.ranges[members]  # SI motions that are not seen
+    seen = null_space(moved).T  # (d, m) SI rows orthogonal to them
+    if len(seen):
+        scaled = sparse_basis(seen * found.ranges[members]) / found.ranges[members]
+        lead = np.take_along_axis(scaled, np.argmax(np.abs(scaled) > 1e-9 / found.ranges[members], axis=1)[:, None], 1)
+        seen = scaled / lead
+    names = tuple(found.names[m] for m in members)
+    return Combination("null", names, tuple(basis[0, members]), seen, float("inf"))

@@ -1,0 +1,196 @@
+"""Weighted nonlinear least squares with exact derivatives; what is not seen is not moved.
+
+Each step is the minimum-norm Gauss-Newton step in range units within the directions that the data determine, damped
+(Levenberg-Marquardt) where the prediction is not yet linear enough, kept within bounds by an active set. Whitening
+is held fixed within a step and brought up to date after it (Ecorchard 2010, eq. 24, with weights).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..equilibrium.kinematics import State
+from ..rotation import Array
+from .identifiability import Directions, directions
+from .residual import Evaluation, Problem, evaluate, whitened, whitening
+
+_STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
+_GAIN = 1e-11  # ... or lower chi-square by less than this share
+_BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of an identification.
+
+    values (P,): all parameters, SI; selected: names identified; found: directions at the solution; covariance
+    (p, p) of the selected ones, SI, nan where undetermined; chi2 and dof of the weighted residuals; status
+    "converged", "not_converged" or "nothing_identifiable"; at_bound: names of selected parameters on a bound.
+    """
+
+    values: Array
+    selected: tuple[str, ...]
+    found: Directions
+    covariance: Array
+    before: Evaluation
+    after: Evaluation
+    chi2: float
+    dof: int
+    status: str
+    iterations: int
+    at_bound: tuple[str, ...]
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainties (p,) of the selected parameters, nan where undetermined."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Chi-square per degree of freedom; nan without any."""
+        return self.chi2 / self.dof if self.dof > 0 else float("nan")
+
+
+class RowsFailed(Exception):
+    """Some rows cannot be predicted at the starting values."""
+
+    def __init__(self, evaluation: Evaluation) -> None:
+        super().__init__("rows cannot be predicted")
+        self.evaluation = evaluation
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """The selected parameters in range units, relative to their nominal values."""
+
+    index: NDArray[np.intp]
+    names: tuple[str, ...]
+    ranges: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, problem: Problem, selected: tuple[str, ...]) -> _Scaled:
+        model = problem.model
+        index = np.array([model.names.index(n) for n in selected], dtype=np.intp)
+        chosen = [model.parameters[k] for k in index]
+        low = np.array([p.bounds[0] for p in chosen])
+        high = np.array([p.bounds[1] for p in chosen])
+        return cls(index, selected, np.array([p.range for p in chosen]), low, high)
+
+
+def identify(
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array | None = None,
+    iterations: int = 60,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed."""
+    model = problem.model
+    first = evaluate(problem, model.nominal if start is None else start, selected)
+    if not first.solved:
+        raise RowsFailed(first)
+    if not selected or problem.count == 0:
+        return _finished(problem, selected, first, first, "nothing_identifiable", 0)
+    scale = _Scaled.of(problem, selected)
+    now, damping, done = first, 0.0, False
+    count = 0
+    while count < iterations and not done:
+        count += 1
+        weights = whitening(problem, now)
+        r, jacobian = whitened(problem, now, weights)
+        assert jacobian is not None
+        now, damping, done = _advance(problem, scale, now, weights, r, jacobian, damping)
+        if progress is not None:
+            progress(count, float(r @ r))
+    status = "converged" if done else "not_converged"
+    return _finished(problem, selected, first, now, status, count)
+
+
+def _advance(
+    problem: Problem, scale: _Scaled, now: Evaluation, weights: Array, r: Array, jacobian: Array, damping: float
+) -> tuple[Evaluation, float, bool]:
+    """One accepted step; returns the new evaluation, the damping for the next and whether it has converged."""
+    chi2 = float(r @ r)
+    full = _step(scale, now.values[scale.index], r, jacobian, 0.0)
+    expected = chi2 - float(((r - jacobian @ (full * scale.ranges)) ** 2).sum())
+    if np.abs(full).max(initial=0.0) < _STEP or expected <= _GAIN * chi2:
+        return _accept(problem, scale, now, full), 0.0, True
+    for _ in range(25):
+        step = full if damping == 0.0 else _step(scale, now.values[scale.index], r, jacobian, damping)
+        trial = _accept(problem, scale, now, step)
+        if trial.solved:
+            rt, _ = whitened(problem, trial, weights)
+            if float(rt @ rt) <= chi2 * (1 + 1e-12):
+                gained = chi2 - float(rt @ rt)
+                hoped = chi2 - float(((r - jacobian @ (step * scale.ranges)) ** 2).sum())
+                good = gained > 0.5 * hoped
+                return trial, (0.0 if damping < 1e-6 and good else damping * (0.1 if good else 1.0)), False
+        damping = max(10.0 * damping, 1e-4 * _largest(jacobian * scale.ranges))
+    return now, damping, False
+
+
+def _largest(matrix: Array) -> float:
+    return float((matrix**2).sum(axis=0).max(initial=1e-300))
+
+
+def _accept(problem: Problem, scale: _Scaled, now: Evaluation, step: Array) -> Evaluation:
+    values = now.values.copy()
+    values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
+    return evaluate(problem, values, scale.names, now.state)
+
+
+def _step(scale: _Scaled, values: Array, r: Array, jacobian: Array, damping: float) -> Array:
+    """Damped minimum-norm step (p,) in range units within determined directions and bounds."""
+    p = len(values)
+    step = np.zeros(p)
+    room_down = (scale.low - values) / scale.ranges
+    room_up = (scale.high - values) / scale.ranges
+    free = np.ones(p, dtype=bool)
+    for _ in range(p + 1):
+        rest = r - jacobian[:, ~free] @ (step[~free] * scale.ranges[~free])
+        found = directions(jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
+        keep = ~found.null & ~found.weak
+        vectors, s = found.vectors[keep], found.singular_values[keep]
+        gradient = (jacobian[:, free] * scale.ranges[free]).T @ rest
+        step[free] = vectors.T @ ((vectors @ gradient) / (s**2 + damping))
+        over = free & ((step < room_down - 1e-12) | (step > room_up + 1e-12))
+        if not over.any():
+            break
+        step[over] = np.where(step[over] < 0, room_down[over], room_up[over])
+        free &= ~over
+    return step
+
+
+def _finished(
+    problem: Problem, selected: tuple[str, ...], first: Evaluation, last: Evaluation, status: str, count: int
+) -> Fit:
+    weights = whitening(problem, last)
+    r, jacobian = whitened(problem, last, weights)
+    assert jacobian is not None
+    scale = _Scaled.of(problem, selected)
+    values = last.values[scale.index]
+    on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
+    found = directions(jacobian, selected, scale.ranges)
+    if not len(selected) or not (~found.null & ~found.weak).any():
+        status = "nothing_identifiable"
+    moved = int((~found.null & ~found.weak).sum()) - int(on_bound.sum())
+    names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)
+    return Fit(
+        last.values,
+        selected,
+        found,
+        found.covariance(),
+        first,
+        last,
+        float(r @ r),
+        problem.count - max(moved, 0),
+        status,
+        count,
+        names,
+    )
