@@ -17,8 +17,9 @@ from .base import DELTA, THETA_I, THETA_J, Element, outer, turned
 from .beam import add_product
 
 # A rotation strain is a sum of products of a carried axis of i with one of j: (factor, axis of i, axis of j).
+# For small turns it is the rotation of j against i about i's axis, with its sign (couplings depend on it).
 _HALF = MappingProxyType(
-    {"rx": ((0.5, 1, 2), (-0.5, 2, 1)), "ry": ((0.5, 2, 0), (-0.5, 0, 2)), "rz": ((0.5, 0, 1), (-0.5, 1, 0))}
+    {"rx": ((0.5, 2, 1), (-0.5, 1, 2)), "ry": ((0.5, 0, 2), (-0.5, 2, 0)), "rz": ((0.5, 1, 0), (-0.5, 0, 1))}
 )
 _ACROSS = MappingProxyType({"rx": ((-1.0, 1, 2),), "ry": ((1.0, 0, 2),)})
 _UNIVERSAL = MappingProxyType({"rz": ((-1.0, 0, 1),)})

@@ -1,0 +1,85 @@
+"""Machines for tests and for the verification table: read, overlaid and compiled from YAML text."""
+
+from __future__ import annotations
+
+import tempfile
+import textwrap
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from pkmcal_cli.compiler import Compiled, compile_machine
+from pkmcal_cli.machine_yaml import read_machine
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Prediction, Request, Rows, predict
+from pkmcal_cli.rotation import Array
+from tests.truth.machines import PINNED, Hexapod7
+
+MACHINES = Path(__file__).resolve().parents[1] / "machines"
+SHIPPED = tuple(sorted(file.stem for file in MACHINES.glob("*.yaml") if "." not in file.stem))
+"""Every machine file in `machines/`, without its ending."""
+UM = 1e-6
+
+
+@lru_cache(maxsize=256)
+def compiled(text: str) -> Compiled:
+    """The machine that a YAML text describes; a shipped machine's name stands for its file."""
+    if text in SHIPPED:
+        return compile_machine(read_machine(MACHINES / f"{text}.yaml"))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "machine.yaml"
+        file.write_text(textwrap.dedent(text), encoding="utf-8")
+        return compile_machine(read_machine(file))
+
+
+def overlay(name: str, changes: str = "") -> str:
+    """YAML text of a shipped machine with changes laid over it."""
+    return f"extends: {MACHINES / name}.yaml\n{textwrap.dedent(changes)}"
+
+
+def model(text: str) -> Model:
+    """The model of `compiled`."""
+    return compiled(text).model
+
+
+def at(machine: Model, readings: Array, request: Request | None = None, **values: float) -> Prediction:
+    """Prediction at drive readings (N, A) with some parameters (SI) off nominal; every row must be solved."""
+    given = machine.by_name(machine.nominal)
+    assert values.keys() <= given.keys(), f"unknown parameters {sorted(values.keys() - given.keys())}"
+    vector = np.array(list({**given, **values}.values()))
+    found = predict(machine, vector, Rows.at(np.atleast_2d(readings)), request)
+    assert found.solved.all(), [found.reason(int(k)) for k in np.nonzero(~found.solved)[0]]
+    return found
+
+
+def truth(name: str) -> object:
+    """The independent simulator of a shipped machine."""
+    return Hexapod7() if name == "hexapod7" else PINNED[name]()
+
+
+def poses_of(name: str, rows: int, seed: int = 0) -> Array:
+    """Random poses (N, k) in the workspace of a shipped machine, as its simulator wants them."""
+    low, high = _WORKSPACE[name]
+    out: Array = np.random.default_rng(seed).uniform(low, high, (rows, len(low)))
+    return out
+
+
+_TRIGLIDE = ((0.2, 0.17), (0.7, 0.38))
+_WORKSPACE: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "triglide": _TRIGLIDE,
+    "triglide-nonredundant": _TRIGLIDE,
+    "biglide": ((0.2, 0.2), (0.5, 0.35)),
+    "scissors": ((-0.2, -0.2), (0.2, 0.2)),
+    "delta4": ((-0.1, -0.1, -0.54), (0.1, 0.1, -0.34)),
+    "hexapod7": ((-0.08, -0.08, 0.42, -0.15, -0.15, -0.15), (0.08, 0.08, 0.58, 0.15, 0.15, 0.15)),
+}
+
+
+def errors_of(machine: Model, size: float, seed: int = 0) -> dict[str, float]:
+    """Parameter values off by normal errors: lengths by `size` (m), the others by their ranges."""
+    rng = np.random.default_rng(seed)
+    return {
+        p.name: p.nominal + rng.normal() * (size if p.dimension == "length" else p.range)
+        for p in machine.parameters
+    }
