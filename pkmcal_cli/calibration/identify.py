@@ -1,8 +1,8 @@
 """Weighted nonlinear least squares with exact derivatives; what is not seen is not moved.
 
 Each step is the minimum-norm Gauss-Newton step in range units within the directions that the data determine, damped
-(Levenberg-Marquardt) where the prediction is not yet linear enough, kept within bounds by an active set. Whitening
-is held fixed within a step and brought up to date after it (Ecorchard 2010, eq. 24, with weights).
+(Levenberg-Marquardt) where the prediction is not yet linear enough, kept within bounds by an active set (Ecorchard
+2010, eq. 24, with weights and errors in the drive readings).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..equilibrium.kinematics import State
 from ..rotation import Array
 from .identifiability import Directions, directions
-from .residual import Evaluation, Problem, evaluate, whitened, whitening
+from .residual import Evaluation, Linearised, Problem, chi_square, evaluate, linearise
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share
@@ -102,52 +102,57 @@ def identify(
     count = 0
     while count < iterations and not done:
         count += 1
-        weights = whitening(problem, now)
-        r, jacobian = whitened(problem, now, weights)
-        assert jacobian is not None
-        now, damping, done = _advance(problem, scale, now, weights, r, jacobian, damping)
+        near = linearise(problem, now)
+        now, damping, done = _advance(problem, scale, now, near, damping)
         if progress is not None:
-            progress(count, float(r @ r))
+            progress(count, near.chi2)
     status = "converged" if done else "not_converged"
     return _finished(problem, selected, first, now, status, count)
 
 
 def _advance(
-    problem: Problem, scale: _Scaled, now: Evaluation, weights: Array, r: Array, jacobian: Array, damping: float
+    problem: Problem, scale: _Scaled, now: Evaluation, near: Linearised, damping: float
 ) -> tuple[Evaluation, float, bool]:
     """One accepted step; returns the new evaluation, the damping for the next and whether it has converged."""
-    chi2 = float(r @ r)
-    full = _step(scale, now.values[scale.index], r, jacobian, 0.0)
-    expected = chi2 - float(((r - jacobian @ (full * scale.ranges)) ** 2).sum())
-    if np.abs(full).max(initial=0.0) < _STEP or expected <= _GAIN * chi2:
-        return _accept(problem, scale, now, full), 0.0, True
+    full = _step(scale, now.values[scale.index], near, 0.0)
+    if np.abs(full).max(initial=0.0) < _STEP or near.chi2 - _hoped(scale, near, full) <= _GAIN * near.chi2:
+        return _moved(problem, scale, now, near, full), 0.0, True
     for _ in range(25):
-        step = full if damping == 0.0 else _step(scale, now.values[scale.index], r, jacobian, damping)
-        trial = _accept(problem, scale, now, step)
+        step = full if damping == 0.0 else _step(scale, now.values[scale.index], near, damping)
+        trial = _moved(problem, scale, now, near, step)
         if trial.solved:
-            rt, _ = whitened(problem, trial, weights)
-            if float(rt @ rt) <= chi2 * (1 + 1e-12):
-                gained = chi2 - float(rt @ rt)
-                hoped = chi2 - float(((r - jacobian @ (step * scale.ranges)) ** 2).sum())
-                good = gained > 0.5 * hoped
-                return trial, (0.0 if damping < 1e-6 and good else damping * (0.1 if good else 1.0)), False
-        damping = max(10.0 * damping, 1e-4 * _largest(jacobian * scale.ranges))
+            gained = near.chi2 - chi_square(problem, trial)
+            if gained >= -1e-12 * near.chi2:
+                good = gained > 0.5 * (near.chi2 - _hoped(scale, near, step))
+                return trial, (0.0 if damping < _light(near, scale) else (0.1 if good else 1.0) * damping), False
+        damping = max(10.0 * damping, _light(near, scale))
     return now, damping, False
+
+
+def _hoped(scale: _Scaled, near: Linearised, step: Array) -> float:
+    """Chi-square after a step if the prediction were linear."""
+    return float(((near.residual - near.jacobian @ (step * scale.ranges)) ** 2).sum())
+
+
+def _light(near: Linearised, scale: _Scaled) -> float:
+    """The smallest damping worth trying."""
+    return 1e-5 * _largest(near.jacobian * scale.ranges)
 
 
 def _largest(matrix: Array) -> float:
     return float((matrix**2).sum(axis=0).max(initial=1e-300))
 
 
-def _accept(problem: Problem, scale: _Scaled, now: Evaluation, step: Array) -> Evaluation:
+def _moved(problem: Problem, scale: _Scaled, now: Evaluation, near: Linearised, step: Array) -> Evaluation:
+    """The evaluation after a step (p,) in range units, drive errors following."""
     values = now.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
-    return evaluate(problem, values, scale.names, now.state)
+    return evaluate(problem, values, scale.names, now.state, near.shift(step * scale.ranges))
 
 
-def _step(scale: _Scaled, values: Array, r: Array, jacobian: Array, damping: float) -> Array:
+def _step(scale: _Scaled, values: Array, near: Linearised, damping: float) -> Array:
     """Damped minimum-norm step (p,) in range units within determined directions and bounds."""
-    p = len(values)
+    p, r, jacobian = len(values), near.residual, near.jacobian
     step = np.zeros(p)
     room_down = (scale.low - values) / scale.ranges
     room_up = (scale.high - values) / scale.ranges
@@ -170,13 +175,11 @@ def _step(scale: _Scaled, values: Array, r: Array, jacobian: Array, damping: flo
 def _finished(
     problem: Problem, selected: tuple[str, ...], first: Evaluation, last: Evaluation, status: str, count: int
 ) -> Fit:
-    weights = whitening(problem, last)
-    r, jacobian = whitened(problem, last, weights)
-    assert jacobian is not None
+    near = linearise(problem, last)
     scale = _Scaled.of(problem, selected)
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
-    found = directions(jacobian, selected, scale.ranges)
+    found = directions(near.jacobian, selected, scale.ranges)
     if not len(selected) or not (~found.null & ~found.weak).any():
         status = "nothing_identifiable"
     moved = int((~found.null & ~found.weak).sum()) - int(on_bound.sum())
@@ -187,8 +190,8 @@ def _finished(
         found,
         found.covariance(),
         first,
-        last,
-        float(r @ r),
+        evaluate(problem, last.values, start=last.state) if last.shift.any() else last,
+        near.chi2,
         problem.count - max(moved, 0),
         status,
         count,

@@ -1,7 +1,9 @@
 """Measured minus predicted, whitened by the covariance of each row.
 
-A row's covariance is S_y + (dy/dq) S_q (dy/dq)^T: drives are instruments too (Wampler, Hollerbach, Arai 1995). With
-it, to first order, it does not matter which drives of a redundant machine are taken as inputs.
+Drives are instruments too (Wampler, Hollerbach, Arai 1995): a drive's reading q has an error of its own, `shift`, that
+is estimated with the parameters (errors in variables). Linearised at q + shift, a row's residual is
+r + (dy/dq) shift and its covariance S_y + (dy/dq) S_q (dy/dq)^T. So it does not matter which drives of a redundant
+machine are taken as inputs.
 """
 
 from __future__ import annotations
@@ -74,9 +76,10 @@ def design_problem(model: Model, rows: Rows) -> Problem:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Residuals (N, C), zero where nothing was measured, at parameter values (P,)."""
+    """Residuals (N, C), zero where nothing was measured, at parameter values (P,) and drive errors (N, A)."""
 
     values: Array
+    shift: Array
     residual: Array
     prediction: Prediction
 
@@ -92,12 +95,21 @@ class Evaluation:
 
 
 def evaluate(
-    problem: Problem, values: Array, parameters: tuple[str, ...] | None = None, start: State | None = None
+    problem: Problem,
+    values: Array,
+    parameters: tuple[str, ...] | None = None,
+    start: State | None = None,
+    shift: Array | None = None,
 ) -> Evaluation:
-    """Residuals at `values`, with derivatives with respect to `parameters` and drives where these are asked."""
+    """Residuals at `values`, with derivatives with respect to `parameters` and drives where these are asked.
+
+    `shift` (N, A): errors of the drive readings, m or rad, by default zero.
+    """
     request = Request(parameters=parameters, by_drive=parameters is not None)
-    prediction = predict(problem.model, values, problem.rows, request, start)
-    return Evaluation(values, residuals(problem, prediction.values), prediction)
+    shift = np.zeros_like(problem.rows.readings) if shift is None else shift
+    rows = Rows(problem.rows.readings + shift, problem.rows.forces)
+    prediction = predict(problem.model, values, rows, request, start)
+    return Evaluation(values, shift, residuals(problem, prediction.values), prediction)
 
 
 def residuals(problem: Problem, predicted: Array) -> Array:
@@ -118,18 +130,53 @@ def _nearest_turn(measured: Array, predicted: Array) -> Array:
     return np.where(near[:, None], other, measured)
 
 
-def whitening(problem: Problem, evaluation: Evaluation) -> Array:
-    """W (N, C, C) with W^T W the inverse covariance of each row's measured channels; zero rows for the others."""
-    by_drive = evaluation.prediction.by_drive
-    assert by_drive is not None
-    gains = _reading_sigma(problem)
+@dataclass(frozen=True)
+class Linearised:
+    """A problem near one evaluation: whitened residuals (N * C,) and Jacobian (N * C, P'), and the drives' part.
+
+    chi2: sum of squares of the readings' and the drives' errors in standard uncertainties. The drive errors that
+    belong to a parameter step d are `drives @ (whitened residual - jacobian d)` by row.
+    """
+
+    residual: Array
+    jacobian: Array
+    drives: Array  # (N, A, C) S_q G^T W^T
+    chi2: float
+
+    def shift(self, step: Array) -> Array:
+        """Drive errors (N, A) after the parameter step (P',), SI."""
+        rest = (self.residual - self.jacobian @ step).reshape(len(self.drives), -1)
+        return np.asarray((self.drives @ rest[..., None])[..., 0])
+
+
+def linearise(problem: Problem, evaluation: Evaluation) -> Linearised:
+    """Whiten an evaluation with derivatives by W with W^T W = (S_y + G S_q G^T)^-1, G = dy/dq."""
+    prediction = evaluation.prediction
+    assert prediction.by_drive is not None and prediction.jacobian is not None
+    sigma = _reading_sigma(problem)  # (N, A)
     on = problem.measured[:, :, None]
-    spread = np.where(on, by_drive * gains[:, None, :], 0.0)  # (N, C, A)
+    by_drive = np.where(on, np.nan_to_num(prediction.by_drive), 0.0)  # (N, C, A)
+    spread = by_drive * sigma[:, None, :]
     channels = np.arange(problem.readings.shape[1])
     covariance = spread @ np.swapaxes(spread, 1, 2)
     covariance[:, channels, channels] += np.where(problem.measured, problem.sigma, 1.0) ** 2
-    factor = np.linalg.cholesky(covariance)
-    return np.asarray(np.linalg.inv(factor) * np.swapaxes(on, 1, 2))
+    weights = np.linalg.inv(np.linalg.cholesky(covariance)) * np.swapaxes(on, 1, 2)
+    residual = evaluation.residual + (by_drive @ evaluation.shift[..., None])[..., 0]
+    jacobian = weights @ np.where(on, prediction.jacobian, 0.0)
+    return Linearised(
+        (weights @ residual[..., None])[..., 0].ravel(),
+        jacobian.reshape(-1, jacobian.shape[-1]),
+        (sigma**2)[..., None] * np.swapaxes(weights @ by_drive, 1, 2),
+        chi_square(problem, evaluation),
+    )
+
+
+def chi_square(problem: Problem, evaluation: Evaluation) -> float:
+    """Sum of squares of reading errors and drive errors, each in its standard uncertainty."""
+    read = np.where(problem.measured, evaluation.residual / np.where(problem.measured, problem.sigma, 1.0), 0.0)
+    sigma = _reading_sigma(problem)
+    drive = np.where(sigma > 0, evaluation.shift / np.where(sigma > 0, sigma, 1.0), 0.0)
+    return float((read**2).sum() + (drive**2).sum())
 
 
 def _reading_sigma(problem: Problem) -> Array:
@@ -137,13 +184,3 @@ def _reading_sigma(problem: Problem) -> Array:
     slots = problem.model.layout.slots.constants
     gain = np.array([abs(slots[a.gain_slot]) for a in problem.model.actuators])
     return np.asarray(problem.drive_sigma / gain)
-
-
-def whitened(problem: Problem, evaluation: Evaluation, weights: Array) -> tuple[Array, Array | None]:
-    """Whitened residuals (N * C,) and Jacobian (N * C, P') of the prediction."""
-    r = (weights @ evaluation.residual[..., None])[..., 0].ravel()
-    jacobian = evaluation.prediction.jacobian
-    if jacobian is None:
-        return r, None
-    on = np.where(problem.measured[:, :, None], jacobian, 0.0)
-    return r, (weights @ on).reshape(-1, jacobian.shape[-1])

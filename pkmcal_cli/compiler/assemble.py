@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..equilibrium.kinematics import State, advance, drawn_state
+from ..elements import Load
+from ..equilibrium.kinematics import State, advance, arm_vectors, drawn_state, input_jacobian
 from ..equilibrium.mobility import null_space, pivots, rank, strain_rows
-from ..equilibrium.system import DriveState, System, build_system
+from ..equilibrium.system import DriveState, LinkMap, System, build_system
 from ..layout import DriveKind, Layout
 from ..rotation import Array
 from .structure import Drawing
 
+_FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _CHEAP = 1e4  # a drive moves this much more readily than anything else when the drawing is assembled
 
 
@@ -107,28 +109,38 @@ def coordinate_name(layout: Layout, coordinate: int) -> str:
     return f"rotation of {layout.rotations.names[r]}"
 
 
-def split_motions(layout: Layout, basis: Array, system: System, length: float) -> tuple[Array, Array]:
-    """Of free motions (n, k): those that move nothing measured or loaded, and the others."""
-    from ..equilibrium.kinematics import arm_vectors, input_jacobian
+def split_motions(
+    layout: Layout, basis: Array, system: System, length: float, read: tuple[int, ...] = ()
+) -> tuple[Array, Array]:
+    """Of free motions (n, k): those that move nothing measured or loaded, and the others.
 
+    `read`: rotations whose orientation is measured.
+    """
     if basis.shape[1] == 0:
         return basis, basis
     slots = layout.slots.constants[None]
     state = drawn_state(layout, slots, 1, system.constraints)
-    jacobian, _ = input_jacobian(layout, system.points, state, arm_vectors(layout, slots, state))
-    rows = []
-    for p in range(len(layout.points)):
-        where = system.points.unknowns[p]
-        full = np.zeros((system.unknowns, jacobian.shape[-1]))
-        np.add.at(full, where[where >= 0], jacobian[0, p][where >= 0])
-        rows.append(full.T)
-    for dof in layout.force_dofs:
-        if system.place[dof] >= 0:
-            rows.append(np.eye(system.unknowns)[system.place[dof]][None])
-    felt = np.concatenate(rows) @ basis if rows else np.zeros((0, basis.shape[1]))
-    quiet = basis @ null_space(felt) if len(felt) else basis
-    loud = basis @ np.linalg.svd(felt)[2][: rank(felt)].T if len(felt) and rank(felt) else basis[:, :0]
-    return quiet, loud
+    arms = arm_vectors(layout, slots, state)
+    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
+    loads = [g.map for g in system.groups if isinstance(g.group.element, Load)]
+    rows = [_moved(layout, links, system, state, arms) * unit / length for links in (system.points, *loads)]
+    turned = [r for r in read if layout.rotation_dofs[r] >= 0]
+    dofs = [int(layout.rotation_dofs[r]) + k for r in turned for k in range((0, 3, 1)[layout.rotations.kind[r]])]
+    places = [int(system.place[dof]) for dof in (*dofs, *layout.force_dofs)]
+    rows.append(np.eye(system.unknowns)[[place for place in places if place >= 0]])
+    felt = np.concatenate(rows) @ basis
+    _, s, vt = np.linalg.svd(felt)
+    loud = int((s > _FELT).sum())
+    return basis @ vt[loud:].T, basis @ vt[:loud].T
+
+
+def _moved(layout: Layout, links: LinkMap, system: System, state: State, arms: Array) -> Array:
+    """How the unknowns move the points of links from the base, (3 or 2 times links, n), m per unit."""
+    jacobian, _ = input_jacobian(layout, links, state, arms)
+    out = np.zeros((jacobian.shape[1], system.unknowns, jacobian.shape[-1]))
+    for p, where in enumerate(links.unknowns):
+        np.add.at(out[p], where[where >= 0], jacobian[0, p][where >= 0])
+    return np.swapaxes(out, 1, 2).reshape(-1, system.unknowns)
 
 
 def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[str, ...]) -> Mobility:

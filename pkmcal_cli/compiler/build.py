@@ -42,7 +42,8 @@ def compile_machine(machine: Machine) -> Compiled:
     layout, drives, sensors = _draft(machine, drawing)
     held_names: tuple[str, ...] = ()
     basis, system = asm.free_motions(layout, length)
-    quiet, loud = asm.split_motions(layout, basis, system, length)
+    read = tuple(s.rotation for s in sensors if any(c.startswith("r") for c in s.sensor.reads))
+    quiet, loud = asm.split_motions(layout, basis, system, length, read)
     held = tuple(int(system.free[k]) for k in pivots(quiet))
     held_names = tuple(asm.coordinate_name(layout, k) for k in held)
     loud_names = tuple(asm.coordinate_name(layout, int(system.free[k])) for k in pivots(loud))
@@ -144,12 +145,11 @@ def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator
     if spec.limits is not None:
         low, high = (q.number(nominal) for q in spec.limits)
     sigma = math.nan if spec.sigma is None else spec.sigma.number(nominal)
-    force = 0.0
-    if spec.force is not None and spec.force.otherwise is not None:
-        force = spec.force.otherwise.number(nominal)
     dimension = spec.reading_dimension
     unit = spec.unit or machine.file_units.unit(dimension).text
-    return Actuator(placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, force)
+    return Actuator(
+        placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, placed.force_slot
+    )
 
 
 def _channels(

@@ -18,12 +18,13 @@ from .structure import Structure
 
 @dataclass(frozen=True)
 class PlacedDrive:
-    """A drive for the layout with the element and strain that it sets, and its gain's slot."""
+    """A drive for the layout with the element and strain that it sets, slots of its gain and of its force."""
 
     drive: Drive
     element: str
     strain: str
     gain_slot: int
+    force_slot: int
 
 
 def leg_lengths(structure: Structure) -> dict[str, Number]:
@@ -81,6 +82,8 @@ def gain(actuator: Actuator) -> Number:
 def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDrive:
     """One actuator; its element exists already, or a drive spring is added here."""
     gain_slot = structure.builder.slot(gain(actuator), f"{name}.gain")
+    given = None if actuator.force is None else actuator.force.otherwise
+    force_slot = structure.builder.slot(number(given), f"{name}.force.given")
     if actuator.moves is not None or (actuator.drives in structure.carriage_travel):
         made = _travel_drive(structure, name, actuator)
     elif actuator.turns is not None:
@@ -91,7 +94,7 @@ def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDriv
         sign = 1.0 if actuator.winds is not None else -1.0
         made = (_drive(name, actuator, DriveKind.STRAIN, -1, (), sign), actuator.target, "elongation")
     drive, element, strain = made
-    return PlacedDrive(drive, element, strain, gain_slot)
+    return PlacedDrive(drive, element, strain, gain_slot, force_slot)
 
 
 def _drive(

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..elements import JOINTS, Bar, Beam, Joint, Load
-from ..layout import GROUND
+from ..elements import JOINTS, Bar, Beam, ElasticBar, Joint, Load
+from ..layout import GROUND, Turn
 from ..layout_builder import Number, Port
 from ..machine import Bar as BarSpec
 from ..machine import Beam as BeamSpec
@@ -38,9 +38,10 @@ def add_bars(structure: Structure, leg_lengths: dict[str, Number]) -> list[Weigh
     for name, bar, rope in members:
         ports = (structure.port(bar.between[0]), structure.port(bar.between[1]))
         length = leg_lengths.get(name, rest_length(structure, bar, ports))
-        stiffness = _bar_stiffness(bar, length)
+        given = bar.EA if bar.k is None else bar.k
+        stiffness = None if given is None else number(given)
         structure.builder.link(
-            Bar(),
+            Bar() if bar.EA is None else ElasticBar(),
             name,
             ports,
             rest=[length],
@@ -59,12 +60,6 @@ def rest_length(structure: Structure, bar: BarSpec | BeamSpec, ports: tuple[Port
         return number(bar.length)
     ends = [structure.position(p.point) for p in ports]
     return float(np.sqrt(((ends[1] - ends[0]) ** 2).sum()))
-
-
-def _bar_stiffness(bar: BarSpec, length: Number) -> Number | None:
-    if bar.k is not None:
-        return number(bar.k)
-    return None if bar.EA is None else combined(lambda ea, l: ea / l, bar.EA, length)
 
 
 def _halves(name: str, ports: tuple[Port, Port], mass: Number) -> list[Weight]:
@@ -311,8 +306,6 @@ def add_joints(structure: Structure) -> None:
 
 def _axis_built_in(structure: Structure, name: str) -> bool:
     """Whether a placed body turns about one fixed axis: its revolute joint needs no constraint."""
-    from ..layout import Turn
-
     child = next(c for c, (joint, _) in structure.placed_by.items() if joint == name)
     rotation = structure.rotations.get(child)
     return rotation is not None and structure.builder.rotations[rotation][0] == Turn.AXIS
@@ -408,9 +401,7 @@ def add_loads(structure: Structure, weights: list[Weight]) -> None:
             force = [number(q) for q in load.force]
             _add_force(structure, f"{name}.force", structure.port(load.at), force)
         if not is_zero(load.moment):
-            rotation = structure.rotation(load.at)
-            for k, q in enumerate(load.moment):
-                b.force("rotation", 3 * rotation + k, b.slot(number(q), f"{name}.moment.{k}"))
+            _add_moment(structure, f"{name}.moment", structure.rotation(load.at), load.moment)
     if not machine.own_weight or not machine.gravity:
         return
     gravity = constant_vector(machine.gravity, structure.nominal)
@@ -423,6 +414,20 @@ def add_loads(structure: Structure, weights: list[Weight]) -> None:
     for weight in weights:
         force = [combined(lambda m, a=float(a): m * a, weight.mass) for a in gravity]
         _add_force(structure, f"{weight.name}.weight", weight.port, force)
+
+
+def _add_moment(structure: Structure, name: str, rotation: int, moment: tuple[Quantity, ...]) -> None:
+    """A moment on a rotation: its part about the axis of one that turns about one, none on a fixed one."""
+    b = structure.builder
+    kind, axis = b.rotations[rotation][:2]
+    if kind == Turn.AXIS:
+        parts = [number(q) for q in moment]
+        about = axis if len(parts) == 3 else axis[2:]
+        share = combined(lambda *m: sum(a * v for a, v in zip(about.tolist(), m, strict=True)), *parts)
+        b.force("rotation", 3 * rotation, b.slot(share, name))
+    elif kind == Turn.FREE:
+        for k, q in enumerate(moment):
+            b.force("rotation", 3 * rotation + k, b.slot(number(q), f"{name}.{k}"))
 
 
 def _centre(structure: Structure, name: str) -> Port:

@@ -1,0 +1,5 @@
+"""`python -m pkmcal_cli`."""
+
+from .app import main
+
+main()

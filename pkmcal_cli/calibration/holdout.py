@@ -1,0 +1,118 @@
+"""Error on rows that a fit has not seen, by blocks: folds, sessions, workspace cells or another file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..measurement_set import Measurements
+from .errors_before_after import ErrorFigures, error_figures
+from .identify import Fit, identify
+from .residual import Evaluation, Problem, evaluate
+from ..rotation import Array
+
+_CELLS = 4  # cells along each axis of the workspace
+ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Figures before and after on held-out rows only, by kind; `scheme` in words; `folds` counted."""
+
+    before: dict[str, ErrorFigures]
+    after: dict[str, ErrorFigures]
+    scheme: str
+    folds: int
+    failed: int  # folds whose fit did not converge
+
+
+def fold_labels(scheme: str, problem: Problem, measurements: Measurements) -> tuple[NDArray[np.intp], str]:
+    """Fold number of every row (N,) for `K`, `session` or `cells`, and the scheme in words. Raises ValueError."""
+    if scheme == "session":
+        labels = np.asarray(measurements.session, dtype=np.intp)
+        if len(np.unique(labels)) < 2:
+            raise ValueError("there is only one session")
+        return labels, f"by session, {len(np.unique(labels))} sessions"
+    if scheme == "cells":
+        labels = _cells(problem)
+        if len(np.unique(labels)) < 2:
+            raise ValueError("all rows lie in one cell")
+        return labels, f"by workspace cell, {len(np.unique(labels))} cells"
+    groups = replicate_groups(problem)
+    folds = int(scheme)
+    if folds < 2 or folds > groups.max(initial=0) + 1:
+        raise ValueError(f"{folds} folds need at least two and at most as many as distinct poses")
+    return groups % folds, f"{folds} folds, repeated poses kept together"
+
+
+def replicate_groups(problem: Problem) -> NDArray[np.intp]:
+    """A number for each distinct set of drive readings (N,), in order of first appearance.
+
+    Readings within one thousandth of their spread are the same pose.
+    """
+    readings = problem.rows.readings
+    used = ~np.isnan(readings).all(axis=0)
+    table = readings[:, used]
+    spread = np.ptp(table, axis=0) if len(table) else np.ones(table.shape[1])
+    keys = np.round(table / np.where(spread > 0, spread * 1e-3, 1.0)).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.empty(len(first), dtype=np.intp)
+    order[np.argsort(first)] = np.arange(len(first))
+    return order[inverse.ravel()]
+
+
+def _cells(problem: Problem) -> NDArray[np.intp]:
+    """Cells of a regular partition of the measured (else commanded) space, (N,)."""
+    columns = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"]
+    place = problem.readings[:, columns]
+    if not columns or np.isnan(place).any():
+        place = problem.rows.readings[:, ~np.isnan(problem.rows.readings).any(axis=0)]
+    low, spread = place.min(axis=0), np.ptp(place, axis=0)
+    bins = np.minimum((place - low) / np.where(spread > 0, spread, 1.0) * _CELLS, _CELLS - 1).astype(np.int64)
+    return np.unique(bins, axis=0, return_inverse=True)[1].ravel().astype(np.intp)
+
+
+def cross_validate(problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme: str) -> HeldOut:
+    """Refit without each fold, predict it, and gather all held-out residuals."""
+    residual = np.zeros_like(fit.after.residual)
+    lengths: list[tuple[Problem, Evaluation]] = []
+    failed = 0
+    folds = np.unique(labels)
+    for fold in folds:
+        inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
+        trained = identify(problem.take(outside), fit.selected, start=fit.values)
+        failed += trained.status != "converged"
+        part = problem.take(inside)
+        predicted = evaluate(part, trained.values)
+        residual[inside] = predicted.residual
+        lengths.append((part, predicted))
+    after = _gathered(lengths)
+    return HeldOut(error_figures(problem, fit.before), after, scheme, len(folds), failed)
+
+
+def _gathered(parts: list[tuple[Problem, Evaluation]]) -> dict[str, ErrorFigures]:
+    """Figures of all folds together."""
+    figures = [error_figures(p, e) for p, e in parts]
+    out: dict[str, ErrorFigures] = {}
+    for kind in dict.fromkeys(k for f in figures for k in f):
+        some = [f[kind] for f in figures if kind in f]
+        count, total = sum(f.count for f in some), sum(f.criterion for f in some)
+        largest = max(f.largest for f in some)
+        out[kind] = ErrorFigures(kind, float(np.sqrt(total / count)), largest, total, count, some[0].dimension)
+    return out
+
+
+def validate(problem: Problem, fit: Fit, scheme: str) -> HeldOut:
+    """Figures on another file's rows."""
+    nominal = evaluate(problem, fit.before.values)
+    return HeldOut(error_figures(problem, nominal), error_figures(problem, evaluate(problem, fit.values)), scheme, 1, 0)
+
+
+def enough_rows(problem: Problem, selected: tuple[str, ...]) -> bool:
+    """Whether there are at least three rows a parameter."""
+    return len(problem) >= ROWS_PER_PARAMETER * len(selected)
+
+
+__all__ = ["Array", "HeldOut", "cross_validate", "enough_rows", "fold_labels", "replicate_groups", "validate"]

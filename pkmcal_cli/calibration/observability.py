@@ -1,0 +1,78 @@
+"""What a plan or a table can determine before anything is fitted: rank, condition, O1 to O5, expected uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..rotation import Array
+from .identifiability import Combination, Directions, combinations, directions
+from .residual import Evaluation, Problem, evaluate, linearise
+
+
+@dataclass(frozen=True)
+class Observability:
+    """Of the range-scaled, whitened Jacobian.
+
+    condition_number: of the paper's Js (unwhitened, positions only), nan where other kinds are measured too;
+    indices: O1 (Borm and Menq), O2 (Driels and Pathre), O3, O4 (Nahvi and Hollerbach), O5 (Sun and Hollerbach);
+    std (p,): expected standard uncertainty, SI, nan where undetermined.
+    """
+
+    found: Directions
+    condition_number: float
+    indices: dict[str, float]
+    std: Array
+    undetermined: tuple[Combination, ...]
+    evaluation: Evaluation
+    count: int
+
+
+def observability(problem: Problem, values: Array, selected: tuple[str, ...]) -> Observability:
+    """At parameter values (P,), for the rows and channels of a problem; only solved rows count."""
+    evaluation = evaluate(problem, values, selected)
+    rows = np.nonzero(evaluation.prediction.solved)[0]
+    part = problem.take(rows)
+    solved = evaluation if len(rows) == len(problem) else evaluate(part, values, selected)
+    model = problem.model
+    ranges = np.array([model.parameters[model.names.index(n)].range for n in selected])
+    near = linearise(part, solved)
+    found = directions(near.jacobian, selected, ranges)
+    covariance = found.covariance()
+    return Observability(
+        found,
+        _paper_condition(part, solved, selected, ranges),
+        observability_indices(found.singular_values, part.count),
+        np.sqrt(np.diag(covariance)) if len(selected) else np.zeros(0),
+        combinations(found),
+        evaluation,
+        part.count,
+    )
+
+
+def _paper_condition(problem: Problem, evaluation: Evaluation, selected: tuple[str, ...], ranges: Array) -> float:
+    """Condition number of Js = J Hs (eq. 21), where only positions are measured."""
+    jacobian = evaluation.prediction.jacobian
+    assert jacobian is not None
+    kinds = {c.quantity for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
+    if kinds != {"position"}:
+        return float("nan")
+    rows = jacobian[problem.measured]
+    return directions(rows, selected, ranges).condition_number
+
+
+def observability_indices(s: Array, count: int) -> dict[str, float]:
+    """O1 ... O5 of singular values (p,) of `count` measured values; zero (O5 too) when one is zero."""
+    if not len(s) or count == 0:
+        return dict.fromkeys(("O1", "O2", "O3", "O4", "O5"), 0.0)
+    largest, smallest = float(s[0]), float(s[-1])
+    if smallest <= 1e-10 * largest:
+        return dict.fromkeys(("O1", "O2", "O3", "O4", "O5"), 0.0)
+    return {
+        "O1": float(np.exp(np.log(s).mean()) / np.sqrt(count)),
+        "O2": smallest / largest,
+        "O3": smallest,
+        "O4": smallest**2 / largest,
+        "O5": float(1.0 / (1.0 / s).sum()),
+    }

@@ -1,0 +1,64 @@
+"""Sensitivity of the TCP to each parameter, per range (Ecorchard 2010, eq. 20-23)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..layout import GROUND
+from ..model import Channel, Model
+from ..prediction import Prediction, Request, Rows, predict
+from ..rotation import Array
+
+
+@dataclass(frozen=True)
+class ParameterSensitivity:
+    """Mean over the configurations of the TCP's shift (m) and turn (rad) for one range of a parameter (eq. 23)."""
+
+    name: str
+    position: float
+    orientation: float
+    range: float
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Global indices by parameter, most influential first, and the indices of every configuration (eq. 22)."""
+
+    parameters: tuple[ParameterSensitivity, ...]
+    names: tuple[str, ...]
+    position: Array  # (N, P)
+    orientation: Array  # (N, P)
+    prediction: Prediction
+
+
+def tcp_model(model: Model) -> Model:
+    """The model with all coordinates of the TCP as channels, whatever its sensors read."""
+    point, rotation = model.tcp
+    axes = 2 if model.layout.planar else 3
+    channels = [Channel(c, "position", point, k, np.nan, "m", "length") for k, c in enumerate("xyz"[:axes])]
+    if rotation != GROUND:
+        turns = [2] if model.layout.planar else [0, 1, 2]
+        channels += [Channel(f"r{'xyz'[k]}", "orientation", rotation, k, np.nan, "rad", "angle") for k in turns]
+    return replace(model, channels=tuple(channels))
+
+
+def sensitivity(model: Model, values: Array, rows: Rows, selected: tuple[str, ...]) -> Sensitivity:
+    """Sensitivities at parameter values (P,) over configurations; strained ones where the rows strain the machine."""
+    full = tcp_model(model)
+    prediction = predict(full, values, rows, Request(parameters=selected))
+    jacobian = prediction.jacobian
+    assert jacobian is not None
+    solved = prediction.solved
+    ranges = np.array([model.parameters[model.names.index(n)].range for n in selected])
+    scaled = jacobian[solved] * ranges
+    turning = np.array([c.quantity == "orientation" for c in full.channels])
+    position = np.sqrt((scaled[:, ~turning] ** 2).sum(axis=1))
+    orientation = np.sqrt((scaled[:, turning] ** 2).sum(axis=1))
+    found = [
+        ParameterSensitivity(n, float(p), float(o), float(r))
+        for n, p, o, r in zip(selected, position.mean(axis=0), orientation.mean(axis=0), ranges, strict=True)
+    ]
+    ranked = sorted(found, key=lambda s: (-s.position, -s.orientation, s.name))
+    return Sensitivity(tuple(ranked), selected, position, orientation, prediction)

@@ -1,0 +1,1 @@
+"""Subcommands, one module each: read, call one function, write."""

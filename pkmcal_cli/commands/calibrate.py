@@ -1,0 +1,40 @@
+"""`pkmcal calibrate`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ._options import Force, Json, MachineFile, Parameters, Quiet, Select
+
+
+def calibrate(
+    machine: MachineFile,
+    measurements: Annotated[list[str], typer.Argument(metavar="MEAS.csv...", help="Measured rows; - is stdin.")],
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
+    ] = None,
+    select: Select = "auto",
+    holdout: Annotated[
+        str | None,
+        typer.Option("--holdout", metavar="K|session|cells|FILE.csv|none", help="Held-out error; default 5 folds."),
+    ] = None,
+    parameters: Parameters = None,
+    max_rms: Annotated[
+        str | None, typer.Option("--max-rms", metavar="VALUE", help='Exit 1 if a position rms is above, e.g. "20 um".')
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Which true dimensions explain what was measured, and how sure are they?
+
+    Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
+    """
+    from ..workflow.calibrate import CalibrationRequest, run_calibration
+
+    request = CalibrationRequest(
+        machine, tuple(measurements), output, select, holdout, parameters, max_rms, as_json, quiet, force
+    )
+    raise typer.Exit(run_calibration(request))

@@ -1,0 +1,1 @@
+"""Results as tables for people (stderr) and as JSON (stdout)."""

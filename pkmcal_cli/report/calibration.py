@@ -1,0 +1,148 @@
+"""The result of `calibrate`: JSON, tables, parameter file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..calibration.errors_before_after import ErrorFigures, error_figures
+from ..calibration.holdout import HeldOut
+from ..calibration.identifiability import combinations
+from ..calibration.identify import Fit
+from ..calibration.residual import Problem
+from ..machine import Machine
+from ..model import Model
+from ..parameter_file import ParameterEntry, dump_parameters
+from .console import Reporter
+from .figures import figure_unit, figures_json
+from .numbers import finite, readable, uncertain
+from .parameters import combination_json, combination_text, parameter_rows
+
+
+class CalibrationReport:
+    """One calibration, ready to be shown."""
+
+    def __init__(self, machine: Machine, problem: Problem, fit: Fit, held_out: HeldOut | str) -> None:
+        self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
+        self.rows = parameter_rows(self.model, fit)
+        self.before = error_figures(problem, fit.before)
+        self.after = error_figures(problem, fit.after)
+        self.n_rows = len(problem)
+
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        found = self.fit.found
+        return {
+            "status": self.fit.status,
+            "n_rows": self.n_rows,
+            "iterations": self.fit.iterations,
+            "parameters": [r.json() for r in self.rows if r.name in self.fit.selected],
+            "before": figures_json(self.machine, self.before),
+            "after": figures_json(self.machine, self.after),
+            "chi2": finite(self.fit.chi2),
+            "degrees_of_freedom": self.fit.dof,
+            "chi2_per_dof": finite(self.fit.chi2_per_dof),
+            "heldout": self._heldout_json(),
+            "condition_number": finite(found.condition_number),
+            "rank": found.rank,
+            "undetermined": [combination_json(self.model, c, self.fit) for c in combinations(found)],
+        }
+
+    def _heldout_json(self) -> dict[str, Any]:
+        if isinstance(self.held_out, str):
+            return {"rms_before": None, "rms_after": None, "unit": None, "scheme": None, "reason": self.held_out}
+        kind = next(iter(self.held_out.after))
+        unit = figure_unit(self.machine, self.held_out.after[kind])
+        return {
+            "rms_before": self.held_out.before[kind].rms / unit.scale,
+            "rms_after": self.held_out.after[kind].rms / unit.scale,
+            "unit": unit.text,
+            "kind": kind,
+            "scheme": self.held_out.scheme,
+            "failed_folds": self.held_out.failed,
+            "before": figures_json(self.machine, self.held_out.before),
+            "after": figures_json(self.machine, self.held_out.after),
+        }
+
+    def show(self, to: Reporter) -> None:
+        """Tables for people."""
+        selected = [r for r in self.rows if r.name in self.fit.selected]
+        to.table(
+            "Parameters",
+            ("name", "nominal", "identified", "range", "remark"),
+            [
+                (r.name, f"{r.nominal:.8g}", uncertain(r.value, r.std, r.unit), f"+-{r.range:.4g} {r.unit}", r.reason or "")
+                for r in selected
+            ],
+        )
+        for c in combinations(self.fit.found):
+            if c.kind == "null":
+                to.say("not determined: " + combination_text(self.model, c, self.fit))
+        weak = int(self.fit.found.weak.sum())
+        if weak:
+            to.say(f"{weak} weak combinations are held; their ranges are in the uncertainties (see `pkmcal observability`)")
+        to.say()
+        self._show_errors(to)
+        to.say(self._verdict())
+
+    def _show_errors(self, to: Reporter) -> None:
+        rows = []
+        for kind in self.after:
+            unit = figure_unit(self.machine, self.after[kind])
+            held = ("", "")
+            if not isinstance(self.held_out, str) and kind in self.held_out.after:
+                held = (readable(self.held_out.after[kind].rms, unit), readable(self.held_out.after[kind].largest, unit))
+            before, after = self.before[kind], self.after[kind]
+            rows.append(
+                (
+                    kind,
+                    readable(before.rms, unit),
+                    readable(after.rms, unit),
+                    readable(before.largest, unit),
+                    readable(after.largest, unit),
+                    *held,
+                    _criterion(before, unit.scale, unit.text),
+                    _criterion(after, unit.scale, unit.text),
+                )
+            )
+        headers = (
+            "error", "rms before", "rms after", "max before", "max after", "held-out rms", "held-out max",
+            "criterion before", "criterion after",
+        )  # fmt: skip
+        to.table("Error", headers, rows)
+        if isinstance(self.held_out, str):
+            to.say(f"no held-out error: {self.held_out}")
+        else:
+            to.say(f"held-out: {self.held_out.scheme}")
+
+    def _verdict(self) -> str:
+        words = {
+            "converged": "converged",
+            "not_converged": "NOT CONVERGED: do not use these parameters",
+            "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
+        }
+        chi2 = self.fit.chi2_per_dof
+        tail = f", chi-square per degree of freedom {chi2:.3f} ({self.fit.dof} degrees of freedom)" if self.fit.dof > 0 else ""
+        hint = ""
+        if self.fit.dof > 0 and chi2 > 1 + 4 * np.sqrt(2 / self.fit.dof):
+            hint = "\nmore is left than the stated sigma explains: an effect is missing in the model, or sigma is too small"
+        return f"{words[self.fit.status]} in {self.fit.iterations} steps{tail}{hint}"
+
+    def parameter_file(self, provenance: dict[str, Any]) -> str:
+        """Text of the parameter file."""
+        entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified) for r in self.rows]
+        return dump_parameters(entries, _correlations(self.model, self.fit), provenance)
+
+
+def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
+    return f"{figures.criterion / scale**2:.4g} {unit}^2"
+
+
+def _correlations(model: Model, fit: Fit) -> tuple[tuple[str, ...], list[list[float]]]:
+    """Correlation matrix of the determined selected parameters."""
+    std = fit.std if fit.selected else np.zeros(0)
+    keep = [k for k, s in enumerate(std) if np.isfinite(s) and s > 0]
+    names = tuple(fit.selected[k] for k in keep)
+    matrix = fit.covariance[np.ix_(keep, keep)] / np.outer(std[keep], std[keep]) if keep else np.zeros((0, 0))
+    return names, matrix.tolist()

@@ -1,0 +1,28 @@
+"""Error figures before and after, in the file's units."""
+
+from __future__ import annotations
+
+from ..calibration.errors_before_after import ErrorFigures
+from ..machine import Machine
+from ..unit_text import Unit
+
+
+def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:
+    """Unit of a kind's figures."""
+    units = machine.file_units
+    return {"length": units.length, "angle": units.angle, "force": units.force}[figures.dimension]
+
+
+def figures_json(machine: Machine, kinds: dict[str, ErrorFigures]) -> dict[str, object]:
+    """By kind of channel: rms, max, criterion, unit."""
+    out: dict[str, object] = {}
+    for kind, f in kinds.items():
+        unit = figure_unit(machine, f)
+        out[kind] = {
+            "rms": f.rms / unit.scale,
+            "max": f.largest / unit.scale,
+            "criterion": f.criterion / unit.scale**2,
+            "unit": unit.text,
+            "count": f.count,
+        }
+    return out

@@ -1,0 +1,140 @@
+"""A fit's parameters in display units: one list for tables, JSON and parameter files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..calibration.identifiability import Combination, Directions, combinations
+from ..calibration.identify import Fit
+from ..model import Model
+from ..rotation import Array
+from ..unit_text import Unit, parse_unit
+from .numbers import finite, uncertain
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter: numbers in `unit`; `std` None where undetermined; `reason` why not (well) identified."""
+
+    name: str
+    nominal: float
+    value: float
+    std: float | None
+    range: float
+    unit: str
+    identified: bool
+    reason: str | None
+
+    def json(self) -> dict[str, object]:
+        """As the JSON interface has it."""
+        return {
+            "name": self.name,
+            "nominal": self.nominal,
+            "value": self.value,
+            "std": finite(self.std),
+            "range": self.range,
+            "unit": self.unit,
+            "identified": self.identified,
+            "reason": self.reason,
+        }
+
+
+def parameter_unit(model: Model, name: str) -> Unit:
+    """Display unit of a parameter."""
+    return parse_unit(model.parameters[model.names.index(name)].unit or "1")
+
+
+def parameter_rows(model: Model, fit: Fit) -> tuple[ParameterRow, ...]:
+    """All parameters of the machine: those selected with their uncertainty, the others as held."""
+    std = dict(zip(fit.selected, fit.std, strict=True)) if fit.selected else {}
+    reasons = _reasons(fit)
+    rows = []
+    for k, p in enumerate(model.parameters):
+        unit = parse_unit(p.unit or "1")
+        selected = p.name in std
+        spread = std.get(p.name, math.nan)
+        reason = reasons.get(p.name) if selected else "not selected"
+        known = selected and not math.isnan(spread)
+        rows.append(
+            ParameterRow(
+                p.name,
+                unit.from_si(p.nominal),
+                unit.from_si(float(fit.values[k])),
+                float(spread) / unit.scale if known else None,
+                p.range / unit.scale,
+                unit.text,
+                known and not (reason or "").startswith("weak"),
+                reason,
+            )
+        )
+    return tuple(rows)
+
+
+def _reasons(fit: Fit) -> dict[str, str]:
+    """Why a selected parameter is undetermined, weak or on its bound."""
+    out: dict[str, str] = {}
+    for combination in combinations(fit.found):
+        if combination.kind == "null":
+            for name in combination.names:
+                others = [n for n in combination.names if n != name]
+                out[name] = f"undetermined: not told from {', '.join(others)}" if others else "no influence"
+    weak = _weak_share(fit.found)
+    for name, share in zip(fit.selected, weak, strict=True):
+        if name not in out and share > 0.5:
+            out[name] = "weak: mostly held at its nominal value"
+    for name in fit.at_bound:
+        out.setdefault(name, "at its bound")
+    return out
+
+
+def _weak_share(found: Directions) -> Array:
+    """Share of each parameter's direction that is weak and held, (p,)."""
+    return np.asarray((found.vectors[found.weak] ** 2).sum(axis=0))
+
+
+def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> dict[str, object]:
+    """A null or weak combination: coefficients in ranges, and the determined sums with value and uncertainty."""
+    out: dict[str, object] = {
+        "kind": c.kind,
+        "parameters": dict(zip(c.names, (float(v) for v in c.direction), strict=True)),
+        "text": c.text,
+        "std_in_ranges": finite(c.std),
+        "determined": [],
+    }
+    if fit is not None:
+        out["determined"] = [
+            {"coefficients": coefficients, "value": value, "std": std, "unit": unit}
+            for coefficients, value, std, unit in determined_sums(model, c, fit)
+        ]
+    return out
+
+
+def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[str, float], float, float, str]]:
+    """Coefficients, value and standard uncertainty, in the unit of the first parameter, of what is determined."""
+    covariance = fit.found.determined_covariance()
+    where = [fit.selected.index(n) for n in c.names]
+    out = []
+    for row in c.determined:
+        lead = c.names[int(np.argmax(np.abs(row) > 0))]
+        unit = parameter_unit(model, lead)
+        weights = np.zeros(len(fit.selected))
+        weights[where] = row
+        values = fit.values[[model.names.index(n) for n in fit.selected]]
+        std = float(np.sqrt(max(weights @ covariance @ weights, 0.0)))
+        named = {n: float(v) for n, v in zip(c.names, row, strict=True) if abs(v) > 1e-9}
+        out.append((named, unit.from_si(float(weights @ values)), std / unit.scale, unit.text))
+    return out
+
+
+def combination_text(model: Model, c: Combination, fit: Fit | None) -> str:
+    """A combination in words: what is determined, with value, and that the members are not told apart."""
+    if c.kind == "weak" or fit is None or not len(c.determined):
+        return c.text
+    sums = []
+    for coefficients, value, std, unit in determined_sums(model, c, fit):
+        terms = ", ".join(f"{n} {v:+.2f}" for n, v in coefficients.items())
+        sums.append(f"{terms}: {uncertain(value, std, unit)}")
+    return "; ".join(sums) + "; apart they are not seen"

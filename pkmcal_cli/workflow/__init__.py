@@ -1,0 +1,1 @@
+"""What each subcommand does, between its arguments and its exit code."""
