@@ -10,7 +10,7 @@ import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pkmcal_cli.dimensions import ANGLE, NUMBER, Dimension
+from pkmcal_cli.dimensions import ANGLE, DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.expressions import (
     CONSTANTS,
     Term,
@@ -87,7 +87,8 @@ class Binder:
             if isinstance(error, Slip):
                 raise
             what = f"`{source_of(node, text)}` has no finite value"
-            raise Slip(what, node.col_offset, None, "value") from None
+            hint = "check for a division by zero, a root of a negative number, an overflow"
+            raise Slip(what, node.col_offset, hint, "value") from None
 
     def _typed(self, node: ast.expr, text: str) -> Typed:
         if isinstance(node, ast.Constant):
@@ -179,6 +180,8 @@ def _fitting(dimension: Dimension, wanted: Sequence[Dimension]) -> Dimension | N
 def article(dimension: Dimension | None) -> str:
     """ "a length", "an angle"; for a dimension without a name its unit."""
     name = (dimension or NUMBER).name
+    if dimension not in (None, *DIMENSIONS.values()):
+        return f"a quantity in {name}"
     return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 

@@ -14,6 +14,9 @@ from typing import Literal
 MAX_FAULTS = 50
 """So many faults of a stage are told; the rest is counted."""
 
+GIVE_UP = 1000
+"""With so many faults reading is given up."""
+
 _MAX_LINE = 140
 
 
@@ -154,12 +157,16 @@ class OutputError(PkmcalError):
 class FaultList:
     """Collects the faults of a stage; knows errors from warnings, sorts by place."""
 
-    found: list[Fault] = field(default_factory=list)
+    found: dict[Fault, None] = field(default_factory=dict)
 
     def add(self, fault: Fault) -> None:
-        """Take a fault, unless the same one has been taken at the same place."""
-        if fault not in self.found:
-            self.found.append(fault)
+        """Take a fault, unless the same one has been taken at the same place.
+
+        Raises `BadInput` when there are so many that the file cannot be meant.
+        """
+        self.found[fault] = None
+        if len(self.found) >= GIVE_UP:
+            self.raise_if_any()
 
     def __iter__(self) -> Iterator[Fault]:
         return iter(self.found)

@@ -29,6 +29,7 @@ Term = tuple[Any, ...]
 Evaluate = Callable[[Mapping[str, complex]], complex]
 
 _CHARACTERS = re.compile(r"[A-Za-z0-9_+\-*/(),.\s]*")
+_GLUED = re.compile(r"(?<![A-Za-z0-9_.])(?>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)[A-Za-z_]\w*")
 _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _HINTS = {
     "^": "write `**` for a power",
@@ -72,7 +73,14 @@ def parse_expression(text: str) -> ast.expr:
     end = good.end() if good else 0
     if end < len(text):
         char = text[end]
-        raise ExpressionError(f"`{char}` cannot stand in an expression", end, _HINTS.get(char))
+        raise ExpressionError(f"`{char}` cannot stand in an expression", end, _HINTS.get(char, EXAMPLE))
+    glued = _GLUED.search(text)
+    if glued is not None:
+        what = f"`{glued[0]}` is neither a number nor a name"
+        hint = "write `*` between a number and a name"
+        if "_" in glued[0]:
+            hint = "digits are not grouped: 1000, not 1_000"
+        raise ExpressionError(what, glued.start(), hint)
     tree = _parse(text)
     _check(tree, text, 0)
     return tree
@@ -83,12 +91,11 @@ def _parse(text: str) -> ast.expr:
     start = len(flat) - len(flat.lstrip())
     try:
         tree = ast.parse(flat.strip(), mode="eval").body
-    except SyntaxError as error:
-        at = min(max((error.offset or 1) - 1 + start, 0), max(len(text) - 1, 0))
+    except SyntaxError:
         what = f"`{text}` is no number, unit value or expression"
-        raise ExpressionError(what, at, _syntax_hint(text)) from None
+        raise ExpressionError(what, start, _syntax_hint(text)) from None
     except (RecursionError, MemoryError, ValueError):
-        raise ExpressionError("the expression is too deeply nested", 0, _EXAMPLE) from None
+        raise ExpressionError("the expression is too deeply nested", 0, EXAMPLE) from None
     if start:
         for node in ast.walk(tree):
             if isinstance(node, ast.expr):
@@ -98,7 +105,7 @@ def _parse(text: str) -> ast.expr:
 
 
 UNIT_HINT = "a unit stands after one number only: use the file's units here, or a parameter"
-_EXAMPLE = "for example `-d1`, `20/255/2`, `r*cos(2*pi/3)` or `12 um`"
+EXAMPLE = "for example `-d1`, `20/255/2`, `r*cos(2*pi/3)` or `12 um`"
 
 
 def _syntax_hint(text: str) -> str:
@@ -106,7 +113,7 @@ def _syntax_hint(text: str) -> str:
         return "write a decimal point, not a comma"
     if re.search(r"(?<![A-Za-z0-9_])[\d.]+\s+[A-Za-z]", text):
         return UNIT_HINT
-    return _EXAMPLE
+    return EXAMPLE
 
 
 def _check(node: ast.expr, text: str, depth: int) -> None:
@@ -128,13 +135,13 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
         _check_call(node, text, depth)
     else:
         what = f"`{source_of(node, text)}` cannot stand in an expression"
-        raise ExpressionError(what, node.col_offset, _EXAMPLE)
+        raise ExpressionError(what, node.col_offset, _syntax_hint(text))
 
 
 def _check_number(node: ast.Constant, text: str) -> None:
     written = source_of(node, text)
     if type(node.value) not in (int, float) or not _NUMBER.fullmatch(written):
-        raise ExpressionError(f"`{written}` is no number", node.col_offset, _EXAMPLE)
+        raise ExpressionError(f"`{written}` is no number", node.col_offset, EXAMPLE)
     if not math.isfinite(float(written)):
         raise ExpressionError(f"`{written[:20]}` is too large a number", node.col_offset)
 
@@ -152,7 +159,7 @@ def _check_call(node: ast.Call, text: str, depth: int) -> None:
     if node.keywords or not least <= len(node.args) <= most:
         count = str(least) if least == most else f"{least} to {most}"
         plural = "argument" if count == "1" else "arguments"
-        raise ExpressionError(f"`{name}` takes {count} {plural}", node.col_offset)
+        raise ExpressionError(f"`{name}` takes {count} {plural}", node.col_offset, EXAMPLE)
     for argument in node.args:
         _check(argument, text, depth + 1)
 

@@ -40,8 +40,8 @@ from pkmcal_cli.dimensions import (
     Dimension,
 )
 from pkmcal_cli.errors import did_you_mean
-from pkmcal_cli.quantities import Measure, Quantity, fault, hint_of, kind_of
-from pkmcal_cli.unit_text import UnitError, parse_unit
+from pkmcal_cli.quantities import Measure, Quantity, fault, kind_of
+from pkmcal_cli.unit_text import UNITS, UnitError, parse_unit
 
 Space = Literal["planar", "spatial"]
 Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -67,7 +67,7 @@ class Entity(BaseModel):
             return raw
         if cls.shorthand is not None and raw is not None:
             return {cls.shorthand: raw}
-        raise fault("type", f"a map is wanted here, not {kind_of(raw)}", hint_of(raw))
+        raise fault("type", f"a map is wanted here, not {kind_of(raw)}", _MAP)
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -85,6 +85,7 @@ class Entity(BaseModel):
         return made
 
 
+_MAP = "write `key: value` pairs, in braces or in lines of their own"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -110,7 +111,9 @@ def _unit_of(*dimensions: Dimension) -> AfterValidator:
             raise fault("unit", error.what, error.hint) from None
         if dimensions and unit.dimension not in dimensions:
             wanted = " or ".join(d.name for d in dimensions)
-            raise fault("unit", f"`{text}` is a unit of {unit.dimension}, not of {wanted}")
+            example = ", ".join(u for u, at in UNITS.items() if at.dimension in dimensions)
+            what = f"`{text}` is a unit of {unit.dimension}, not of {wanted}"
+            raise fault("unit", what, f"one of {example}")
         return text
 
     return AfterValidator(check)
@@ -146,14 +149,14 @@ class Shape:
         if isinstance(raw, dict) and set(raw) == {"at"}:
             raw = raw["at"]
         if raw is None or isinstance(raw, dict | bool):
-            raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}", hint_of(raw))
+            raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}", _form(counts))
         if not isinstance(raw, tuple):
             if 1 in counts:
                 return (raw,)
-            raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}")
+            raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}", _form(counts))
         if len(raw) not in counts or (raw == () and 0 not in counts):
             where = f" in a {space} machine" if space in ("planar", "spatial") else ""
-            raise fault("value", f"{self._wanted(counts)}{where}, not {len(raw)}")
+            raise fault("value", f"{self._wanted(counts)}{where}, not {len(raw)}", _form(counts))
         return raw
 
     def _wanted(self, counts: tuple[int, ...]) -> str:
@@ -172,6 +175,11 @@ class Shape:
             "type": "array", "items": item, "minItems": min(counts), "maxItems": max(counts),
         }  # fmt: skip
         return {"anyOf": [item, listed]} if 1 in counts else listed
+
+
+def _form(counts: tuple[int, ...]) -> str:
+    """What a tuple of so many numbers looks like."""
+    return " or ".join({1: "a number", 2: "[x, y]", 3: "[x, y, z]"}[n] for n in sorted(set(counts)))
 
 
 @dataclass(frozen=True)

@@ -48,17 +48,22 @@ class MagnitudeCheck:
     units: FileUnits
     source: SourceMap
     faults: FaultList
+    values: dict[str, float] = field(init=False)
     _told: set[Path] = field(default_factory=set)
     _warned: int = 0
 
+    def __post_init__(self) -> None:
+        self.values = {name: p.nominal for name, p in self.parameters.items()}
+
     def check(self, path: Path, draft: Draft, quantity: Quantity) -> None:
         """One quantity with the draft it was bound from."""
-        values = {name: p.nominal for name, p in self.parameters.items()}
+        values = self.values
         value = quantity.number(values)
         if not math.isfinite(value):
             if not any(math.isnan(values[name]) for name in quantity.names):
                 what = f"`{draft.text}` has no finite value at the nominal parameters"
-                self.faults.add(self.source.fault("value", what, path))
+                hint = "check the nominal values and the expression"
+                self.faults.add(self.source.fault("value", what, path, hint))
             return
         sign = draft.measure.sign
         if (sign == "+" and value <= 0) or (sign == "0+" and value < 0):
@@ -66,7 +71,7 @@ class MagnitudeCheck:
             must = "positive" if sign == "+" else "positive or zero"
             shown = "" if draft.tree is None else f" (it is {unit.format(value)})"
             what = f"`{draft.text}` must be {must} here{shown}"
-            self.faults.add(self.source.fault("value", what, path))
+            self.faults.add(self.source.fault("value", what, path, "check the sign"))
             return
         self._check_usual(path, draft, quantity, abs(value))
 

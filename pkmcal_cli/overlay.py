@@ -73,10 +73,11 @@ class _Chain:
                 what = "the file extends itself"
             elif os.path.realpath(path) not in self.seen:
                 what = f"more than {MAX_CHAIN} files extend one another"
-            raise BadInput.single(what, extends.where, None, "extends", line)
+            remedy = "delete one `extends:` of the chain"
+            raise BadInput.single(what, extends.where, remedy, "extends", line)
         if not os.path.isfile(path):
             what = f"there is no file `{extends.value}` beside this one"
-            hint = did_you_mean(extends.value, _yaml_files(folder))
+            hint = did_you_mean(extends.value, _yaml_files(folder), "the path is relative to this file")
             raise BadInput.single(what, extends.where, hint, "extends", line)
         return self.read(path)
 

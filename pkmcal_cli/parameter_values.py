@@ -73,7 +73,7 @@ class ParameterResolver:
         if not isinstance(draft, Draft):
             return float(draft)
         if draft.names:
-            what = f"`{draft.text}` names `{draft.names[0]}`: a parameter's values are numbers"
+            what = f"a parameter's value is a number, not an expression of `{draft.names[0]}`"
             hint = "write the expression where the parameter is used"
             self.faults.add(self.source.fault("parameter", what, path, hint))
             return None

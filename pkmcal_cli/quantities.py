@@ -19,6 +19,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pkmcal_cli.dimensions import NUMBER, Dimension
 from pkmcal_cli.expressions import (
+    EXAMPLE,
     UNIT_HINT,
     Evaluate,
     ExpressionError,
@@ -180,4 +181,6 @@ def hint_of(raw: object) -> str | None:
     """A remedy for frequent slips of the raw value's kind."""
     if isinstance(raw, dict) and len(raw) == 1 and list(raw.values()) == [None]:
         return f'quote a name in braces: "{{{next(iter(raw))}}}"'
+    if raw is None or isinstance(raw, bool):
+        return f"a number, {EXAMPLE}"
     return None

@@ -105,11 +105,13 @@ class Resolver:
         """A quantity of numbers only (default ranges)."""
         if draft.names:
             what = f"`{draft.text}` names `{draft.names[0]}`: a range is a number"
-            self.faults.add(self.source.fault("range", what, path))
+            self.faults.add(self.source.fault("range", what, path, "give a number"))
             return Quantity.constant(1.0, draft.measure.dimension)
         made = self._bind(Binder(self.units, {}), path, draft, Wanted(draft.measure.dimensions))
         if not made.number({}) > 0:
-            self.faults.add(self.source.fault("range", "a range must be positive", path))
+            self.faults.add(
+                self.source.fault("range", "a range must be positive", path, "the half-width about nominal")
+            )
         return made
 
     def _bind(self, binder: Binder, path: Path, draft: Draft, want: Wanted) -> Quantity:

@@ -36,7 +36,9 @@ class SenseCheck:
         for kind in ("bars", "ropes"):
             for name, bar in getattr(machine, kind).items():
                 if bar.EA is not None and bar.k is not None:
-                    self._fault("give `EA` or `k`, not both", (kind, name, "k"), at_key=True)
+                    self._fault(
+                        "give `EA` or `k`, not both", (kind, name, "k"), "delete one of them", at_key=True
+                    )
         for name, joint in machine.joints.items():
             self._check_joint(("joints", name), joint.type, joint)
             self._check_stiffness(("joints", name, "stiffness"), joint.stiffness)
@@ -94,7 +96,9 @@ class SenseCheck:
     def _check_beam(self, path: Path, beam: Beam) -> None:
         if (beam.section is None) != (beam.material is None):
             has, lacks = ("section", "material") if beam.section else ("material", "section")
-            self._fault(f"a beam with `{has}` needs `{lacks}`", (*path, has), None, at_key=True)
+            self._fault(
+                f"a beam with `{has}` needs `{lacks}`", (*path, has), f"add `{lacks}: NAME`", at_key=True
+            )
         for key in ("EA", "EI", "EIy", "EIz", "GJ"):
             if getattr(beam, key) is None:
                 continue
@@ -103,7 +107,9 @@ class SenseCheck:
                 what = f"`{key}` follows from section and material"
                 self._fault(what, (*path, key), hint, at_key=True)
             elif beam.EI is not None and key in ("EIy", "EIz"):
-                self._fault(f"give `EI` or `{key}`, not both", (*path, key), None, at_key=True)
+                self._fault(
+                    f"give `EI` or `{key}`, not both", (*path, key), "delete one of them", at_key=True
+                )
             elif self.planar and key in ("EIy", "GJ"):
                 what = f"`{key}` means nothing in the plane"
                 self._fault(what, (*path, key), "the plane knows `EA` and `EI`", at_key=True)
@@ -129,14 +135,14 @@ class SenseCheck:
         for key in given:
             parts = key.split("_")
             if self.planar and key != "radial" and not set(parts) <= set(PLANAR):
-                self._fault(f"there is no `{key}` in the plane", (*path, key), None, at_key=True)
+                self._fault(f"there is no `{key}` in the plane", (*path, key), "delete it", at_key=True)
             missing = [part for part in parts if part not in given]
             if len(parts) == 2 and missing:
                 what = f"coupling `{key}` needs the stiffness `{missing[0]}`"
                 self._fault(what, (*path, key), f"give `{parts[0]}` and `{parts[1]}`", at_key=True)
             if "radial" in given and key in ("x", "y", "z"):
                 what = f"`{key}` and `radial` exclude one another"
-                self._fault(what, (*path, key), None, at_key=True)
+                self._fault(what, (*path, key), "delete one of them", at_key=True)
 
     def _check_actuator(self, path: Path, name: str, actuator: Actuator) -> None:
         keys = [key for key in KINDS if getattr(actuator, key) is not None]
@@ -176,7 +182,7 @@ class SenseCheck:
         wanted = "prismatic" if key == "drives" else "revolute"
         if joint is not None and joint.type != wanted:
             what = f"joint `{actuator.target}` is {joint.type}, `{key}` wants a {wanted} one"
-            self._fault(what, (*path, key), None)
+            self._fault(what, (*path, key), f"give the joint `type: {wanted}`")
 
     def _check_sensor(self, path: Path, sensor: Sensor) -> None:
         for channel in sensor.reads:

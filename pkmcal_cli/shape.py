@@ -20,6 +20,8 @@ from pkmcal_cli.yaml_tree import Path, SourceMap
 
 _ROUNDS = 8
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_TWO = "for example `between: [p, q]`, `limits: [low, high]`"
+_MAP = "write `name: {...}` entries, not a list"
 _DECISIVE = ("moves", "drives", "turns", "winds", "unit", "radius", "reads", "nominal")
 """Keys on which the meaning of their siblings hangs."""
 
@@ -138,7 +140,7 @@ def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultL
         faults.add(source.fault("unknown-key", what, path, hint, 0, True))
     elif kind == "missing" and isinstance(loc[-1], int):
         what = f"2 entries are wanted{_of(loc[:-1])}, not {len(found['input'])}"
-        faults.add(source.fault("value", what, path))
+        faults.add(source.fault("value", what, path, _TWO))
     elif kind == "missing":
         owner = _owner(loc[:-1])
         what = f"`{loc[-1]}` is missing{_of(loc[:-1])}"
@@ -162,13 +164,13 @@ def _plain_words(found: Mapping[str, Any]) -> tuple[str, str | None]:
     if kind == "string_type":
         return f"a name or text is wanted here, not {shown}", hint_of(raw)
     if kind == "int_type":
-        return f"a whole number is wanted here, not {shown}", None
+        return f"a whole number is wanted here, not {shown}", "for example 1"
     if kind in ("dict_type", "model_type", "model_attributes_type"):
-        return f"a map (`name: ...`) is wanted here, not {shown}", None
+        return f"a map (`name: ...`) is wanted here, not {shown}", _MAP
     if kind == "tuple_type":
-        return f"a list is wanted here, not {shown}", None
+        return f"a list is wanted here, not {shown}", _TWO
     if kind == "too_long":
-        return f"{context['max_length']} entries are wanted here, not {context['actual_length']}", None
+        return f"{context['max_length']} entries are wanted here, not {context['actual_length']}", _TWO
     if kind in ("greater_than_equal", "less_than_equal"):
         return f"{shown} is out of range: {found['msg'].removeprefix('Input should be ')}", None
     return str(found["msg"]), None

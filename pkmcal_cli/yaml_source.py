@@ -17,7 +17,7 @@ from typing import Any
 import yaml
 
 from pkmcal_cli.errors import BadInput, FaultList, Location
-from pkmcal_cli.yaml_tree import Scalar, SourceNode
+from pkmcal_cli.yaml_tree import Scalar, SourceNode, size_of
 
 MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 64
@@ -31,6 +31,8 @@ _INT = re.compile(r"[-+]?[0-9]+")
 _BASED = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_FINITE = "give a finite number"
+_LARGE = "no machine file needs as much; is it the right file?"
 _WORDS: dict[str, bool | None] = {
     "": None, "~": None, "null": None, "Null": None, "NULL": None, "true": True, "True": True,
     "TRUE": True, "false": False, "False": False, "FALSE": False,
@@ -86,8 +88,8 @@ def _decode(file: str, data: bytes) -> str:
         raise BadInput.single(what, where, "save the file as UTF-8", "encoding") from None
 
 
-def _refused(file: str, code: str, what: str) -> BadInput:
-    return BadInput.single(what, Location(file, 0), None, code)
+def _refused(file: str, code: str, what: str, hint: str | None = None) -> BadInput:
+    return BadInput.single(what, Location(file, 0), hint, code)
 
 
 class _Builder:
@@ -118,12 +120,14 @@ class _Builder:
             what = f"not valid YAML: {error.problem or error.context}"
             if error.context and error.context_mark:
                 what += f" ({error.context} begun in line {error.context_mark.line + 1})"
-            raise self.fault("yaml", what, where, _yaml_hint(self.lines, where)) from None
+            raise self.fault(
+                "yaml", what, where, _yaml_hint(self.lines, where, error.problem or "")
+            ) from None
         except yaml.reader.ReaderError as error:
             head = text[: error.position]
             where = Location(self.file, head.count("\n") + 1, len(head) - head.rfind("\n"))
             what = f"character #x{error.character:04x} cannot stand in YAML"
-            raise self.fault("yaml", what, where) from None
+            raise self.fault("yaml", what, where, "delete it") from None
 
     def build(self, text: str) -> SourceNode:
         root: SourceNode | None = None
@@ -150,9 +154,10 @@ class _Builder:
 
     def checked_root(self, root: SourceNode | None) -> SourceNode:
         if root is None or root.value is None:
-            raise _refused(self.file, "yaml", "the file is empty")
+            raise _refused(self.file, "yaml", "the file is empty", "begin with `space: planar`")
         if not isinstance(root.value, dict):
-            raise self.fault("yaml", "a machine file is a map (`key: value`)", root.where)
+            hint = "begin with, for example, `space: planar`"
+            raise self.fault("yaml", "a machine file is a map (`key: value`)", root.where, hint)
         return root
 
     def node(self, event: Any, depth: int) -> tuple[SourceNode, _Open | None]:
@@ -167,7 +172,7 @@ class _Builder:
         else:
             if depth >= MAX_DEPTH:
                 what = f"more than {MAX_DEPTH} levels of nesting"
-                raise self.fault("yaml", what, where)
+                raise self.fault("yaml", what, where, _LARGE)
             node = SourceNode({} if isinstance(event, yaml.MappingStartEvent) else [], where)
             opened = _Open(node, event.anchor or "")
             self.open_anchors.add(event.anchor or "")
@@ -178,17 +183,17 @@ class _Builder:
     def add(self, size: int, where: Location) -> None:
         self.count += size
         if self.count > MAX_NODES:
-            raise self.fault("yaml", f"more than {MAX_NODES} values in the file", where)
+            raise self.fault("yaml", f"more than {MAX_NODES} values in the file", where, _LARGE)
 
     def alias(self, anchor: str, where: Location) -> SourceNode:
         node = self.anchors.get(anchor)
         self.aliases += 1
         if node is None or anchor in self.open_anchors:
             what = "an alias inside its own anchor" if node else f"alias `*{anchor}` has no anchor"
-            raise self.fault("yaml", what, where)
+            raise self.fault("yaml", what, where, "give the value itself")
         if self.aliases > MAX_ALIASES:
-            raise self.fault("yaml", f"more than {MAX_ALIASES} aliases in the file", where)
-        size = _size(node)
+            raise self.fault("yaml", f"more than {MAX_ALIASES} aliases in the file", where, _LARGE)
+        size = size_of(node)
         self.add(size, where)
         return SourceNode(node.value, where, None, node.text, node.quoted, size)
 
@@ -217,13 +222,13 @@ class _Builder:
         if _BASED.fullmatch(text) and len(text) < 300:
             return int(text, 0)
         if _SPECIAL.fullmatch(text) or text in ("nan", "NaN", "inf", "Infinity", "-inf"):
-            self.faults.add(self.fault("value", f"`{text}` is no finite number", where).faults[0])
+            self.faults.add(self.fault("value", f"`{text}` is no finite number", where, _FINITE).faults[0])
             return 0.0
         if _FLOAT.fullmatch(text):
             number = float(text)
             if not math.isfinite(number):
                 what = f"`{text[:20]}` is too large a number"
-                self.faults.add(self.fault("value", what, where).faults[0])
+                self.faults.add(self.fault("value", what, where, _FINITE).faults[0])
                 return 0.0
             return number
         return text
@@ -270,27 +275,14 @@ class _Open:
             builder.faults.add(made.faults[0])
 
 
-def _size(node: SourceNode) -> int:
-    """How many values a node holds, aliases expanded."""
-    total, stack = 0, [node]
-    while stack:
-        at = stack.pop()
-        if at.size > 1:
-            total += at.size
-        elif isinstance(at.value, dict):
-            stack.extend(at.value.values())
-        elif isinstance(at.value, list):
-            stack.extend(at.value)
-        total += 1
-    return total
-
-
-def _yaml_hint(lines: list[str], where: Location) -> str | None:
+def _yaml_hint(lines: list[str], where: Location, problem: str) -> str:
     line = lines[where.line - 1] if 0 < where.line <= len(lines) else ""
     if "\t" in line:
         return "indent with spaces, not with tabs"
     if re.search(r":\s*[%@`]", line):
         return "quote a text that begins with a special character"
-    if re.search(r":\s.*:\s", line):
+    if "mapping values are not allowed" in problem:
         return "quote a text that contains a colon and a space"
-    return None
+    if "did not find expected ',' or" in problem or "expected ',' or" in problem:
+        return "check the brackets and commas here and above"
+    return "check indentation, brackets and colons here and in the line above"

@@ -86,3 +86,18 @@ class SourceMap:
         if line is None or text is None or line[start : start + len(text)] != text:
             return node.where
         return Location(node.where.file, node.where.line, start + offset + 1)
+
+
+def size_of(node: SourceNode) -> int:
+    """How many values a node holds, aliases expanded."""
+    total, stack = 0, [node]
+    while stack:
+        at = stack.pop()
+        if at.size > 1:
+            total += at.size
+        elif isinstance(at.value, dict):
+            stack.extend(at.value.values())
+        elif isinstance(at.value, list):
+            stack.extend(at.value)
+        total += 1
+    return total
