@@ -17,6 +17,7 @@ from scipy.linalg import lu, null_space
 from ..rotation import Array
 
 NULL = 1e-10
+_SHOWN = 0.005  # smaller coefficients are not worth a word
 _SHARE = 1e-6  # a parameter takes part in a direction when its component exceeds this
 
 
@@ -107,7 +108,8 @@ class Combination:
         if len(self.names) == 1:
             seen = "has no influence" if self.kind == "null" else "is barely seen"
             return f"{self.names[0]} {seen}"
-        parts = ", ".join(f"{n} {c:+.2f}" for n, c in zip(self.names, self.direction, strict=True))
+        terms = zip(self.names, self.direction, strict=True)
+        parts = ", ".join(f"{n} {c:+.2f}" for n, c in terms if abs(c) >= _SHOWN)
         return f"{parts} {'apart they are not seen' if self.kind == 'null' else 'are barely told apart'}"
 
 

@@ -11,13 +11,15 @@ from rich.console import Console
 from rich.table import Table
 
 _BAR = 24
+_WIDTH = 160  # of tables that do not go to a terminal
 
 
 class Reporter:
     """Writes for people to stderr, unless quiet."""
 
     def __init__(self, quiet: bool = False) -> None:
-        self.console = Console(stderr=True, quiet=quiet, soft_wrap=True, highlight=False)
+        wide = None if sys.stderr.isatty() else _WIDTH
+        self.console = Console(stderr=True, quiet=quiet, soft_wrap=True, highlight=False, width=wide)
 
     def say(self, text: str = "") -> None:
         """A line."""
@@ -37,7 +39,7 @@ class Reporter:
         table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
         for k, header in enumerate(headers):
             text = k < left or header in ("remark", "")
-            table.add_column(header, justify="left" if text else "right", overflow="fold")
+            table.add_column(header, justify="left" if text else "right", no_wrap=header != "remark")
         for row in rows:
             table.add_row(*(cell.replace("[", "\\[") for cell in row))
         self.console.print(table)

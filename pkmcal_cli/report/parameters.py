@@ -15,6 +15,9 @@ from ..unit_text import Unit, parse_unit
 from .numbers import finite, uncertain
 
 
+_FEW = 4  # names or terms that are listed one by one
+
+
 @dataclass(frozen=True)
 class ParameterRow:
     """One parameter: numbers in `unit`; `std` None where undetermined; `reason` why not (well) identified."""
@@ -80,7 +83,7 @@ def _reasons(fit: Fit) -> dict[str, str]:
         if combination.kind == "null":
             for name in combination.names:
                 others = [n for n in combination.names if n != name]
-                out[name] = f"undetermined: not told from {', '.join(others)}" if others else "no influence"
+                out[name] = f"undetermined: not told from {_listed(others)}" if others else "no influence"
     weak = _weak_share(fit.found)
     for name, share in zip(fit.selected, weak, strict=True):
         if name not in out and share > 0.5:
@@ -88,6 +91,11 @@ def _reasons(fit: Fit) -> dict[str, str]:
     for name in fit.at_bound:
         out.setdefault(name, "at its bound")
     return out
+
+
+def _listed(names: list[str]) -> str:
+    """A few names, or how many."""
+    return ", ".join(names) if len(names) <= _FEW else f"{len(names)} others"
 
 
 def _weak_share(found: Directions) -> Array:
@@ -133,6 +141,8 @@ def combination_text(model: Model, c: Combination, fit: Fit | None) -> str:
     """A combination in words: what is determined, with value, and that the members are not told apart."""
     if c.kind == "weak" or fit is None or not len(c.determined):
         return c.text
+    if len(c.names) > _FEW:
+        return f"{c.text} ({len(c.determined)} combinations of them are determined: see --json)"
     sums = []
     for coefficients, value, std, unit in determined_sums(model, c, fit):
         terms = ", ".join(f"{n} {v:+.2f}" for n, v in coefficients.items())

@@ -1,0 +1,32 @@
+"""`pkmcal observability`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ._options import Grid, Json, MachineFile, Parameters, PosesFile, Quiet, Select
+
+
+def observability(
+    machine: MachineFile,
+    poses: PosesFile = None,
+    grid: Grid = None,
+    parameters: Parameters = None,
+    select: Select = "auto",
+    offset: Annotated[
+        list[str] | None,
+        typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """What will these positions determine, how well, and what will they not tell apart?
+
+    Example: pkmcal observability machines/triglide-nonredundant.yaml --grid "x=0:950:3,y=160:390:77"
+    """
+    from ..workflow.analysis import AnalysisRequest, run_observability
+
+    request = AnalysisRequest(machine, poses, grid, parameters, select, tuple(offset or ()), as_json, quiet)
+    raise typer.Exit(run_observability(request))

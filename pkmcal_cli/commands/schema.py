@@ -1,0 +1,29 @@
+"""`pkmcal schema`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ._options import Force
+
+
+def schema(
+    output: Annotated[
+        str, typer.Option("-o", "--output", metavar="FILE.json", help="Where to write it; default stdout.")
+    ] = "-",
+    overlay: Annotated[bool, typer.Option("--overlay", help="For files with `extends`.")] = False,
+    force: Force = False,
+) -> None:
+    """Which keys may a machine file have? (JSON Schema for editors)
+
+    Example: pkmcal schema -o machine.schema.json
+    """
+    import json
+
+    from ..files import write_text
+    from ..schema import machine_schema
+
+    with write_text(output, force=force) as file:
+        file.write(json.dumps(machine_schema(overlay), indent=2) + "\n")

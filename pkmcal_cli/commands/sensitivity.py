@@ -1,0 +1,32 @@
+"""`pkmcal sensitivity`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ._options import Grid, Json, MachineFile, Parameters, PosesFile, Quiet, Select
+
+
+def sensitivity(
+    machine: MachineFile,
+    poses: PosesFile = None,
+    grid: Grid = None,
+    parameters: Parameters = None,
+    select: Select = "all",
+    offset: Annotated[
+        list[str] | None,
+        typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Which parameters move the TCP most, in position and orientation, over their ranges?
+
+    Example: pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
+    """
+    from ..workflow.analysis import AnalysisRequest, run_sensitivity
+
+    request = AnalysisRequest(machine, poses, grid, parameters, select, tuple(offset or ()), as_json, quiet)
+    raise typer.Exit(run_sensitivity(request))

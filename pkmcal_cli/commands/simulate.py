@@ -1,0 +1,40 @@
+"""`pkmcal simulate`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet
+
+
+def simulate(
+    machine: MachineFile,
+    poses: PosesFile = None,
+    grid: Grid = None,
+    parameters: Parameters = None,
+    method: Annotated[str, typer.Option("--method", help="exact, linear (the paper's one step) or rigid.")] = "exact",
+    noise: Annotated[str, typer.Option("--noise", metavar='declared|none|"10 um"', help="Noise to add.")] = "none",
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
+    forces: Annotated[bool, typer.Option("--forces", help="Add drive forces and strain energy.")] = False,
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", metavar="OUT.csv", help="Table to write; default stdout.")
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """What would the instruments read at these positions?
+
+    Rows of TCP coordinates are driven with the set values of the nominal machine. The table is one that `calibrate`
+    reads.
+
+    Example: pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
+    """
+    from ..workflow.simulate import SimulationRequest, run_simulation
+
+    request = SimulationRequest(
+        machine, poses, grid, parameters, method, noise, seed, forces, output, as_json, quiet, force
+    )
+    raise typer.Exit(run_simulation(request))
