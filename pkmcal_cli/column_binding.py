@@ -82,8 +82,9 @@ def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> 
     try:
         unit = parse_unit(cell.unit)
     except UnitError as error:
+        near = error.hint if error.hint and error.hint.startswith("did you mean") else None
         log.add(
-            Flaw("csv-unit", f"{error.what} of `{cell.text}`", error.hint or hint, *place),
+            Flaw("csv-unit", f"{error.what} of `{cell.text}`", near or hint, *place),
             reader.header_source(),
         )
         return column.si_unit, False

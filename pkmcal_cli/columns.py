@@ -117,11 +117,15 @@ def _reading(name: str, actuator: Actuator, machine: Machine, role: Role = "actu
 def _force(name: str, actuator: Actuator, machine: Machine) -> Column:
     """The force of an actuator; a crank's is a torque."""
     dimension = "torque" if actuator.travel_dimension == ANGLE else "force"
-    unit = machine.file_units.unit(_DIMENSIONS[dimension]).text
+    unit = machine.file_units.unit(_DIMENSIONS[dimension])
     if actuator.force is None:
-        return Column(f"{name}.force", f"{name}.force", "force", dimension, unit)
-    scale = actuator.force.scale.number(machine.nominal_values())
-    return Column(f"{name}.force", actuator.force.column or f"{name}.force", "force", dimension, unit, scale)
+        return Column(f"{name}.force", f"{name}.force", "force", dimension, unit.text)
+    factor = actuator.force.scale
+    scale = factor.number(machine.nominal_values())
+    if factor.dimension != NUMBER:  # force per number of the column
+        scale /= unit.scale
+    header = actuator.force.column or f"{name}.force"
+    return Column(f"{name}.force", header, "force", dimension, unit.text, scale)
 
 
 def _dimension_of(direction: str) -> str:

@@ -43,7 +43,8 @@ class FaultLog:
     def raise_if_any(self) -> None:
         """Raise BadInput with the faults, if there are any."""
         if self.faults:
-            raise BadInput(self.faults, self.total)
+            by_place = sorted(self.faults, key=lambda fault: fault.where or Location(self.file, 0))
+            raise BadInput(by_place, self.total)
 
 
 @dataclass(frozen=True)
@@ -104,9 +105,7 @@ class Parser:
         if not all(frame[i].isna().all() for i in range(len(self.names), width)):
             return None
         numbers = {i: frame[i].to_numpy() for i, kind in enumerate(self.kinds) if kind == "number"}
-        if not all(np.isfinite(values).all() for values in numbers.values()):
-            return None  # an empty cell, or a text such as "nan" or "inf"
-        if not all(rule.allowed(numbers[i]).all() for i, rule in self.plan.rules.items() if i in numbers):
+        if self._is_odd(numbers, block):
             return None
         chosen = [i for i, kind in enumerate(self.kinds) if kind == "text"]
         texts = {i: _texts(frame[i].fillna("").tolist()) for i in chosen}
@@ -114,6 +113,18 @@ class Parser:
             return None
         self.blank_lines, self._blank_before = self.blank_lines + self._blank_before, 0
         return Chunk(np.arange(first_line, first_line + lines, dtype=np.int64), numbers, texts)
+
+    def _is_odd(self, numbers: Mapping[int, FloatArray], block: str) -> bool:
+        """Whether the plain reader must look: infinite numbers, faults, rows that may be empty, a "nan"."""
+        for i, values in numbers.items():
+            rule = self.plan.rules.get(i)
+            if np.isinf(values).any() or (rule and not (rule.allowed(values) | np.isnan(values)).all()):
+                return True
+            if i in self.plan.required and np.isnan(values).any():
+                return True
+        gaps = [np.isnan(values) for values in numbers.values()]
+        empty = bool(np.logical_and.reduce(gaps).any())
+        return empty or (any(gap.any() for gap in gaps) and "nan" in block.lower())
 
     def _parse_slow(self, lines: Sequence[str], first_line: int, log: FaultLog) -> Chunk:
         """Line by line, cell by cell."""

@@ -76,7 +76,7 @@ def split_line(line: str, separator: str) -> list[str] | None:
     if line.count('"') % 2:
         return None
     if separator == SPACE:
-        return [a or b for a, b in _WORD.findall(line)]
+        return [a or b for a, b in _WORD.findall(line)] if '"' in line or "[" in line else line.split()
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]

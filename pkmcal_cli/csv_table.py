@@ -36,7 +36,7 @@ TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 HEAD = 1 << 16
 """So many bytes or characters tell how the file is written."""
 
-_BLOCK = 1 << 22  # characters read at once
+_BLOCK = 1 << 21  # characters read at once
 _LARGE = 1 << 22  # bytes; from here on the import of pandas pays
 
 

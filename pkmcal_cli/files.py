@@ -107,8 +107,12 @@ def write_text(target: Path | str, *, force: bool = False) -> Iterator[TextIO]:
     path = Path(target)
     if is_stream(target):
         with _output_errors("<stdout>"):
-            yield sys.stdout
-            sys.stdout.flush()
+            try:
+                yield sys.stdout
+                sys.stdout.flush()
+            except BrokenPipeError:
+                _drop_stdout()
+                raise
     elif _is_device(path):
         with _output_errors(str(path)), open(path, "w", encoding="utf-8", newline="\n") as file:
             yield file
@@ -155,6 +159,12 @@ def _exists(path: Path) -> OutputError:
 def _is_device(path: Path) -> bool:
     """A pipe or device such as /dev/null: written directly, never replaced."""
     return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _drop_stdout() -> None:
+    """The reader of the pipe has gone: what is left in the buffer goes nowhere, without a second error."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _sync(file: IO[str]) -> None:

@@ -168,7 +168,9 @@ class _File:
         """What was not measured, counted."""
         notes = []
         for name, actuator in self.machine.actuators.items():
-            if actuator.control == "force" and (n := self.gaps[f"{name}.force"]):
+            declared = actuator.force is not None and actuator.force.column is not None
+            expected = actuator.control == "force" and (declared or binding.named(f"{name}.force"))
+            if expected and (n := self.gaps[f"{name}.force"]):
                 notes.append(f"no force of {name} in {n} of {self.rows} rows: the machine's is taken")
         if self.require != "measured":
             return notes

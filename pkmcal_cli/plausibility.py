@@ -203,7 +203,7 @@ def _excess(value: float, limits: FloatArray) -> float:
 def _inside(
     readings: FloatArray, limits: FloatArray, i: int, names: Sequence[str], units: Sequence[Unit]
 ) -> str:
-    """What would bring all readings of an actuator inside its limits, if they also fill a good part of them."""
+    """What would bring all readings of an actuator inside its limits, so that they fill some of them."""
     values = readings[:, i]
 
     def fits(changed: FloatArray, k: int) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -159,3 +161,19 @@ def test_sha256(tmp_path: Path) -> None:
     assert sha256(tmp_path / "a") == expected
     with pytest.raises(BadInput):
         sha256(tmp_path / "b")
+
+
+def test_a_pipe_whose_reader_has_gone() -> None:
+    code = (
+        "import numpy as np; from pkmcal_cli.csv_table import write_table\n"
+        "from pkmcal_cli.errors import OutputError\n"
+        "try: write_table('-', [('x', 'mm', np.ones(200_000))])\n"
+        "except OutputError as error: raise SystemExit(error.exit_code)\n"
+    )
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        assert process.stdout.readline() == b"x [mm]\n"
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 4
