@@ -39,7 +39,7 @@ class Actuator:
     )
     unit: str
     dimension: str
-    force: float  # constant force of a force-controlled drive where no column gives it, N or N m
+    force_slot: int  # constant force of a force-controlled drive where no column gives it, N or N m
 
 
 @dataclass(frozen=True)

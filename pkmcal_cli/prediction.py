@@ -18,7 +18,7 @@ from .equilibrium.assembly import balance, typical_stiffness
 from .equilibrium.derivative import adjoint_derivative, lagrangian_gradient
 from .equilibrium.kinematics import State, drawn_state, place_prescribed
 from .equilibrium.newton import Effort, NewtonOptions, Slack, follow, newton, solve_rows
-from .equilibrium.readings import read_channels
+from .equilibrium.readings import forced_energy, read_channels
 from .equilibrium.status import RowStatus
 from .layout import DriveKind
 from .model import Model
@@ -124,7 +124,8 @@ def stage_slots(model: Model, values: Array, rows: Rows) -> Array:
     slots = np.repeat(model.layout.slots.values(model.by_name(values))[None], len(rows), axis=0)
     for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
         if drive.force_controlled:
-            force = np.where(np.isnan(rows.forces[:, a]), actuator.force, rows.forces[:, a])
+            given = rows.forces[:, a]
+            force = np.where(np.isnan(given), slots[:, actuator.force_slot], given)
             slots[:, drive.force_slot] += drive.force_sign * force
         else:
             slots[:, drive.slot] += slots[:, actuator.gain_slot] * rows.readings[:, a]
@@ -361,7 +362,12 @@ def _chain(
     """From slots to parameters (N, C, P') and drive readings (N, C, A); the command stage adds the gains' share."""
     by_drive = np.zeros((*by_slot.shape[:2], len(model.actuators)))
     for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
-        if not drive.force_controlled:
+        if drive.force_controlled:
+            undeclared = np.isnan(rows.forces[:, a])[:, None]
+            by_slot[..., actuator.force_slot] += (
+                undeclared * drive.force_sign * by_slot[..., drive.force_slot]
+            )
+        else:
             by_drive[..., a] = by_slot[..., drive.slot] * slots[:, None, actuator.gain_slot]
             by_slot[..., actuator.gain_slot] += by_slot[..., drive.slot] * rows.readings[:, None, a]
     if request.parameters is None:
@@ -380,19 +386,22 @@ def _forces(
 
     assert isinstance(system, System)
     gradient = lagrangian_gradient(system, slots, state, slack)
-    forces = np.zeros((len(slots), len(model.layout.drives)))
-    for a, drive in enumerate(model.layout.drives):
-        if drive.force_controlled:
-            forces[:, a] = drive.force_sign * slots[:, drive.force_slot]
-        elif drive.kind is DriveKind.STRAIN:
-            forces[:, a] = -drive.force_sign * gradient[:, drive.slot]
-        else:
-            forces[:, a] = gradient[:, drive.slot]
     now = balance(system, slots, state, 1.0, tangent=False, slack=slack)
     energy = np.zeros(len(slots))
     for group, e in zip(system.groups, now.strains, strict=True):
         s = stiffness_matrices(system, group, slots)
         energy += 0.5 * (e * (s @ e[..., None])[..., 0]).sum(axis=(1, 2))
+    forces = np.zeros((len(slots), len(model.layout.drives)))
+    for a, drive in enumerate(model.layout.drives):
+        if drive.force_controlled:
+            forces[:, a] = drive.force_sign * slots[:, drive.force_slot]
+            if drive.kind is DriveKind.STRAIN:
+                energy += forced_energy(system, slots, now.strains, drive)
+        elif drive.kind is DriveKind.STRAIN:
+            index, member, strain = drive.target
+            forces[:, a] = drive.force_sign * now.stresses[index][:, member, strain]
+        else:
+            forces[:, a] = gradient[:, drive.slot]
     return forces, energy
 
 

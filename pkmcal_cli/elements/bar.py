@@ -30,6 +30,13 @@ class Bar(Element):
         return chord_curvature(delta / length, stress[..., 0] / length[..., 0])
 
 
+@dataclass(frozen=True)
+class ElasticBar(Bar):
+    """A bar whose stiffness number is ES (N): what a drive winds or extends changes its stiffness ES/L too."""
+
+    per_length: ClassVar[bool] = True
+
+
 def chord_curvature(c: Array, tension_per_length: Array) -> Array:
     """(I - c c^T) N/l: the string stiffness of a member under tension N, (..., 3, 3)."""
     return np.asarray(tension_per_length[..., None, None] * (np.eye(3) - outer(c, c)))

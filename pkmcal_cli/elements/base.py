@@ -25,6 +25,7 @@ class Element(ABC):
     """One kind of element; instances differ only in which of its strains they use."""
 
     uses_triads: ClassVar[bool] = True
+    per_length: ClassVar[bool] = False  # stiffness numbers are divided by the first rest value, a natural length
 
     @property
     @abstractmethod

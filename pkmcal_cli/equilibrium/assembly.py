@@ -34,6 +34,8 @@ def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
     count, width = group.group.shape
     patterns = group.group.element.patterns
     numbers = slots[:, group.group.stiffness].reshape(len(slots), count, len(patterns))
+    if group.group.element.per_length:
+        numbers = numbers / slots[:, group.group.rest].reshape(len(slots), count, width)[..., :1]
     full = (
         np.tensordot(numbers, patterns, axes=(2, 0))
         if len(patterns)

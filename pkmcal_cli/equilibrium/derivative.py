@@ -61,8 +61,13 @@ def lagrangian_gradient(system: System, slots: Array, state: State, slack: Slack
         stress = stresses_of(slots, system, group, e, state, stiffness)
         _pull(sums, system, index, (stress[..., None, :] @ b)[..., 0, :])
         energy = 0.5 * np.einsum("pkl,nek,nel->nep", group.group.element.patterns, acting, acting)
+        pull = stress.copy()
+        if group.group.element.per_length:
+            energy = energy / rest[..., :1]
+            numbers = slots[:, group.group.stiffness].reshape(energy.shape)
+            pull[..., 0] += (numbers * energy / rest[..., :1]).sum(-1)
         sums.slots[:, group.group.stiffness] = energy.reshape(len(state), -1)
-        sums.slots[:, group.group.rest] = -stress.reshape(len(state), -1)
+        sums.slots[:, group.group.rest] = -pull.reshape(len(state), -1)
         if system.loaded:
             sums.slots[:, group.group.prestress] = (e * group.stressed).reshape(len(state), -1)
     _arm_slots(system.layout, state, sums)

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..layout import Drive, DriveKind, Layout
+from ..layout import Drive, DriveKind, Group, Layout
 from ..rotation import Array, log, log_jacobian
 from .assembly import port_triads
 from .derivative import point_gradient, strain_gradient
@@ -157,9 +157,36 @@ def _strain_position(
         direct += strain_gradient(system, slots, state, drive.target)
     if group.group.rigid[e, m]:
         return position
-    stiffness_slot = group.group.stiffness.start + e * len(group.group.element.patterns) + m
-    tension, stiffness = slots[:, drive.force_slot], slots[:, stiffness_slot]
+    stiffness_slot = _own_stiffness(group.group, e, m)
+    tension, stiffness = slots[:, drive.force_slot] * system.loaded, slots[:, stiffness_slot]
+    if group.group.element.per_length:  # the natural length L of l = L (1 + tension / ES)
+        natural = position / (1.0 + tension / stiffness)
+        share = (natural / position)[:, None]
+        unknowns *= share
+        direct *= share
+        direct[:, drive.force_slot] -= natural / (stiffness + tension) * system.loaded
+        direct[:, stiffness_slot] += natural / (stiffness + tension) * tension / stiffness
+        return np.asarray(natural)
     if derivatives:
-        direct[:, drive.force_slot] -= 1.0 / stiffness
+        direct[:, drive.force_slot] -= 1.0 / stiffness * system.loaded
         direct[:, stiffness_slot] += tension / stiffness**2
     return np.asarray(position - tension / stiffness)
+
+
+def _own_stiffness(group: Group, e: int, m: int) -> int:
+    """Slot of the stiffness number of one strain that has one of its own."""
+    return group.stiffness.start + e * len(group.element.patterns) + m
+
+
+def forced_energy(system: System, slots: Array, strains: tuple[Array, ...], drive: Drive) -> Array:
+    """Energy (N,), J, of the member that a force-controlled drive strains: T^2 / (2 k), or T^2 L / (2 ES)."""
+    index, e, m = drive.target
+    group = system.groups[index].group
+    if group.rigid[e, m] or not system.loaded:
+        return np.zeros(len(slots))
+    tension, stiffness = slots[:, drive.force_slot], slots[:, _own_stiffness(group, e, m)]
+    energy = 0.5 * tension**2 / stiffness
+    if group.element.per_length:
+        length = strains[index][:, e, m] + slots[:, drive.slot]
+        energy = energy * length / (1.0 + tension / stiffness)
+    return np.asarray(energy)
