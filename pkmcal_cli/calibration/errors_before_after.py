@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inverse import drive_positions, independent_coordinates
-from ..layout import DriveKind
+from ..layout import Drive, DriveKind
+from ..model import Model
 from ..rotation import Array
 from .residual import Evaluation, Problem
 
@@ -57,17 +58,12 @@ def _figures(kind: str, squares: Array, dimension: str) -> ErrorFigures:
 
 
 def length_residuals(problem: Problem, values: Array) -> Array:
-    """Measured drive position minus that which the measured pose asks for, (N, L) m, of the L drives with lengths.
+    """Measured line or leg length minus that which the measured pose asks for, (N, L) m, of the L drives that set one.
 
     The drives are strain-free at the measured pose; nan where the pose was not fully measured.
     """
     model = problem.model
-    turning = {"angle"}
-    drives = [
-        a
-        for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True))
-        if drive.kind is not DriveKind.ROTATION and not (actuator.dimension in turning and drive.kind is DriveKind.TRAVEL)
-    ]
+    drives = [a for a, drive in enumerate(model.layout.drives) if _sets_length(model, drive)]
     poses, rows = _measured_poses(problem)
     out = np.full((len(problem), len(drives)), np.nan)
     if not drives or not len(rows):
@@ -78,6 +74,14 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     gains = np.array([slots[model.actuators[a].gain_slot] for a in drives])
     out[rows] = (read[rows][:, drives] - found.readings[:, drives]) * gains
     return out
+
+
+def _sets_length(model: Model, drive: Drive) -> bool:
+    """Whether a drive sets the length of a bar or rope: a telescopic leg or a spool."""
+    if drive.kind is not DriveKind.STRAIN:
+        return False
+    group, _, m = drive.target
+    return model.layout.groups[group].element.strains[m] == "elongation"
 
 
 def _drive_readings(problem: Problem) -> Array:

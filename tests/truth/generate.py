@@ -30,6 +30,18 @@ METHOD = {
 }
 
 
+SCISSORS_NINE = ("g1", "g2", "xa1", "l3", "xa2", "ya1", "l4", "ya2", "ya4")
+"""The parameters that the paper identifies; the only ones with planted errors, as in the machine file."""
+
+
+def identified(names: list[str]) -> set[str]:
+    """Parameters that the shipped machine files identify: no stiffness, not the Triglide's gamma; the paper's nine
+    of the Scissors."""
+    if "xa5" in names:
+        return set(SCISSORS_NINE)
+    return {n for n in names if not n.startswith("k") and n != "gamma"}
+
+
 @dataclass(frozen=True)
 class Campaign:
     """A measurement file: machine, poses (N, k) in m and rad, sd of the noise of a position in m and of an
@@ -44,9 +56,12 @@ class Campaign:
 
     def planted(self) -> dict[str, float]:
         """True parameters, SI: nominal plus a normal error of sd range / 2, the same for the same name and
-        seed."""
-        machine, true = self.machine, {}
+        seed, for those that the machine file identifies."""
+        machine, true = self.machine, dict(self.machine.nominal)
+        free = identified(list(true))
         for name, value in machine.nominal.items():
+            if name not in free:
+                continue
             draw = np.random.default_rng([self.error_seed, *name.encode()]).normal()
             true[name] = value + draw * machine.ranges[name] / 2
         return true
