@@ -15,6 +15,7 @@ from ..rotation import Array
 from .structure import Drawing
 
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
+_NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size
 _CHEAP = 1e4  # a drive moves this much more readily than anything else when the drawing is assembled
 
 
@@ -41,6 +42,7 @@ class Mobility:
     undetermined: int  # motions that the drives not marked redundant leave free
     overdetermined: int  # drives not marked redundant that are too many
     rigid_loops: tuple[str, ...]  # elements of closed loops in which nothing yields
+    nearby: int  # degrees of freedom near the drawing; another number means a special position
 
 
 def machine_length(layout: Layout) -> float:
@@ -143,6 +145,27 @@ def _moved(layout: Layout, links: LinkMap, system: System, state: State, arms: A
     return np.swapaxes(out, 1, 2).reshape(-1, system.unknowns)
 
 
+def near_drawing(layout: Layout, length: float) -> int:
+    """Degrees of freedom at a pose a little way along the mechanism's own motion."""
+    system = all_drives(layout, DriveState.RELEASED)
+    slots = layout.slots.constants[None]
+    state = drawn_state(layout, slots, 1, system.constraints)
+    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
+    basis = null_space(strain_rows(system, slots, state, length).jacobian)
+    if basis.shape[1] == 0:
+        return 0
+    way = basis @ np.random.default_rng(0).normal(size=basis.shape[1])
+    step = _NEAR * way / np.abs(way).max()
+    for _ in range(30):
+        full = np.concatenate([step * unit, np.zeros(system.constraints)])
+        state = advance(system, state, full[None], 1.0)
+        rows = strain_rows(system, slots, state, length)
+        step = -np.linalg.lstsq(rows.jacobian, rows.values, rcond=1e-9)[0] if len(rows.values) else 0.0 * step
+        if np.abs(step).max(initial=0.0) < 1e-14:
+            break
+    return system.unknowns - rank(strain_rows(system, slots, state, length).jacobian)
+
+
 def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[str, ...]) -> Mobility:
     """Counts by rank at the drawing, free motions already held."""
     slots = layout.slots.constants[None]
@@ -177,6 +200,7 @@ def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[s
         substructure.shape[1] - rs,
         substructure.shape[0] - rs - own_stress,
         _rigid_loops(engaged.names, engaged.jacobian[engaged.rigid], engaged.rigid),
+        near_drawing(layout, length),
     )
 
 

@@ -6,16 +6,27 @@ from ..errors import Fault
 from ..machine import Machine
 from .assemble import Gap, Mobility
 from .build import Compiled
+from .connection import loose_parts
 
 GAP = 0.01  # a drawing that does not close by more than this share of the machine's size is a fault
 
 
 def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     """Faults (errors and warnings) of mobility, closed loops and the drawing's assembly."""
+    loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
+    if loose:
+        return loose
     faults = [_gap_fault(machine, gap, compiled.model.length) for gap in _worst_gaps(compiled.gaps)]
     if any(f.severity == "error" for f in faults):
         return faults  # ranks of a drawing that does not close mean nothing
     return faults + _mobility_faults(machine, compiled.mobility)
+
+
+def _loose_fault(machine: Machine, name: str) -> Fault:
+    section = "bodies" if name in machine.bodies else "nodes"
+    hint = "join it by a member, a joint or a guide, hold it (`fixed`), or take it out"
+    what = f"nothing joins `{name}` to the base: the bodies are not connected"
+    return machine.source.fault("connection", what, (section, name), hint, at_key=True)
 
 
 def _worst_gaps(gaps: tuple[Gap, ...]) -> list[Gap]:
@@ -55,6 +66,12 @@ def _mobility_faults(machine: Machine, found: Mobility) -> list[Fault]:
         what = f"{found.overdetermined} drives more than the mechanism has freedom for are not marked redundant ({counts})"
         hint = f"mark {found.overdetermined} of them `redundant: true`"
         faults.append(machine.source.fault("mobility", what, at, hint))
+    if found.nearby != found.degrees_of_freedom:
+        what = (
+            f"the drawing is a special position: {found.degrees_of_freedom} degrees of freedom there, "
+            f"{found.nearby} beside it ({counts})"
+        )
+        faults.append(machine.source.fault("mobility", what, at, "draw the machine in an ordinary pose"))
     if found.rigid_loops:
         members = ", ".join(f"`{n}`" for n in found.rigid_loops)
         path = _path(machine, found.rigid_loops[0])
