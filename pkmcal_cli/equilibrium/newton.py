@@ -14,6 +14,7 @@ from .kinematics import State, advance, place_prescribed
 from .status import RowStatus
 from .system import System
 
+_DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding
 
 
@@ -92,7 +93,7 @@ def newton(
         moved = advance(system, part, step, scale)
         state = moved if len(active) == rows else state.put(active, moved)
         done = _accepted(size, previous[active], options.tolerance) & finite & ~changed
-        lost = ~finite | (
+        lost = (size > _DIVERGED) | ~finite | (
             (size > options.contraction * previous[active]) & (size > 1e-9) & ~changed & (iteration > 0)
         )
         status[active[done]] = RowStatus.SOLVED

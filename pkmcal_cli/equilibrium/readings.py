@@ -175,7 +175,7 @@ def _strain_position(
 
 def _own_stiffness(group: Group, e: int, m: int) -> int:
     """Slot of the stiffness number of one strain that has one of its own."""
-    return group.stiffness.start + e * len(group.element.patterns) + m
+    return int(group.stiffness.start) + e * len(group.element.patterns) + m
 
 
 def forced_energy(system: System, slots: Array, strains: tuple[Array, ...], drive: Drive) -> Array:
