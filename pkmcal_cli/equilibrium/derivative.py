@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..layout import Layout, Turn
+from ..layout import Turn
 from ..rotation import Array, cross, left_jacobian, log
 from .assembly import port_triads, stiffness_matrices, stresses_of
 from .kinematics import State, advance, arm_vectors, link_vectors
@@ -70,7 +70,7 @@ def lagrangian_gradient(system: System, slots: Array, state: State, slack: Slack
         sums.slots[:, group.group.rest] = -pull.reshape(len(state), -1)
         if system.loaded:
             sums.slots[:, group.group.prestress] = (e * group.stressed).reshape(len(state), -1)
-    _arm_slots(system.layout, state, sums)
+    _arm_slots(system, state, sums)
     return sums.slots
 
 
@@ -78,7 +78,7 @@ def point_gradient(system: System, slots: Array, state: State, forces: Array) ->
     """Direct dependence on slots of the sum of forces (N, points, 3) times reading points: (N, S)."""
     sums = _start(system, slots, state)
     sums.force[:, system.layout.points] = forces
-    _arm_slots(system.layout, state, sums)
+    _arm_slots(system, state, sums)
     return sums.slots
 
 
@@ -93,7 +93,7 @@ def strain_gradient(system: System, slots: Array, state: State, target: tuple[in
     only = np.zeros_like(b[..., 0, :])
     only[:, e] = b[:, e, m]
     _pull(sums, system, index, only)
-    _arm_slots(system.layout, state, sums)
+    _arm_slots(system, state, sums)
     return sums.slots
 
 
@@ -106,15 +106,17 @@ def _pull(sums: _Sums, system: System, index: int, pull: Array) -> None:
         np.add.at(sums.moment, (slice(None), group.rotation[1]), pull[..., 6:9])
 
 
-def _arm_slots(layout: Layout, state: State, sums: _Sums) -> None:
+def _arm_slots(system: System, state: State, sums: _Sums) -> None:
     """Chain link forces and port moments to offsets, prescribed travels, frames and driven angles."""
+    layout = system.layout
     table, out, moment = layout.arms, sums.slots, sums.moment
     pull = sums.force[:, table.link]  # (N, A, 3)
     local = (np.swapaxes(state.rotation[:, table.rotation], -1, -2) @ pull[..., None])[..., 0]
     for p in range(table.offset.shape[1]):
         where = table.offset_slots[table.offset[:, p]]  # (A, 3)
         np.add.at(out, (slice(None), where), table.sign[:, p, None] * local)
-    driven = np.nonzero(layout.travel_slots >= 0)[0]
+    held = system.place[: len(layout.travel_slots)] < 0
+    driven = np.nonzero(held & (layout.travel_slots >= 0))[0]
     along = local.reshape(len(local), -1) @ table.travel[driven].T
     np.add.at(out, (slice(None), layout.travel_slots[driven]), along)
     np.add.at(moment, (slice(None), table.rotation), cross(sums.arms, pull))
@@ -124,7 +126,7 @@ def _arm_slots(layout: Layout, state: State, sums: _Sums) -> None:
             vector = log(state.rotation[:, r].real @ rotations.drawn[r].T)
             turned = np.swapaxes(left_jacobian(vector), -1, -2) @ moment[:, r, :, None]
             np.add.at(out, (slice(None), rotations.slots[r]), turned[..., 0])
-        else:
+        elif system.place[layout.rotation_dofs[r]] < 0:
             out[:, rotations.slots[r, 0]] += moment[:, r] @ rotations.axis[r]
 
 
