@@ -15,8 +15,7 @@ from .equilibrium.status import RowStatus
 from .equilibrium.system import DriveState, System, build_system
 from .layout import DriveKind
 from .model import Model
-from .prediction import drawing_slots, stage_slots
-from .prediction import Rows
+from .prediction import Rows, drawing_slots, stage_slots
 from .rotation import Array, log
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")

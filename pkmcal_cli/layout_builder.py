@@ -162,7 +162,8 @@ class LayoutBuilder:
     def build(self, drives: Sequence[tuple[Drive, str, str]], held: Sequence[int] = ()) -> Layout:
         """The frozen layout. `drives`: a drive with the element and strain names of a STRAIN target."""
         ordered = self._groups()
-        groups, sequence = [], []
+        groups: list[Group] = []
+        sequence: list[_Link] = []
         for element, links in ordered:
             start = len(sequence)
             sequence += links

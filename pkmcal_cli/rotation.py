@@ -6,11 +6,13 @@ base axes applied from the left: R <- exp([theta]x) R (rad).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+Array = NDArray[Any]
+"""Numbers: real, or complex where a derivative is taken by complex step."""
 
 _SMALL = 1e-4  # below this angle (rad) the series of sin and cos are exact to double precision
 
@@ -100,6 +102,6 @@ def log_jacobian(theta: Array) -> Array:
     return np.asarray(np.eye(3) - 0.5 * k + c[..., None, None] * (k @ k))
 
 
-def first_order(theta: ComplexArray, rotation: Array) -> ComplexArray:
+def first_order(theta: Array, rotation: Array) -> Array:
     """(I + [theta]x) R: exact for the complex step, where theta is i times an infinitesimal vector."""
     return np.asarray(rotation + skew(theta) @ rotation)

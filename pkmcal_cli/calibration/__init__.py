@@ -1,1 +1,1 @@
-"""Identification on top of the one prediction: residuals, fit, identifiability, sensitivity, observability, hold-out."""
+"""Identification on top of the one prediction: residuals, fit, identifiability, sensitivity, hold-out."""

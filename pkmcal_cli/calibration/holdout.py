@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..measurement_set import Measurements
+from ..rotation import Array
 from .errors_before_after import ErrorFigures, error_figures
 from .identify import Fit, identify
 from .residual import Evaluation, Problem, evaluate
-from ..rotation import Array
 
 _CELLS = 4  # cells along each axis of the workspace
 ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default

@@ -82,7 +82,7 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array) -> Direct
         empty = np.zeros(0)
         return Directions(names, ranges, empty, np.zeros((0, 0)), empty.astype(bool), empty.astype(bool))
     if len(scaled) > 4 * p:
-        scaled = np.linalg.qr(scaled, mode="r")
+        scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, s, vt = np.linalg.svd(scaled)
     null = s <= NULL * max(float(s[0]), 1e-300)
     return Directions(names, ranges, s, vt, null, ~null & (s < 1.0))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equilibrium.kinematics import State
 from ..rotation import Array
 from .identifiability import Directions, directions
 from .residual import Evaluation, Linearised, Problem, chi_square, evaluate, linearise
@@ -47,7 +46,7 @@ class Fit:
     @property
     def std(self) -> Array:
         """Standard uncertainties (p,) of the selected parameters, nan where undetermined."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def chi2_per_dof(self) -> float:
@@ -124,7 +123,11 @@ def _advance(
             gained = near.chi2 - chi_square(problem, trial)
             if gained >= -1e-12 * near.chi2:
                 good = gained > 0.5 * (near.chi2 - _hoped(scale, near, step))
-                return trial, (0.0 if damping < _light(near, scale) else (0.1 if good else 1.0) * damping), False
+                return (
+                    trial,
+                    (0.0 if damping < _light(near, scale) else (0.1 if good else 1.0) * damping),
+                    False,
+                )
         damping = max(10.0 * damping, _light(near, scale))
     return now, damping, False
 

@@ -180,15 +180,12 @@ def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[s
     freedom = released.shape[1] - r
     own_stress = released.shape[0] - r
     states = tuple(
-        DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED
-        for d in layout.drives
+        DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED for d in layout.drives
     )
     substructure, _ = at(build_system(layout, states, False))
     rs = rank(substructure)
     engaged_system = all_drives(layout, DriveState.ENGAGED)
-    engaged = strain_rows(
-        engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length
-    )
+    engaged = strain_rows(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
     return Mobility(
         released.shape[1],
         freedom,

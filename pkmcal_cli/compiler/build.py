@@ -7,19 +7,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..equilibrium.kinematics import drawn_state
-from ..equilibrium.mobility import pivots
 from ..elements import Joint
+from ..equilibrium.kinematics import drawn_state
+from ..equilibrium.mobility import pivots, strain_rows
+from ..equilibrium.system import DriveState
 from ..layout import GROUND, DriveKind, Layout, Turn
 from ..layout_builder import LayoutBuilder, Point, Port
 from ..machine import Machine, Sensor
 from ..model import Actuator, Channel, Model, ModelParameter
 from ..rotation import Array
 from . import assemble as asm
+from .bars import add_bars
+from .beams import add_beams
 from .drives import PlacedDrive, add_drive, leg_lengths
-from .members import add_bars, add_beams, add_guides, add_joints, add_loads
+from .joints import add_guides, add_joints
 from .numbers import is_zero, vector
 from .structure import Drawing, Structure
+from .weights import add_loads
 
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -86,9 +90,7 @@ def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:
     builder = structure.builder
     port = builder.points[0].ports[1]
     base = Port(Point(), GROUND)
-    builder.aim(
-        Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port)
-    )
+    builder.aim(Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port))
     if sensors and sensors[0].rotation != GROUND:
         slots = [builder.slot(0.0, f"tcp.turn.{c}") for c in "xyz"]
         aim = builder.rotation(Turn.FIXED, "tcp.aim", drawn=structure.orientation(port.rotation), slots=slots)
@@ -147,9 +149,7 @@ def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator
     sigma = math.nan if spec.sigma is None else spec.sigma.number(nominal)
     dimension = spec.reading_dimension
     unit = spec.unit or machine.file_units.unit(dimension).text
-    return Actuator(
-        placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, placed.force_slot
-    )
+    return Actuator(placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, placed.force_slot)
 
 
 def _channels(
@@ -181,18 +181,14 @@ def _channels(
     for a, (drive, actuator) in enumerate(zip(layout.drives, actuators, strict=True)):
         if drive.force_controlled:
             gain = abs(float(layout.slots.constants[actuator.gain_slot]))
-            out.append(
-                Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension)
-            )
+            out.append(Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension))
     return tuple(out)
 
 
 def _drawn_readings(layout: Layout, actuators: tuple[Actuator, ...]) -> Array:
     """Readings of all drives at the assembled drawing, (A,)."""
-    from ..equilibrium.mobility import strain_rows
-
     slots = layout.slots.constants[None]
-    engaged = asm.all_drives(layout, asm.DriveState.ENGAGED)
+    engaged = asm.all_drives(layout, DriveState.ENGAGED)
     state = drawn_state(layout, slots, 1, engaged.constraints)
     rows = strain_rows(engaged, slots, state, 1.0)
     strains = dict(zip(rows.names, rows.values.tolist(), strict=True))

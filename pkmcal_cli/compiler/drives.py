@@ -11,8 +11,9 @@ from ..layout import Drive, DriveKind, Turn
 from ..layout_builder import Number, Port
 from ..machine import Actuator, axis_vector
 from ..slots import Formula
-from .members import add_joint_link, rest_length
-from .numbers import combined, constant_vector, number, triad_along, unit
+from .bars import rest_length
+from .joints import add_joint_link
+from .numbers import combined, constant_vector, number, triad_about, triad_along, unit
 from .structure import Structure
 
 
@@ -97,9 +98,7 @@ def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDriv
     return PlacedDrive(drive, element, strain, gain_slot, force_slot)
 
 
-def _drive(
-    name: str, actuator: Actuator, kind: DriveKind, slot: int, target: tuple[int, ...], sign: float
-) -> Drive:
+def _drive(name: str, actuator: Actuator, kind: DriveKind, slot: int, target: tuple[int, ...], sign: float) -> Drive:
     forced = actuator.control == "force"
     return Drive(name, kind, slot, target, -1, sign, actuator.redundant, forced, actuator.stiffness is None)
 
@@ -112,7 +111,7 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     if actuator.offset is not None:
         base = combined(lambda z, o: z + o, base, number(actuator.offset))
     if actuator.stiffness is None:
-        slot, drawn, free, label = b.travels[travel]
+        _, drawn, free, label = b.travels[travel]
         b.travels[travel] = (b.slot(base, f"{name}.position"), drawn, free, label)
         drive = _drive(name, actuator, DriveKind.TRAVEL, b.travels[travel][0], (travel,), 1.0)
         if actuator.control == "force":
@@ -170,8 +169,6 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     spec = structure.machine.joints[joint]
     ports = (structure.port(spec.between[0], True), structure.port(spec.between[1], True))
     about = unit(constant_vector(axis_vector(spec.axis or "z", 3), structure.nominal))
-    from .numbers import triad_about
-
     stiffness = {} if actuator.stiffness is None else {"angle": number(actuator.stiffness)}
     add_joint_link(
         structure,

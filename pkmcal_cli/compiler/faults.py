@@ -63,7 +63,9 @@ def _mobility_faults(machine: Machine, found: Mobility) -> list[Fault]:
         hint = "take `redundant: true` (or `control: force`) from as many drives"
         faults.append(machine.source.fault("mobility", what, at, hint))
     if found.overdetermined > 0:
-        what = f"{found.overdetermined} drives more than the mechanism has freedom for are not marked redundant ({counts})"
+        what = (
+            f"{found.overdetermined} drives more than the mechanism has freedom for are not marked redundant ({counts})"
+        )
         hint = f"mark {found.overdetermined} of them `redundant: true`"
         faults.append(machine.source.fault("mobility", what, at, hint))
     if found.nearby != found.degrees_of_freedom:

@@ -25,15 +25,13 @@ def combined(function: Callable[..., complex], *parts: Number | Quantity) -> Num
     names = tuple(dict.fromkeys(n for v in values if isinstance(v, Formula) for n in v.names))
     if not names:
         return float(np.real(function(*values)))
-    return Formula(
-        names, lambda p: function(*(v.function(p) if isinstance(v, Formula) else v for v in values))
-    )
+    return Formula(names, lambda p: function(*(v.function(p) if isinstance(v, Formula) else v for v in values)))
 
 
 def vector(parts: Sequence[Quantity]) -> tuple[Number, Number, Number]:
     """A point or vector as three numbers, missing ones zero."""
     values: list[Number] = [number(p) for p in parts]
-    x, y, z = (values + [0.0, 0.0, 0.0])[:3]
+    x, y, z = [*values, 0.0, 0.0, 0.0][:3]
     return x, y, z
 
 
@@ -45,7 +43,7 @@ def is_zero(parts: Sequence[Quantity]) -> bool:
 def constant_vector(parts: Sequence[Quantity], nominal: dict[str, float]) -> Array:
     """A vector (3,) at nominal parameters."""
     values = [p.number(nominal) for p in parts]
-    return np.array((values + [0.0, 0.0, 0.0])[:3])
+    return np.array([*values, 0.0, 0.0, 0.0][:3])
 
 
 def unit(v: Array) -> Array:

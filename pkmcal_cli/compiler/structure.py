@@ -103,12 +103,8 @@ class Structure:
     def prepare(self) -> None:
         """Frames and guides, owners of points, and which joint places what."""
         for name, frame in self.machine.frames.items():
-            turn = (
-                (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if self.planar else frame.turn
-            )
-            slots = [
-                self.builder.slot(n, f"{name}.turn.{c}") for n, c in zip(vector(turn), "xyz", strict=True)
-            ]
+            turn = (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if self.planar else frame.turn
+            slots = [self.builder.slot(n, f"{name}.turn.{c}") for n, c in zip(vector(turn), "xyz", strict=True)]
             rotation = self.builder.rotation(Turn.FIXED, name, slots=slots)
             self.frames[name] = (self.builder.offset(GROUND, vector(frame.at), f"{name}.at"), rotation)
         for name, guide in self.machine.guides.items():
@@ -134,11 +130,7 @@ class Structure:
         owners = [self.owner.get(end, end) for end in joint.between]
         for side in sorted((1, 0), key=lambda s: owners[s] in self.machine.bodies):
             child, parent = owners[side], owners[1 - side]
-            if (
-                self._can_be_placed(child)
-                and not self._leads_to(parent, child)
-                and self._aligned(joint, child, parent)
-            ):
+            if self._can_be_placed(child) and not self._leads_to(parent, child) and self._aligned(joint, child, parent):
                 self.placed_by[child] = (name, side)
                 return
 
@@ -216,9 +208,7 @@ class Structure:
 
     def _body_point(self, name: str, body: Body) -> Point:
         if body.on is None:
-            return self._partly_fixed(
-                name, constant_vector(body.at, self.nominal), vector(body.at), body.fixed
-            )
+            return self._partly_fixed(name, constant_vector(body.at, self.nominal), vector(body.at), body.fixed)
         rail = self.rails[body.on]
         slot = self.builder.slot(number(body.at[0]), f"{name}.travel")
         travel = self.new_travel(name, body.at[0].number(self.nominal), slot)
@@ -248,9 +238,7 @@ class Structure:
         elif body is not None and body.on is not None:
             rail = self.rails[body.on]
             turns = any(d[0] == "r" for d in self.elastic_directions(body.on))
-            self.rotations[name] = (
-                self.new_rotation(name, self.orientation(rail.rotation)) if turns else rail.rotation
-            )
+            self.rotations[name] = self.new_rotation(name, self.orientation(rail.rotation)) if turns else rail.rotation
         else:
             fixed = body.fixed if body is not None else self.machine.nodes[name].fixed
             turn = self._drawn_turn(name)
@@ -301,13 +289,11 @@ class Structure:
         turned = self.filed.get(rotation, self.orientation(rotation)).T
         drawn = self._drawn_place(child) - self._drawn_place(parent)
         axis = self.slide_axis(joint, sign * drawn)
-        axes = [axis] if joint.type != "planar" else [v for v in np.linalg.svd(axis[None])[2][1:]]
+        axes = [axis] if joint.type != "planar" else list(np.linalg.svd(axis[None])[2][1:])
         moves = []
         for k, a in enumerate(axes):
             slot = self.builder.slot(float(sign * a @ drawn), f"{joint_name}.travel")
-            travel = self.new_travel(
-                joint_name if k == 0 else f"{joint_name}.{k}", float(sign * a @ drawn), slot
-            )
+            travel = self.new_travel(joint_name if k == 0 else f"{joint_name}.{k}", float(sign * a @ drawn), slot)
             if k == 0:
                 self.carriage_travel[joint_name] = travel
             moves.append((rotation, travel, tuple(sign * (turned @ a))))
@@ -325,7 +311,7 @@ class Structure:
         if name in self.owner:
             body = self.owner[name]
             offset = constant_vector(machine.bodies[body].points[name], self.nominal)
-            return self._drawn_place(body) + self._drawn_turn(body) @ offset
+            return np.asarray(self._drawn_place(body) + self._drawn_turn(body) @ offset)
         if name in machine.bodies and machine.bodies[name].on is not None:
             return self.position(self.point(name))
         at = machine.ground.get(name) or (machine.bodies.get(name) or machine.nodes[name]).at

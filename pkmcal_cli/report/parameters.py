@@ -131,7 +131,7 @@ def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[s
         weights = np.zeros(len(fit.selected))
         weights[where] = row
         values = fit.values[[model.names.index(n) for n in fit.selected]]
-        std = float(np.sqrt(max(weights @ covariance @ weights, 0.0)))
+        std = math.sqrt(max(float(weights @ covariance @ weights), 0.0))
         named = {n: float(v) for n, v in zip(c.names, row, strict=True) if abs(v) > 1e-9}
         out.append((named, unit.from_si(float(weights @ values)), std / unit.scale, unit.text))
     return out

@@ -58,7 +58,8 @@ def _prepare(request: AnalysisRequest) -> _Setting:
     selected = select(model, request.select)
     values = parameter_values(model, request.parameters)
     if request.poses is None and request.grid is None:
-        rows, places = Rows.at(model.drawn_readings[None]), ("the drawing",)
+        rows = Rows.at(model.drawn_readings[None])
+        places: tuple[str, ...] = ("the drawing",)
         to.say("note: no poses given: at the drawing only")
     else:
         poses = all_poses(loaded, request.poses, request.grid)
