@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .equilibrium.assembly import balance, typical_stiffness
+from .equilibrium.branch import left_mode
 from .equilibrium.derivative import adjoint_derivative, lagrangian_gradient
 from .equilibrium.kinematics import State, drawn_state, place_prescribed
 from .equilibrium.newton import Effort, NewtonOptions, Slack, follow, newton, solve_rows
@@ -148,8 +149,11 @@ def rigid_pose(
     system = model.rigid
     begin = drawing_slots(model)
     state = drawn_state(model.layout, begin, len(slots), system.constraints)
+    drawn = state.take(np.arange(1))
     state, status, _ = follow(system, begin, slots, state, model.length, options, effort)
-    failed = np.nonzero(status != RowStatus.SOLVED)[0]
+    elsewhere = left_mode(system, (begin, drawn), slots, state, model.length)
+    status[elsewhere & (status == RowStatus.SOLVED)] = RowStatus.WRONG_MODE
+    failed = np.nonzero((status != RowStatus.SOLVED) & ~elsewhere)[0]
     if len(failed):
         status[failed] = _failure(model, slots[failed], begin)
     _check_reach(model, slots, state, status)
@@ -225,9 +229,10 @@ def _equilibrium(
         relaxed = _relaxed_slots(model, slots[good], part)
         part, now, loose = follow(system, relaxed, slots[good], part, model.length, _ELASTIC, effort)
         state = state.put(good, part)
-        status[good] = now
         for mine, theirs in zip(slack, loose, strict=True):
             mine[good] = theirs
+            now[theirs.any(axis=1)] = RowStatus.SLACK
+        status[good] = now
     return state, status, slack
 
 
@@ -277,7 +282,7 @@ def _one_step(model: Model, slots: Array, state: State, status: NDArray[np.int_]
     return advance(system, placed, step, scale)
 
 
-def _finish(  # noqa: PLR0913
+def _finish(
     model: Model,
     values: Array,
     rows: Rows,
@@ -332,7 +337,7 @@ def _slack_names(system: object, slack: Slack | None, offset: int) -> dict[int, 
     return out
 
 
-def _slot_jacobian(  # noqa: PLR0913
+def _slot_jacobian(
     model: Model,
     system: object,
     slots: Array,

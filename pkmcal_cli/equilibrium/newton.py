@@ -77,6 +77,7 @@ def newton(
     status = np.full(rows, RowStatus.NOT_CONVERGED)
     scale = typical_stiffness(system, slots)
     slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
+    tried = tuple(s.copy() for s in slack)  # ropes that were slack at some step
     previous = np.full(rows, np.inf)
     active = np.arange(rows)
     for iteration in range(options.iterations):
@@ -85,6 +86,8 @@ def newton(
         now = balance(system, slots_of(slots, active), part, scale, curved=options.curved, slack=loose)
         assert now.tangent is not None
         changed = _update_slack(system, slack, active, now.strains)
+        for ever, loose_now in zip(tried, slack, strict=True):
+            ever |= loose_now
         step = -solve_rows(now.tangent, now.residual[..., None])[..., 0]
         effort.add(len(active))
         size = step_size(system, step, length)
@@ -102,10 +105,10 @@ def newton(
         active = active[~done & ~lost]
         if not len(active):
             break
-    for index, loose_ropes in enumerate(slack):
-        if loose_ropes.any():
-            del index
-            status[loose_ropes.any(axis=1) & (status == RowStatus.SOLVED)] = RowStatus.SLACK
+    failed = status != RowStatus.SOLVED
+    for ever, loose_now in zip(tried, slack, strict=True):
+        loose_now[failed] = ever[failed]  # a row that swings between taut and slack says which ropes
+        status[loose_now.any(axis=1) & ~failed] = RowStatus.SLACK
     return state, status, slack
 
 
