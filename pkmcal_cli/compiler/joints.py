@@ -42,8 +42,7 @@ def add_joints(structure: Structure) -> None:
 def _axis_built_in(structure: Structure, name: str) -> bool:
     """Whether a placed body turns about one fixed axis: its revolute joint needs no constraint."""
     child = next(c for c, (joint, _) in structure.placed_by.items() if joint == name)
-    rotation = structure.rotations.get(child)
-    return rotation is not None and structure.builder.rotations[rotation][0] == Turn.AXIS
+    return structure.builder.rotations[structure.rotation(child)][0] == Turn.AXIS
 
 
 def add_guides(structure: Structure) -> None:
