@@ -80,6 +80,13 @@ def errors_of(machine: Model, size: float, seed: int = 0) -> dict[str, float]:
     """Parameter values off by normal errors: lengths by `size` (m), the others by their ranges."""
     rng = np.random.default_rng(seed)
     return {
-        p.name: p.nominal + rng.normal() * (size if p.dimension == "length" else p.range)
-        for p in machine.parameters
+        p.name: p.nominal + rng.normal() * (size if p.dimension == "length" else p.range) for p in machine.parameters
     }
+
+
+def displacement(text: str, request: Request | None = None, readings: object = ((),)) -> Array:
+    """Prediction minus drawing of all channels of the machine in a YAML text, in m and rad."""
+    machine = model(text)
+    drawn = at(machine, readings, Request(method="rigid")).values[0]
+    out: Array = at(machine, readings, request).values[0] - drawn
+    return out

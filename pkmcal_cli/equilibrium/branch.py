@@ -1,4 +1,4 @@
-"""Which assembly mode a pose belongs to: the sign of the determinant of the rigid Jacobian, compared with the drawing's."""
+"""Assembly mode of a pose: the sign of the determinant of the rigid Jacobian, compared with the drawing's."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def newton(
 
 
 def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool_]:
-    """The error after a quadratically convergent step is about size^3 / previous^2; after a linear one size^2/previous."""
+    """Error after a step of Newton: about size^3 / previous^2, as the steps shrink quadratically."""
     small = size <= tolerance
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = size / previous
