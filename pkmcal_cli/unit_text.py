@@ -197,7 +197,7 @@ def _power(unit: Unit, power: int) -> Unit:
 
 
 _VALUE = re.compile(
-    r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[A-Za-zµμ°%].*)?",
+    r"\s*(?P<number>(?>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?))\s*(?P<unit>[A-Za-zµμ°%].*)?",
     re.DOTALL,
 )
 
