@@ -13,6 +13,9 @@ GAP = 0.01  # a drawing that does not close by more than this share of the machi
 
 def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     """Faults (errors and warnings) of mobility, closed loops and the drawing's assembly."""
+    frozen = _frozen_directions(machine)
+    if frozen:
+        return frozen
     loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
     if loose:
         return loose
@@ -20,6 +23,18 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     if any(f.severity == "error" for f in faults):
         return faults  # ranks of a drawing that does not close mean nothing
     return faults + _mobility_faults(machine, compiled.mobility)
+
+
+def _frozen_directions(machine: Machine) -> list[Fault]:
+    """Directions that depend on parameters: they are drawn once and for all; frames turn instead."""
+    hint = "give numbers here, and turn the guide's frame or the body by the parameter"
+    places = [("guides", n, "along", g.along) for n, g in machine.guides.items()]
+    places += [("joints", n, "axis", j.axis) for n, j in machine.joints.items()]
+    return [
+        machine.source.fault("direction", f"`{key}` must not depend on parameters", (section, name, key), hint)
+        for section, name, key, axis in places
+        if isinstance(axis, tuple) and any(q.names for q in axis)
+    ]
 
 
 def _loose_fault(machine: Machine, name: str) -> Fault:

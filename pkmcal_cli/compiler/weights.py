@@ -8,7 +8,7 @@ from ..elements import Load
 from ..layout import GROUND, Turn
 from ..layout_builder import Number, Point, Port
 from ..quantities import Quantity
-from .numbers import combined, constant_vector, is_zero, number, vector
+from .numbers import combined, is_zero, number, vector
 from .structure import Structure
 
 
@@ -38,7 +38,6 @@ def add_loads(structure: Structure, weights: list[Weight]) -> None:
             _add_moment(structure, f"{name}.moment", structure.rotation(load.at), load.moment)
     if not machine.own_weight or not machine.gravity:
         return
-    gravity = constant_vector(machine.gravity, structure.nominal)
     for name, node in machine.nodes.items():
         if node.mass is not None:
             weights = [*weights, Weight(name, structure.port(name), number(node.mass))]
@@ -46,7 +45,7 @@ def add_loads(structure: Structure, weights: list[Weight]) -> None:
         if body.mass is not None:
             weights = [*weights, Weight(name, _centre(structure, name), number(body.mass))]
     for weight in weights:
-        force = [combined(lambda m, a=float(a): m * a, weight.mass) for a in gravity]
+        force = [combined(lambda m, a: m * a, weight.mass, a) for a in machine.gravity]
         _add_force(structure, f"{weight.name}.weight", weight.port, force)
 
 

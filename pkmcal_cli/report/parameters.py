@@ -10,11 +10,10 @@ import numpy as np
 from ..calibration.identifiability import Combination, Directions, combinations
 from ..calibration.identify import Fit
 from ..model import Model
-from ..rotation import Array
 from ..unit_text import Unit, parse_unit
 from .numbers import finite, uncertain
 
-
+_PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
 _FEW = 4  # names or terms that are listed one by one
 
 
@@ -84,10 +83,10 @@ def _reasons(fit: Fit) -> dict[str, str]:
             for name in combination.names:
                 others = [n for n in combination.names if n != name]
                 out[name] = f"undetermined: not told from {_listed(others)}" if others else "no influence"
-    weak = _weak_share(fit.found)
-    for name, share in zip(fit.selected, weak, strict=True):
-        if name not in out and share > 0.5:
-            out[name] = "weak: mostly held at its nominal value"
+    for name, partners in _weak_partners(fit.found).items():
+        if name not in out:
+            told = f", hardly told from {_listed(partners)}" if partners else ""
+            out[name] = f"weak: held near its nominal value{told}"
     for name in fit.at_bound:
         out.setdefault(name, "at its bound")
     return out
@@ -98,9 +97,17 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names) if len(names) <= _FEW else f"{len(names)} others"
 
 
-def _weak_share(found: Directions) -> Array:
-    """Share of each parameter's direction that is weak and held, (p,)."""
-    return np.asarray((found.vectors[found.weak] ** 2).sum(axis=0))
+def _weak_partners(found: Directions) -> dict[str, list[str]]:
+    """Parameters whose direction is mostly weak and held, with those that move along in its weakest direction."""
+    vectors = found.vectors[found.weak]
+    out = {}
+    for k, share in enumerate((vectors**2).sum(axis=0)):
+        if share > 0.5:
+            main = np.abs(vectors[np.argmax(np.abs(vectors[:, k]))])
+            out[found.names[k]] = [
+                n for n, v in zip(found.names, main, strict=True) if v > _PARTNER * main[k] and n != found.names[k]
+            ]
+    return out
 
 
 def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> dict[str, object]:
