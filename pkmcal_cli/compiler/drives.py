@@ -145,7 +145,7 @@ def _driven_ports(structure: Structure, actuator: Actuator) -> tuple[tuple[Port,
         return (Port(rail.origin, rail.rotation), structure.port(actuator.moves)), axis
     joint = structure.machine.joints[actuator.target]
     ports = (structure.port(joint.between[0], True), structure.port(joint.between[1], True))
-    return ports, unit(constant_vector(axis_vector(joint.axis or "x", 3), structure.nominal))
+    return ports, structure.sliding_axis(joint)
 
 
 def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[Drive, str, str]:

@@ -101,6 +101,9 @@ def joint_triad(structure: Structure, joint: End | JointSpec, chord: Array) -> A
     kind = joint.joint if isinstance(joint, End) else joint.type
     if kind == "universal":
         return _universal_triad(structure, joint, chord)
+    if not isinstance(joint, End) and kind in ("prismatic", "cylindrical"):
+        axis = structure.sliding_axis(joint)
+        return triad_along(axis) if kind == "prismatic" else triad_about(axis)
     if joint.axis is None:
         return np.eye(3)
     axis = constant_vector(axis_vector(joint.axis, 3), structure.nominal)

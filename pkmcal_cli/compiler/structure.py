@@ -305,6 +305,14 @@ class Structure:
             return unit(constant_vector(axis_vector(joint.axis, 3), self.nominal))
         return unit(chord) if np.sqrt(chord @ chord) > 1e-9 else np.array([1.0, 0.0, 0.0])
 
+    def sliding_axis(self, joint: Joint) -> Array:
+        """Axis of a sliding joint in the assembled drawing, base axes, towards its second point."""
+        first, second = joint.between
+        axis = self.slide_axis(joint, self._drawn_place(second) - self._drawn_place(first))
+        rotation = self.rotation(first)
+        drawn = self.orientation(rotation)
+        return np.asarray(drawn @ self.filed.get(rotation, drawn).T @ axis)
+
     def _drawn_place(self, name: str) -> Array:
         """Place of a node, body or point in the file's drawing."""
         machine = self.machine
