@@ -16,7 +16,7 @@ from .structure import Drawing
 
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size
-_CHEAP = 1e4  # a drive moves this much more readily than anything else when the drawing is assembled
+_CHEAP = 1e6  # a drive moves this much more readily than anything else when the drawing is assembled
 
 
 @dataclass(frozen=True)
