@@ -15,6 +15,7 @@ from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.rotation import Array
 from tests.truth.machines import PINNED, Hexapod7
+from tests.truth.pinned import DeadForce
 
 MACHINES = Path(__file__).resolve().parents[1] / "machines"
 SHIPPED = tuple(sorted(file.stem for file in MACHINES.glob("*.yaml") if "." not in file.stem))
@@ -77,11 +78,10 @@ _WORKSPACE: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
 
 
 def errors_of(machine: Model, size: float, seed: int = 0) -> dict[str, float]:
-    """Parameter values off by normal errors: lengths by `size` (m), the others by their ranges."""
+    """Parameter values off by uniform errors: lengths by up to `size` (m), the others by up to their ranges."""
     rng = np.random.default_rng(seed)
-    return {
-        p.name: p.nominal + rng.normal() * (size if p.dimension == "length" else p.range) for p in machine.parameters
-    }
+    wide = {p.name: size if p.dimension == "length" else p.range for p in machine.parameters}
+    return {p.name: p.nominal + wide[p.name] * rng.uniform(-1, 1) for p in machine.parameters}
 
 
 def displacement(text: str, request: Request | None = None, readings: object = ((),)) -> Array:
@@ -90,3 +90,26 @@ def displacement(text: str, request: Request | None = None, readings: object = (
     drawn = at(machine, readings, Request(method="rigid")).values[0]
     out: Array = at(machine, readings, request).values[0] - drawn
     return out
+
+
+LOADED = {
+    "scissors": ("A4", lambda p: (p["xa4"], p["ya4"], 0.0)),
+    "delta4": ("P2a", lambda p: (-0.04, p["r2"], 0.0)),
+    "hexapod7": ("P1", lambda p: (p["p1x"], p["p1y"], p["p1z"])),
+}
+"""A point of the platform that carries the test's load, and its place on the platform (m)."""
+FORCE = (300.0, -500.0, 200.0)
+
+
+def pushed(name: str) -> str:
+    """YAML of a shipped machine with a dead force of 616 N (583 N in the plane) on its platform."""
+    where = LOADED.get(name, ("tcp",))[0]
+    count = 2 if model(name).layout.planar else 3
+    return overlay(name, f"loads: {{push: {{at: {where}, force: [{', '.join(f'{f} N' for f in FORCE[:count])}]}}}}")
+
+
+def push(name: str, values: dict[str, float]) -> DeadForce:
+    """The same force for the independent simulator."""
+    place = LOADED[name][1](values) if name in LOADED else (0.0, 0.0, 0.0)
+    count = 2 if model(name).layout.planar else 3
+    return DeadForce(np.array([*FORCE[:count], *[0.0] * (3 - count)]), np.array(place))

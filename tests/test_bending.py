@@ -12,7 +12,7 @@ import pytest
 
 from pkmcal_cli.prediction import Request
 from pkmcal_cli.rotation import Array, exp
-from tests import verification
+from tests.measured import elastica_error
 from tests.structures import cantilever, point
 from tests.support import at, displacement, model
 from tests.truth import beam_chain
@@ -25,12 +25,12 @@ IN_SPACE = pytest.mark.parametrize("turn", [None, TURN], ids=["plane", "space"])
 
 @IN_SPACE
 def test_elastica_with_32_pieces(turn: Array | None) -> None:
-    assert verification.elastica_error(32, turn) < 1e-3
+    assert elastica_error(32, turn) < 1e-3
 
 
 @IN_SPACE
 def test_error_of_the_elastica_falls_as_the_square_of_the_pieces(turn: Array | None) -> None:
-    errors = [verification.elastica_error(n, turn) for n in (8, 16, 32)]
+    errors = [elastica_error(n, turn) for n in (8, 16, 32)]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.03)  # next order: (1/8)^2
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.01)
 

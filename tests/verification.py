@@ -10,10 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from pkmcal_cli.prediction import Request
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.rotation import exp
 from tests import structures
+from tests.measured import (
+    REDUNDANT,
+    against_force_control,
+    against_hangprinter,
+    against_truth,
+    elastica_error,
+    spread_over_substructures,
+)
 from tests.support import displacement
-from tests.truth.test_truth_bending import elastica
+from tests.truth.machines import PINNED
 
 
 class Row(NamedTuple):
@@ -38,9 +46,53 @@ def frames() -> list[Row]:
     return rows
 
 
-def elastica_error(pieces: int, turn: Array | None = None) -> float:
-    """Distance of the tip from the elastica's at P L^2 / EI = 5, relative to its travel across."""
-    back, over = elastica(5.0)
-    found = displacement(structures.cantilever(pieces, (0, 5, 0), turn))
-    tip = found[:2] if turn is None else (turn.T @ found[:3])[:2]
-    return float(np.hypot(tip[0] + back, tip[1] - over) / over)
+def bending() -> list[Row]:
+    """Cantilever at P L^2 / EI = 5, in the plane and turned in space, and the order of its error."""
+    rows = []
+    for place, turn in (("in the plane", None), ("turned in space", exp(np.array([0.5, -1.0, 0.7])))):
+        coarse, fine = (elastica_error(n, turn) for n in (16, 32))
+        text = f"cantilever {place}, P L^2/EI = 5, against the elastica"
+        rows.append(Row(f"{text}: 32 elements, relative", "< 1e-3", fine))
+        rows.append(Row(f"{text}: error of 16 over that of 32 elements", "4 (h^2)", coarse / fine))
+    return rows
+
+
+def energy() -> list[Row]:
+    """Position-controlled machines against their energy."""
+    rows = []
+    for name in PINNED:
+        found = against_truth(name)
+        text = f"{name}, errors up to 1 mm and a load, against its least energy"
+        rows += [
+            Row(f"{text}: `exact`, um", "< 1e-5", found.position),
+            Row(f"{text}: `linear` beside it, um", "shown", found.linear),
+        ]
+    bent = against_truth("hexapod7", 1e-4)
+    text = "hexapod7, errors up to 0.1 mm and a load, against chains of rigid pieces"
+    rows.append(Row(f"{text}: `exact`, um", "< 1e-5", bent.position))
+    rows.append(Row(f"{text}: `linear` beside it, um", "shown", bent.linear))
+    return rows
+
+
+def substructures() -> list[Row]:
+    """`exact` for every choice of redundant drives."""
+    rows = []
+    for name in REDUNDANT:
+        spread, choices = spread_over_substructures(name)
+        rows.append(Row(f"{name}: `exact` over {choices} choices of redundant drives, mm", "< 1e-8", spread))
+    return rows
+
+
+def force_control() -> list[Row]:
+    """Redundant drives under force control: their predicted positions."""
+    rows = []
+    for name in REDUNDANT:
+        tcp, _, travel, moved = against_force_control(name)
+        text = f"{name}, redundant drives in force control"
+        rows.append(Row(f"{text}: drive positions (they move by {moved:.0f} um), um", "< 1e-5", travel))
+        rows.append(Row(f"{text}: TCP, um", "< 1e-5", tcp))
+    line = against_hangprinter()
+    text = "hangprinter, upper line in force control"
+    rows.append(Row(f"{text}: its length, um", "< 1e-5", line.line))
+    rows.append(Row(f"{text}: TCP, um", "< 1e-5", line.tcp))
+    return rows

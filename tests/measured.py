@@ -1,0 +1,153 @@
+"""Measurements of the engine against the independent simulators and closed forms: numbers for tests and table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+
+from pkmcal_cli.prediction import Request
+from pkmcal_cli.rotation import Array
+from tests import structures
+from tests.support import (
+    UM,
+    at,
+    compiled,
+    displacement,
+    errors_of,
+    model,
+    overlay,
+    poses_of,
+    push,
+    pushed,
+    truth,
+)
+from tests.truth.machines import Hangprinter
+from tests.truth.test_truth_bending import elastica
+
+REDUNDANT = ("triglide", "biglide", "scissors", "delta4", "hexapod7")
+"""Machines with redundant drives that hold position."""
+ROWS = (12, 4)
+"""Poses of a machine of pinned rods, and of the hexapod, whose simulator is slow."""
+
+
+def elastica_error(pieces: int, turn: Array | None = None) -> float:
+    """Distance of the tip from the elastica's at P L^2 / EI = 5, relative to its travel across."""
+    back, over = elastica(5.0)
+    found = displacement(structures.cantilever(pieces, (0, 5, 0), turn))
+    tip = found[:2] if turn is None else (turn.T @ found[:3])[:2]
+    return float(np.hypot(tip[0] + back, tip[1] - over) / over)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Engine against the independent simulator, largest over rows: TCP in um and rad, the others relative."""
+
+    position: float
+    orientation: float
+    force: float
+    energy: float
+    linear: float  # um, of `linear` instead of `exact`
+
+
+@cache
+def against_truth(name: str, size: float = 1e-3, loaded: bool = True) -> Comparison:
+    """Lengths off by up to `size` (m), stiffnesses and angles by their ranges, a force on the platform."""
+    text, simulator = (pushed(name) if loaded else name), truth(name)
+    machine = model(text)
+    values, readings = errors_of(machine, size), simulator.inverse(poses_of(name, ROWS[name == "hexapod7"]))
+    loads = [push(name, values)] if loaded else []
+    found = at(machine, readings, Request(forces=True), **values)
+    linear = at(machine, readings, Request(method="linear"), **values)
+    true = simulator.forward(readings, values, loads=loads)
+    lengths = [c for c, channel in enumerate(machine.channels) if channel.quantity == "position"]
+    angles = [c for c, channel in enumerate(machine.channels) if channel.quantity == "orientation"]
+    return Comparison(
+        float(np.abs(found.values - true.tcp[:, : found.values.shape[1]])[:, lengths].max() / UM),
+        float(np.abs(found.values - true.tcp[:, : found.values.shape[1]])[:, angles].max(initial=0.0)),
+        float(np.abs(found.forces - true.drive_force).max() / np.abs(true.drive_force).max()),
+        float(np.abs(found.energy / true.energy - 1).max()),
+        float(np.abs(linear.values - true.tcp[:, : found.values.shape[1]])[:, lengths].max() / UM),
+    )
+
+
+def against_force_control(name: str) -> tuple[float, float, float, float]:
+    """All redundant drives under force control, lengths off by 0.3 mm: largest deviation of TCP position (um),
+    TCP orientation (rad), drive travel (um), and how far the drives went from their set values (um)."""
+    simulator = truth(name)
+    forces = {drive: 150.0 * (-2) ** k for k, drive in enumerate(simulator.redundant)}
+    machine = model(overlay(name, structures.force_controlled(forces)))
+    values, readings = errors_of(machine, 3e-4), simulator.inverse(poses_of(name, ROWS[name == "hexapod7"]))
+    found, true = at(machine, readings, **values).values, simulator.forward(readings, values, forces)
+    given = [drive in forces for drive in simulator.drives]
+    tcp = found[:, : -len(forces)] - true.tcp[:, : found.shape[1] - len(forces)]
+    angular = [channel.quantity == "orientation" for channel in machine.channels[: tcp.shape[1]]]
+    travel = found[:, -len(forces) :] - true.travel[:, given]
+    return (
+        float(np.abs(tcp[:, ~np.array(angular)]).max() / UM),
+        float(np.abs(tcp[:, angular]).max(initial=0.0)),
+        float(np.abs(travel).max() / UM),
+        float(np.abs(true.travel - readings).max() / UM),
+    )
+
+
+def spread_over_substructures(name: str) -> tuple[float, int]:
+    """How much `exact` depends on which drives are called redundant: largest difference (mm), and choices tried.
+
+    Every choice whose substructure is a mechanism at the drawing; 8 poses, lengths off by 0.3 mm.
+    """
+    simulator, found = truth(name), []
+    readings = simulator.inverse(poses_of(name, 8))
+    for chosen in combinations(simulator.drives, len(simulator.redundant)):
+        made = compiled(overlay(name, structures.redundant(simulator.drives, chosen)))
+        if made.mobility.undetermined == 0:
+            found.append(at(made.model, readings, **errors_of(made.model, 3e-4)).values)
+    return float(np.ptp(np.array(found), axis=0).max() * 1e3), len(found)
+
+
+def hangprinter_readings(simulator: Hangprinter, places: Array) -> Array:
+    """Motor angles (N, 4) in rad whose lines just reach the places (N, 3) in m."""
+    p = dict(simulator.nominal)
+    anchors = simulator.anchors(p)
+    way = np.linalg.norm(np.asarray(places)[:, None] - anchors, axis=2) - np.linalg.norm(anchors, axis=1)
+    out: Array = way / simulator.feed(p)
+    return out
+
+
+def hangprinter(force: float) -> str:
+    """The hangprinter with its hanging mass, and a pull (N) of the upper line."""
+    return overlay(
+        "hangprinter",
+        f"gravity: [0, 0, -9.81]\nnodes: {{tcp: {{mass: 2 kg}}}}\nactuators: {{D: {{force: {force}}}}}",
+    )
+
+
+@dataclass(frozen=True)
+class HangprinterDeviation:
+    """Largest deviations: TCP and upper line in um, tensions in N, energy relative."""
+
+    tcp: float
+    line: float
+    tension: float
+    energy: float
+
+
+def against_hangprinter() -> HangprinterDeviation:
+    """Upper line in force control, anchors off by up to 1 mm; stiffness ES over the wound length."""
+    simulator, machine = Hangprinter(), model(hangprinter(40.0))
+    readings = hangprinter_readings(simulator, np.array([[0, 0, 0], [0.3, 0.2, 0.5], [-0.4, 0.3, 0.8]]))
+    values = {n: v for n, v in errors_of(machine, 1e-3).items() if n != "EA"}
+    found = at(machine, readings, Request(forces=True), **values)
+    true = simulator.forward(readings, values, {"D": 40.0})
+    p = {**simulator.nominal, **values}
+    # the simulator counts the stretch of the position-controlled lines only
+    reach = np.linalg.norm(simulator.anchors(p)[3] - true.tcp, axis=1)
+    energy = true.energy + 40.0**2 / 2 / p["EA"] * reach / (1 + 40.0 / p["EA"])
+    return HangprinterDeviation(
+        float(np.abs(found.values[:, :3] - true.tcp).max() / UM),
+        float(np.abs((found.values[:, 3] - true.travel[:, 3]) * simulator.feed(p)[3]).max() / UM),
+        float(np.abs(found.forces - true.tension).max()),
+        float(np.abs(found.energy / energy - 1).max()),
+    )
