@@ -75,14 +75,16 @@ def _cells(problem: Problem) -> NDArray[np.intp]:
 
 
 def cross_validate(problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme: str) -> HeldOut:
-    """Refit without each fold, predict it, and gather all held-out residuals."""
+    """Refit without each fold, from where the fit began (what a fold does not determine must not come from the
+    held-out rows), predict it, and gather all held-out residuals.
+    """
     residual = np.zeros_like(fit.after.residual)
     lengths: list[tuple[Problem, Evaluation]] = []
     failed = 0
     folds = np.unique(labels)
     for fold in folds:
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
-        trained = identify(problem.take(outside), fit.selected, start=fit.values)
+        trained = identify(problem.take(outside), fit.selected, start=fit.before.values)
         failed += trained.status != "converged"
         part = problem.take(inside)
         predicted = evaluate(part, trained.values)
