@@ -1,9 +1,10 @@
 """What data can determine: singular directions of the whitened, range-scaled Jacobian, in numbers and words.
 
 Singular values s belong to combinations of parameters in range units; 1/s is a combination's standard uncertainty
-in ranges. A *null* direction (s below 1e-10 of the largest) is not seen at all. A *weak* one has a standard
-uncertainty above its range: it is held, and its prior (range = 2 standard deviations) takes part in the others'
-uncertainty.
+in ranges. A *null* direction is not seen: s is below 1e-10 of the largest, or the standard uncertainty would be
+above 1e4 ranges, further than any linear statement reaches (what is null on the unstrained machine is seen again, to
+second order, through the strain of small errors). A *weak* one has a standard uncertainty above its range. Both are
+held; the prior (range = 2 standard deviations) of what is held takes part in the others' uncertainty.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from scipy.linalg import lu, null_space
 
 from ..rotation import Array
 
-NULL = 1e-10
+NULL = 1e-10  # of the largest singular value
+UNSEEN = 1e-4  # whitened, per range
 _SHOWN = 0.005  # smaller coefficients are not worth a word
-_SHARE = 1e-6  # a parameter takes part in a direction when its component exceeds this
+_SHARE = 1e-6  # a parameter takes part in a null direction when its component exceeds this
+_TRACE = 1e-3  # ... and in one that is seen to second order, whose small components come from the same order
 
 
 @dataclass(frozen=True)
@@ -39,36 +42,44 @@ class Directions:
 
     @property
     def condition_number(self) -> float:
-        """Largest over smallest singular value; inf with null directions."""
+        """Largest over smallest singular value; inf where the smallest is zero to rounding."""
         if not len(self.singular_values):
             return 1.0
-        if self.null.any():
-            return float("inf")
-        return float(self.singular_values[0] / self.singular_values[-1])
+        largest, smallest = float(self.singular_values[0]), float(self.singular_values[-1])
+        return largest / smallest if smallest > NULL * largest else float("inf")
 
-    def variances(self) -> Array:
-        """Variance of each direction in range units: 1/s^2, the prior's 1/4 where weak, inf where null."""
-        with np.errstate(divide="ignore"):
-            measured = 1.0 / self.singular_values**2
-        return np.where(self.null, np.inf, np.where(self.weak, 0.25, measured))
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Directions that a fit does not move."""
+        return self.null | self.weak
+
+    @property
+    def trace(self) -> float:
+        """Components of null directions up to this are no share in them."""
+        exact = self.singular_values[self.null] <= NULL * self.singular_values[:1]
+        return _SHARE if exact.all() else _TRACE
+
+    def null_vectors(self) -> Array:
+        """Null directions (k, p)."""
+        vectors = self.vectors[self.null]
+        return np.where(np.abs(vectors) > self.trace, vectors, 0.0)
 
     def undetermined(self) -> NDArray[np.bool_]:
         """Parameters (p,) with a share in a null direction."""
-        return np.asarray((np.abs(self.vectors[self.null]) > _SHARE).any(axis=0))
+        return np.asarray((self.null_vectors() != 0.0).any(axis=0))
 
     def covariance(self) -> Array:
         """Covariance (p, p) in SI; rows and columns of undetermined parameters are nan."""
-        variance = np.where(self.null, 0.0, self.variances())
-        scaled = self.vectors.T * variance @ self.vectors
-        out = scaled * np.outer(self.ranges, self.ranges)
+        out = self.determined_covariance()
         lost = self.undetermined()
         out[lost, :] = np.nan
         out[:, lost] = np.nan
-        return np.asarray(out)
+        return out
 
     def determined_covariance(self) -> Array:
-        """Covariance (p, p) in SI of what is determined: null directions contribute nothing."""
-        variance = np.where(self.null, 0.0, self.variances())
+        """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
+        with np.errstate(divide="ignore"):
+            variance = np.where(self.held, 0.25, 1.0 / self.singular_values**2)
         return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 
@@ -84,7 +95,7 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array) -> Direct
     if len(scaled) > 4 * p:
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, s, vt = np.linalg.svd(scaled)
-    null = s <= NULL * max(float(s[0]), 1e-300)
+    null = (s <= NULL * s[0]) | (s < UNSEEN)
     return Directions(names, ranges, s, vt, null, ~null & (s < 1.0))
 
 
@@ -117,7 +128,7 @@ def combinations(found: Directions) -> tuple[Combination, ...]:
     """Null directions in sparse form, grouped by the parameters they share; then the weak ones."""
     out = []
     if found.null.any():
-        basis = sparse_basis(found.vectors[found.null])
+        basis = sparse_basis(found.null_vectors(), found.trace)
         for group in _connected(basis):
             out.append(_null_combination(found, basis[group]))
     for k in np.nonzero(found.weak)[0]:
@@ -129,15 +140,18 @@ def combinations(found: Directions) -> tuple[Combination, ...]:
     return tuple(out)
 
 
-def sparse_basis(basis: Array) -> Array:
-    """A basis (k, p) of the same space in reduced echelon form with pivots, each row scaled to largest 1."""
+def sparse_basis(basis: Array, trace: float = 0.0) -> Array:
+    """A basis (k, p) of the same space in reduced echelon form with pivots, each row scaled to largest 1.
+
+    Components up to `trace` are set to zero.
+    """
     _, _, upper = lu(basis[:, _pivot_order(basis)])
     order = _pivot_order(basis)
     k = len(basis)
     reduced = np.linalg.solve(upper[:, :k], upper) if k else upper
     out = np.zeros_like(basis)
     out[:, order] = reduced
-    out[np.abs(out) < 1e-7] = 0.0
+    out[np.abs(out) < max(trace, 1e-7)] = 0.0
     largest = np.take_along_axis(out, np.abs(out).argmax(axis=1)[:, None], axis=1)
     return np.asarray(out / largest)
 
