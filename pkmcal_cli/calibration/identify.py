@@ -12,13 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from ..rotation import Array
 from .identifiability import Directions, directions
 from .residual import Evaluation, Linearised, Problem, chi_square, evaluate, linearise
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
-_GAIN = 1e-11  # ... or lower chi-square by less than this share
+_GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_LIGHT = 1e-5  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
+_LEFT_OUT = (0.5, 0.25, 0.125, 0.0625, 0.0625)  # of the change of drive errors, one after another
+_ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -90,89 +94,125 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed."""
-    model = problem.model
-    first = evaluate(problem, model.nominal if start is None else start, selected)
-    if not first.solved:
-        raise RowsFailed(first)
+    first = evaluate(problem, problem.model.nominal if start is None else start, selected)
     if not selected or problem.count == 0:
+        if not first.solved:
+            raise RowsFailed(first)
         return _finished(problem, selected, first, first, "nothing_identifiable", 0)
     scale = _Scaled.of(problem, selected)
-    now, damping, done = first, 0.0, False
-    count = 0
-    while count < iterations and not done:
+    now, count = _begin(problem, scale, first, iterations)
+    damping, status = 0.0, ""
+    while count < iterations and not status:
         count += 1
         near = linearise(problem, now)
-        now, damping, done = _advance(problem, scale, now, near, damping)
+        now, damping, status = _advance(problem, scale, now, near, damping)
         if progress is not None:
             progress(count, near.chi2)
-    status = "converged" if done else "not_converged"
-    return _finished(problem, selected, first, now, status, count)
+    return _finished(problem, selected, first, now, status or "not_converged", count)
+
+
+def _begin(problem: Problem, scale: _Scaled, first: Evaluation, iterations: int) -> tuple[Evaluation, int]:
+    """Where all rows can be predicted, and the steps to there: the start, or a fit of the rows that can be.
+
+    Raises RowsFailed with the start's evaluation where fits of more and more rows do not lead to all of them.
+    """
+    now, count, best = first, 0, 0
+    while not now.solved:
+        rows = np.nonzero(now.prediction.solved)[0]
+        if len(rows) <= best:
+            raise RowsFailed(first)
+        best = len(rows)
+        part = problem.take(rows)
+        lead, damping, status = evaluate(part, now.values, scale.names), 0.0, ""
+        while lead.solved and count < iterations and not status:
+            count += 1
+            lead, damping, status = _advance(part, scale, lead, linearise(part, lead), damping)
+        now = evaluate(problem, lead.values, scale.names)
+    return now, count
 
 
 def _advance(
     problem: Problem, scale: _Scaled, now: Evaluation, near: Linearised, damping: float
-) -> tuple[Evaluation, float, bool]:
-    """One accepted step; returns the new evaluation, the damping for the next and whether it has converged."""
-    full = _step(scale, now.values[scale.index], near, 0.0)
-    if np.abs(full).max(initial=0.0) < _STEP or near.chi2 - _hoped(scale, near, full) <= _GAIN * near.chi2:
-        return _moved(problem, scale, now, near, full), 0.0, True
-    for _ in range(25):
-        step = full if damping == 0.0 else _step(scale, now.values[scale.index], near, damping)
-        trial = _moved(problem, scale, now, near, step)
+) -> tuple[Evaluation, float, str]:
+    """One accepted step; returns the new evaluation, the damping for the next and the status, "" to go on."""
+    full = _step(scale, now.values[scale.index], near, near, 0.0)
+    blur = _blur(problem, near.chi2)
+    hoped = near.chi2 - near.expected(full * scale.ranges)
+    if np.abs(full).max(initial=0.0) < _STEP or hoped <= max(_GAIN * near.chi2, blur):
+        last = _moved(problem, scale, now, near, full)
+        return (last if last.solved else now), 0.0, "converged"
+    light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max())
+    while True:
+        damped, step = near, full
+        if damping > 0.0:
+            damped = linearise(problem, now, damping)
+            step = _step(scale, now.values[scale.index], near, damped, damping * light)
+        if np.abs(step).max() < _STEP:  # no step of any length lowers chi-square: the prediction fails here
+            return now, damping, "not_converged"
+        trial = _moved(problem, scale, now, damped, step)
         if trial.solved:
             gained = near.chi2 - chi_square(problem, trial)
-            if gained >= -1e-12 * near.chi2:
-                good = gained > 0.5 * (near.chi2 - _hoped(scale, near, step))
-                return (
-                    trial,
-                    (0.0 if damping < _light(near, scale) else (0.1 if good else 1.0) * damping),
-                    False,
-                )
-        damping = max(10.0 * damping, _light(near, scale))
-    return now, damping, False
+            if gained >= -blur:
+                good = gained > 0.5 * (near.chi2 - damped.expected(step * scale.ranges))
+                eased = (0.1 if good else 1.0) * damping
+                return trial, (eased if eased >= 1.0 else 0.0), ""
+        damping = max(10.0 * damping, 1.0)
 
 
-def _hoped(scale: _Scaled, near: Linearised, step: Array) -> float:
-    """Chi-square after a step if the prediction were linear."""
-    return float(((near.residual - near.jacobian @ (step * scale.ranges)) ** 2).sum())
-
-
-def _light(near: Linearised, scale: _Scaled) -> float:
-    """The smallest damping worth trying."""
-    return 1e-5 * _largest(near.jacobian * scale.ranges)
-
-
-def _largest(matrix: Array) -> float:
-    return float((matrix**2).sum(axis=0).max(initial=1e-300))
+def _blur(problem: Problem, chi2: float) -> float:
+    """Change of chi-square by rounding of the predicted readings."""
+    size = np.array([problem.model.length if c.quantity == "position" else 0.0 for c in problem.model.channels])
+    size = np.maximum(size, np.abs(np.where(problem.measured, problem.readings, 0.0)).max(axis=0, initial=0.0))
+    share = _ROUNDING * np.where(problem.measured, size / problem.sigma, 0.0)
+    return float(2.0 * np.sqrt(chi2) * share.max(initial=0.0) + (share**2).sum())
 
 
 def _moved(problem: Problem, scale: _Scaled, now: Evaluation, near: Linearised, step: Array) -> Evaluation:
-    """The evaluation after a step (p,) in range units, drive errors following."""
+    """The evaluation after a step (p,) in range units, drive errors following.
+
+    Rows that cannot be solved there (drives near the end of the mechanism's reach, of a pose that no instrument has
+    seen) take a part of the change of their drive errors that the present residuals ask for.
+    """
     values = now.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
-    return evaluate(problem, values, scale.names, now.state, near.shift(step * scale.ranges))
+    shift, asked = near.shift(step * scale.ranges), near.shift(np.zeros(len(step))) - now.shift
+    trial = evaluate(problem, values, scale.names, now.state, shift)
+    for left_out in _LEFT_OUT if asked.any() else ():
+        if trial.solved:
+            break
+        shift = np.where(trial.prediction.solved[:, None], trial.shift, shift - left_out * asked)
+        trial = evaluate(problem, values, scale.names, now.state, shift)
+    return trial
 
 
-def _step(scale: _Scaled, values: Array, near: Linearised, damping: float) -> Array:
-    """Damped minimum-norm step (p,) in range units within determined directions and bounds."""
-    p, r, jacobian = len(values), near.residual, near.jacobian
+def _step(scale: _Scaled, values: Array, near: Linearised, damped: Linearised, damping: float) -> Array:
+    """Minimum-norm step (p,) in range units within bounds and the directions that `near` determines."""
+    p, r, jacobian = len(values), damped.residual, damped.jacobian * scale.ranges
     step = np.zeros(p)
     room_down = (scale.low - values) / scale.ranges
     room_up = (scale.high - values) / scale.ranges
     free = np.ones(p, dtype=bool)
     for _ in range(p + 1):
-        rest = r - jacobian[:, ~free] @ (step[~free] * scale.ranges[~free])
-        found = directions(jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
-        keep = ~found.null & ~found.weak
-        vectors, s = found.vectors[keep], found.singular_values[keep]
-        gradient = (jacobian[:, free] * scale.ranges[free]).T @ rest
-        step[free] = vectors.T @ ((vectors @ gradient) / (s**2 + damping))
+        rest = r - jacobian[:, ~free] @ step[~free]
+        found = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
+        vectors = found.vectors[~found.held]
+        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, rest, damping)
         over = free & ((step < room_down - 1e-12) | (step > room_up + 1e-12))
         if not over.any():
             break
         step[over] = np.where(step[over] < 0, room_down[over], room_up[over])
         free &= ~over
     return step
+
+
+def _least_squares(matrix: Array, right: Array, damping: float) -> Array:
+    """Minimum (k,) of |matrix z - right|^2 + damping |z|^2, columns being independent."""
+    k = matrix.shape[1]
+    if damping > 0.0:
+        matrix = np.vstack([matrix, np.sqrt(damping) * np.eye(k)])
+        right = np.concatenate([right, np.zeros(k)])
+    q, upper = np.linalg.qr(matrix)
+    return np.asarray(solve_triangular(upper, q.T @ right))
 
 
 def _finished(
@@ -183,9 +223,9 @@ def _finished(
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
     found = directions(near.jacobian, selected, scale.ranges)
-    if not len(selected) or not (~found.null & ~found.weak).any():
+    if not len(selected) or found.held.all():
         status = "nothing_identifiable"
-    moved = int((~found.null & ~found.weak).sum()) - int(on_bound.sum())
+    moved = int((~found.held).sum()) - int(on_bound.sum())
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)
     return Fit(
         last.values,

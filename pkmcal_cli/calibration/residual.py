@@ -135,25 +135,36 @@ class Linearised:
     """A problem near one evaluation: whitened residuals (N * C,) and Jacobian (N * C, P'), and the drives' part.
 
     chi2: sum of squares of the readings' and the drives' errors in standard uncertainties. The drive errors that
-    belong to a parameter step d are `drives @ (whitened residual - jacobian d)` by row.
+    belong to a parameter step d are `kept + drives @ (whitened residual - jacobian d)` by row.
     """
 
     residual: Array
     jacobian: Array
     drives: Array  # (N, A, C) S_q G^T W^T
+    kept: Array  # (N, A)
     chi2: float
+    least: float  # share of chi2 that no step removes
 
     def shift(self, step: Array) -> Array:
         """Drive errors (N, A) after the parameter step (P',), SI."""
         rest = (self.residual - self.jacobian @ step).reshape(len(self.drives), -1)
-        return np.asarray((self.drives @ rest[..., None])[..., 0])
+        return np.asarray(self.kept + (self.drives @ rest[..., None])[..., 0])
+
+    def expected(self, step: Array) -> float:
+        """Chi-square after the parameter step (P',) if the prediction were linear; no less with damping."""
+        return float(((self.residual - self.jacobian @ step) ** 2).sum()) + self.least
 
 
-def linearise(problem: Problem, evaluation: Evaluation) -> Linearised:
-    """Whiten an evaluation with derivatives by W with W^T W = (S_y + G S_q G^T)^-1, G = dy/dq."""
+def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) -> Linearised:
+    """Whiten an evaluation with derivatives by W with W^T W = (S_y + G S_q G^T)^-1, G = dy/dq.
+
+    `damping` holds the drive errors where they are, with this weight in their standard uncertainties: the problem
+    is then that with S_q / (1 + damping) about damping / (1 + damping) of the present errors.
+    """
     prediction = evaluation.prediction
     assert prediction.by_drive is not None and prediction.jacobian is not None
-    sigma = _reading_sigma(problem)  # (N, A)
+    free = 1.0 / (1.0 + damping)
+    sigma = _reading_sigma(problem) * np.sqrt(free)  # (N, A)
     on = problem.measured[:, :, None]
     by_drive = np.where(on, np.nan_to_num(prediction.by_drive), 0.0)  # (N, C, A)
     spread = by_drive * sigma[:, None, :]
@@ -161,22 +172,28 @@ def linearise(problem: Problem, evaluation: Evaluation) -> Linearised:
     covariance = spread @ np.swapaxes(spread, 1, 2)
     covariance[:, channels, channels] += np.where(problem.measured, problem.sigma, 1.0) ** 2
     weights = np.linalg.inv(np.linalg.cholesky(covariance)) * np.swapaxes(on, 1, 2)
-    residual = evaluation.residual + (by_drive @ evaluation.shift[..., None])[..., 0]
+    residual = evaluation.residual + (by_drive @ (free * evaluation.shift)[..., None])[..., 0]
     jacobian = weights @ np.where(on, prediction.jacobian, 0.0)
     return Linearised(
         (weights @ residual[..., None])[..., 0].ravel(),
         jacobian.reshape(-1, jacobian.shape[-1]),
         (sigma**2)[..., None] * np.swapaxes(weights @ by_drive, 1, 2),
+        (1.0 - free) * evaluation.shift,
         chi_square(problem, evaluation),
+        (1.0 - free) * _drive_chi_square(problem, evaluation),
     )
 
 
 def chi_square(problem: Problem, evaluation: Evaluation) -> float:
     """Sum of squares of reading errors and drive errors, each in its standard uncertainty."""
     read = np.where(problem.measured, evaluation.residual / np.where(problem.measured, problem.sigma, 1.0), 0.0)
+    return float((read**2).sum()) + _drive_chi_square(problem, evaluation)
+
+
+def _drive_chi_square(problem: Problem, evaluation: Evaluation) -> float:
     sigma = _reading_sigma(problem)
     drive = np.where(sigma > 0, evaluation.shift / np.where(sigma > 0, sigma, 1.0), 0.0)
-    return float((read**2).sum() + (drive**2).sum())
+    return float((drive**2).sum())
 
 
 def _reading_sigma(problem: Problem) -> Array:
