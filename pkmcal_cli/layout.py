@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from .elements import Element
 from .rotation import Array
 from .slots import SlotTable
+from .sparse_map import Block, Entries, SparseMap
 
 Index = NDArray[np.intp]
 GROUND = 0  # rotation number of the base
@@ -37,9 +39,7 @@ class Rotations:
     kind: Index  # (B,)
     axis: Array  # (B, 3) unit vector in base axes
     drawn: Array  # (B, 3, 3) orientation at the drawing
-    slots: (
-        Index  # (B, 3) rotation vector slots (FIXED), or the angle in column 0 (AXIS, when driven); -1: none
-    )
+    slots: Index  # (B, 3) rotation vector slots (FIXED), or the angle in column 0 (AXIS, when driven); -1: none
     names: tuple[str, ...]
 
 
@@ -120,19 +120,63 @@ class Layout:
     drives: tuple[Drive, ...]
     held: tuple[int, ...] = field(default=())  # coordinates of free motions that carry no load
 
-    @property
+    @cached_property
     def rotation_dofs(self) -> Index:
         """First coordinate of each rotation, -1 for FIXED; travels come first."""
         width = np.array([0, 3, 1])[self.rotations.kind]
         start = len(self.travel_slots) + np.cumsum(width) - width
         return np.where(width > 0, start, -1)
 
-    @property
+    @cached_property
     def n_dof(self) -> int:
         """Travels plus rotational coordinates."""
         return int(len(self.travel_slots) + np.array([0, 3, 1])[self.rotations.kind].sum())
 
-    @property
+    @cached_property
     def inputs(self) -> Index:
         """Element inputs that can be non-zero: all nine, or x, y and the rotations about z."""
         return np.array([0, 1, 5, 8]) if self.planar else np.arange(9)
+
+    @property
+    def moved_blocks(self) -> tuple[Block, Block]:
+        """Rotations (B, 3, 3) and arms (A, 3): the stacked array out of which links and triads are made."""
+        rotations = Block(0, (len(self.rotations.kind), 3, 3))
+        return rotations, Block(rotations.stop, (len(self.arms.link), 3))
+
+    @property
+    def arm_block(self) -> Block:
+        """Arms (A, 3) alone."""
+        return Block(0, (len(self.arms.link), 3))
+
+    @property
+    def link_block(self) -> Block:
+        """Links (links, 3) alone."""
+        return Block(0, (len(self.arms.start), 3))
+
+    @cached_property
+    def moved(self) -> int:
+        """Length of the stacked array of rotations and arms."""
+        return self.moved_blocks[1].stop
+
+    @cached_property
+    def offset_map(self) -> SparseMap:
+        """From slots (S) to the constant part of the arms (A, 3) in the arms' triads."""
+        arms, out, entries = self.arms, self.arm_block, Entries.none()
+        for p in range(arms.offset.shape[1]):
+            entries.add(out.numbers, arms.offset_slots[arms.offset[:, p]], arms.sign[:, p, None])
+        return entries.build(out.stop, len(self.slots.constants))
+
+    @cached_property
+    def travel_map(self) -> SparseMap:
+        """From travels (T) to their part of the arms (A, 3) in the arms' triads."""
+        out, entries = self.arm_block, Entries.none()
+        axes = self.arms.travel.reshape(len(self.travel_slots), *out.shape)
+        entries.add(out.numbers, np.arange(len(axes))[:, None, None], axes)
+        return entries.build(out.stop, len(axes))
+
+    @cached_property
+    def link_map(self) -> SparseMap:
+        """From arms (A, 3) to links (links, 3)."""
+        arms, links, entries = self.arm_block, self.link_block, Entries.none()
+        entries.add(links.numbers[self.arms.link], arms.numbers, 1.0)
+        return entries.build(links.stop, arms.stop)

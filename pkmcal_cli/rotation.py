@@ -1,7 +1,8 @@
 """Finite rotations on stacked arrays, written so that complex values pass through analytically.
 
 Rotation matrices carry components from a moving triad to base axes; increments `theta` are rotation vectors in
-base axes applied from the left: R <- exp([theta]x) R (rad).
+base axes applied from the left: R <- exp([theta]x) R (rad). New arrays lie in memory with the first index (the rows of
+machines) running fastest, so that every operation on a component is one on a contiguous run of rows.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ _SMALL = 1e-4  # below this angle (rad) the series of sin and cos are exact to d
 
 def skew(v: Array) -> Array:
     """Cross-product matrices [v]x, shape (..., 3, 3), of vectors (..., 3)."""
-    out = np.zeros((*v.shape, 3), dtype=v.dtype)
+    out = np.zeros((*v.shape, 3), dtype=v.dtype, order="F")
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
     return out
@@ -30,14 +31,19 @@ def cross(a: Array, b: Array) -> Array:
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
     c0 = a1 * b2 - a2 * b1
-    out = np.empty((*c0.shape, 3), dtype=c0.dtype)
+    out = np.empty((*c0.shape, 3), dtype=c0.dtype, order="F")
     out[..., 0], out[..., 1], out[..., 2] = c0, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
     return out
 
 
 def dot(a: Array, b: Array) -> Array:
     """Scalar product over the last axis without conjugation."""
-    return np.asarray((a * b).sum(-1))
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def times(a: Array, b: Array) -> Array:
+    """Products of stacked small matrices, (..., 3, 3); unlike a @ b fast where the first index runs fastest."""
+    return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
 
 
 def _coefficients(angle2: Array) -> tuple[Array, Array, Array]:
@@ -55,7 +61,7 @@ def exp(theta: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
     s1, s2, _ = _coefficients(dot(theta, theta))
     k = skew(theta)
-    return np.asarray(np.eye(3) + s1[..., None, None] * k + s2[..., None, None] * (k @ k))
+    return np.asarray(np.eye(3) + s1[..., None, None] * k + s2[..., None, None] * times(k, k))
 
 
 def left_jacobian(theta: Array) -> Array:
@@ -68,9 +74,7 @@ def left_jacobian(theta: Array) -> Array:
 def log(rotation: Array) -> Array:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3) for real arrays; angle in [0, pi]."""
     r = rotation
-    axial = 0.5 * np.stack(
-        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1
-    )
+    axial = 0.5 * np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
     sine = np.sqrt(dot(axial, axial))
     cosine = 0.5 * (np.trace(r, axis1=-2, axis2=-1) - 1.0)
     angle = np.arctan2(sine, cosine)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..rotation import Array, dot
-from .base import Element, outer
+from .base import Element, add_scaled_identity, outer
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,12 @@ class Bar(Element):
         length = np.sqrt(dot(delta, delta))[..., None]
         return length - rest, (delta / length)[..., None, :]
 
-    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
-        length = np.sqrt(dot(delta, delta))[..., None]
-        return chord_curvature(delta / length, stress[..., 0] / length[..., 0])
+    def add_curvature(self, out: Array, delta: Array, ti: Array, tj: Array, stress: Array) -> None:
+        """(I - c c^T) N/l: the string stiffness of a member under tension N."""
+        length = np.sqrt(dot(delta, delta))
+        tension = stress[..., 0] / length
+        out -= outer((tension / length**2)[..., None] * delta, delta)
+        add_scaled_identity(out, tension)
 
 
 @dataclass(frozen=True)
@@ -35,8 +38,3 @@ class ElasticBar(Bar):
     """A bar whose stiffness number is ES (N): what a drive winds or extends changes its stiffness ES/L too."""
 
     per_length: ClassVar[bool] = True
-
-
-def chord_curvature(c: Array, tension_per_length: Array) -> Array:
-    """(I - c c^T) N/l: the string stiffness of a member under tension N, (..., 3, 3)."""
-    return np.asarray(tension_per_length[..., None, None] * (np.eye(3) - outer(c, c)))

@@ -25,6 +25,7 @@ class Element(ABC):
     """One kind of element; instances differ only in which of its strains they use."""
 
     uses_triads: ClassVar[bool] = True
+    curved: ClassVar[bool] = True  # the strains have second derivatives
     per_length: ClassVar[bool] = False  # stiffness numbers are divided by the first rest value, a natural length
 
     @property
@@ -51,13 +52,20 @@ class Element(ABC):
         Strains in m and rad. Must accept complex arrays (derivatives by complex step).
         """
 
-    @abstractmethod
     def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
         """Second derivative of the strains contracted with `stress` (N, E, m): (N, E, inputs, inputs).
 
         The derivative of gradient^T stress with respect to the inputs; the rotational part is that of the moment,
         hence not symmetric away from equilibrium.
         """
+        shape, kind = (*delta.shape[:-1], self.inputs, self.inputs), np.result_type(delta, ti, tj, stress)
+        out: Array = np.zeros(shape, dtype=kind, order="F")
+        self.add_curvature(out, delta, ti, tj, stress)
+        return out
+
+    @abstractmethod
+    def add_curvature(self, out: Array, delta: Array, ti: Array, tj: Array, stress: Array) -> None:
+        """Add the curvature to `out` (N, E, inputs, inputs)."""
 
 
 def outer(a: Array, b: Array) -> Array:
@@ -72,3 +80,28 @@ def turned(a: Array, h: Array) -> Array:
     for k in range(3):
         out[..., k, k] -= trace
     return out
+
+
+def add_scaled_identity(out: Array, factor: Array) -> None:
+    """Add factor (N, E) times the identity to `out` (N, E, 3, 3)."""
+    for k in range(3):
+        out[..., k, k] += factor
+
+
+def transpose(a: Array) -> Array:
+    """Matrices of the last two axes transposed, a view."""
+    return np.swapaxes(a, -1, -2)
+
+
+def add_product(out: Array, a: Array, b: Array, stress: Array) -> None:
+    """Add `stress` (N, E) times the second derivative of a . b, a carried by port i and b by port j."""
+    add_moments(out, turned(stress[..., None] * a, b))
+
+
+def add_moments(out: Array, on_i: Array) -> None:
+    """Add the derivatives of opposite moments of products of carried axes; `on_i`: of that on i by theta_i."""
+    on_j = transpose(on_i)
+    out[..., THETA_I, THETA_I] += on_i
+    out[..., THETA_I, THETA_J] -= on_j
+    out[..., THETA_J, THETA_J] += on_j
+    out[..., THETA_J, THETA_I] -= on_i

@@ -6,9 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rotation import Array, cross, dot
-from .bar import chord_curvature
-from .base import DELTA, THETA_I, THETA_J, Element, outer, turned
+from ..rotation import Array, cross, dot, skew
+from .base import (
+    DELTA,
+    THETA_I,
+    THETA_J,
+    Element,
+    add_moments,
+    add_scaled_identity,
+    outer,
+    transpose,
+    turned,
+)
 
 _BENDING = np.array([[4.0, 2.0], [2.0, 4.0]])  # EI/L times this: bending angles at i and j to end moments
 _ENDS = (THETA_I, THETA_J)
@@ -42,69 +51,61 @@ class Beam(Element):
             out[np.ix_([p], rows, rows)] = _BENDING if len(rows) == 2 else 1.0
         return out
 
-    def _bending(self, ti: Array, tj: Array) -> list[tuple[Array, int]]:
-        """Carried axes whose component along the chord is a bending angle, with their end, in the order of strains."""
-        about_z = [(-ti[..., :, 1], 0), (-tj[..., :, 1], 1)]
-        return about_z if self.planar else [(ti[..., :, 2], 0), (tj[..., :, 2], 1), *about_z]
+    def _bending(self, ti: Array, tj: Array) -> Array:
+        """Carried axes whose components along the chord are the bending angles, ends i and j by turns, (N, E, K, 3)."""
+        axes = (1,) if self.planar else (2, 1)  # z for bending about y, then -y for bending about z
+        out: Array = np.empty((*ti.shape[:-2], 2 * len(axes), 3), dtype=np.result_type(ti, tj), order="F")
+        for row, axis in enumerate(axes):
+            for end, t in enumerate((ti, tj)):
+                column = t[..., :, axis]
+                out[..., 2 * row + end, :] = column if axis == 2 else -column
+        return out
 
     def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
         length = np.sqrt(dot(delta, delta))[..., None]  # (N, E, 1)
         c = delta / length
-        m = len(self.strains)
-        e = np.empty((*c.shape[:-1], m), dtype=c.dtype)
-        b = np.zeros((*c.shape[:-1], m, 9), dtype=c.dtype)
+        m, first = len(self.strains), 1 if self.planar else 2
+        e: Array = np.empty((*c.shape[:-1], m), dtype=np.result_type(c, ti, tj), order="F")
+        b: Array = np.zeros((*e.shape, 9), dtype=e.dtype, order="F")
         e[..., 0], b[..., 0, DELTA] = length[..., 0], c
-        first = 1
         if not self.planar:
             iy, iz, jy, jz = ti[..., :, 1], ti[..., :, 2], tj[..., :, 1], tj[..., :, 2]
             e[..., 1] = 0.5 * (dot(iy, jz) - dot(iz, jy))
             b[..., 1, THETA_I] = 0.5 * (cross(iy, jz) - cross(iz, jy))
             b[..., 1, THETA_J] = -b[..., 1, THETA_I]
-            first = 2
-        for row, (t, end) in enumerate(self._bending(ti, tj), first):
-            e[..., row] = dot(t, c)
-            b[..., row, DELTA] = (t - e[..., row, None] * c) / length
-            b[..., row, _ENDS[end]] = cross(t, c)
+        t = self._bending(ti, tj)  # (N, E, K, 3)
+        e[..., first:] = angles = dot(t, c[..., None, :])
+        b[..., first:, DELTA] = (t - angles[..., None] * c[..., None, :]) / length[..., None]
+        moments = cross(t, c[..., None, :])
+        b[..., first::2, THETA_I], b[..., first + 1 :: 2, THETA_J] = moments[..., ::2, :], moments[..., 1::2, :]
         return e - rest, b
 
-    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
-        length = np.sqrt(dot(delta, delta))[..., None]
-        c = delta / length
-        out = np.zeros((*c.shape[:-1], 9, 9), dtype=c.dtype)
+    def add_curvature(self, out: Array, delta: Array, ti: Array, tj: Array, stress: Array) -> None:
+        """Elongation and bending: derivatives of components of carried axes in the chord's direction c."""
+        length = np.sqrt(dot(delta, delta))
+        c = delta / length[..., None]
         # Bending is linear in the carried axes: those of one end act as one vector, their sum weighted by stress.
-        ends = [np.zeros_like(c), np.zeros_like(c)]
-        for row, (t, end) in enumerate(self._bending(ti, tj), 1 if self.planar else 2):
-            ends[end] = ends[end] + stress[..., row, None] * t
+        weighted = stress[..., 1 if self.planar else 2 :, None] * self._bending(ti, tj)  # (N, E, K, 3)
+        ends = [weighted[..., end::2, :].sum(axis=-2) for end in (0, 1)]
         total = ends[0] + ends[1]
-        along = dot(total, c)
-        dyad = outer(total, c)
-        transverse = np.eye(3) - outer(c, c)
-        out[..., DELTA, DELTA] = chord_curvature(c, stress[..., 0] / length[..., 0])
-        out[..., DELTA, DELTA] -= (dyad + np.swapaxes(dyad, -1, -2)) / length[..., None] ** 2
-        out[..., DELTA, DELTA] -= (along / length[..., 0] ** 2)[..., None, None] * (
-            transverse - 2 * outer(c, c)
-        )
+        along, tension = dot(total, c) / length**2, stress[..., 0] / length
+        half = (1.5 * along - 0.5 * tension)[..., None] * c - total / (length**2)[..., None]
+        dyad = outer(half, c)
+        out[..., DELTA, DELTA] += dyad + transpose(dyad)
+        add_scaled_identity(out[..., DELTA, DELTA], tension - along)
         for port, t in zip(_ENDS, ends, strict=True):
-            coupling = cross(t[..., None, :], transverse) / length[..., None]  # row k: t x (P e_k) / l
-            out[..., DELTA, port] = coupling
-            out[..., port, DELTA] = np.swapaxes(coupling, -1, -2)
-            out[..., port, port] = turned(t, c)
+            out[..., port, port] += turned(t, c)
+            per_length = t / length[..., None]
+            coupling = skew(per_length) + outer(c, cross(per_length, c))
+            out[..., DELTA, port] -= coupling
+            out[..., port, DELTA] -= transpose(coupling)
         if not self.planar:
             _add_torsion(out, ti, tj, 0.5 * stress[..., 1])
-        return out
 
 
 def _add_torsion(out: Array, ti: Array, tj: Array, half: Array) -> None:
     """Add the second derivative of the torsion strain, times its stress (`half`: stress over two)."""
-    for sign, (a, b) in ((1.0, (ti[..., :, 1], tj[..., :, 2])), (-1.0, (ti[..., :, 2], tj[..., :, 1]))):
-        add_product(out, a, b, sign * half)
-
-
-def add_product(out: Array, a: Array, b: Array, stress: Array) -> None:
-    """Add `stress` times the second derivative of a . b, a carried by port i and b by port j."""
-    weight = stress[..., None, None]
-    on_i, on_j = weight * turned(a, b), weight * turned(b, a)
-    out[..., THETA_I, THETA_I] += on_i
-    out[..., THETA_I, THETA_J] -= np.swapaxes(on_i, -1, -2)
-    out[..., THETA_J, THETA_J] += on_j
-    out[..., THETA_J, THETA_I] -= np.swapaxes(on_j, -1, -2)
+    weight = half[..., None]
+    on_i = turned(weight * ti[..., :, 1], tj[..., :, 2])
+    on_i -= turned(weight * ti[..., :, 2], tj[..., :, 1])
+    add_moments(out, on_i)

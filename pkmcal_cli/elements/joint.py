@@ -13,8 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ..rotation import Array, cross, dot, skew
-from .base import DELTA, THETA_I, THETA_J, Element, outer, turned
-from .beam import add_product
+from .base import DELTA, THETA_I, THETA_J, Element, add_product, outer, transpose, turned
 
 # A rotation strain is a sum of products of a carried axis of i with one of j: (factor, axis of i, axis of j).
 # For small turns it is the rotation of j against i about i's axis, with its sign (couplings depend on it).
@@ -76,8 +75,8 @@ class Joint(Element):
     def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
         m = len(self.directions)
         kind = np.result_type(delta, ti, tj)
-        e = np.zeros((*delta.shape[:-1], m), dtype=kind)
-        b = np.zeros((*delta.shape[:-1], m, 9), dtype=kind)
+        e: Array = np.zeros((*delta.shape[:-1], m), dtype=kind, order="F")
+        b: Array = np.zeros((*delta.shape[:-1], m, 9), dtype=kind, order="F")
         for row, name in enumerate(self.directions):
             if name in DISPLACEMENTS:
                 a = ti[..., :, DISPLACEMENTS.index(name)]
@@ -97,22 +96,20 @@ class Joint(Element):
     def _products(self, name: str) -> tuple[tuple[float, int, int], ...]:
         return JOINTS[self.type].rotations.get(name) or _HALF[name]
 
-    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
-        out = np.zeros((*delta.shape[:-1], 9, 9), dtype=np.result_type(delta, ti, tj, stress))
+    def add_curvature(self, out: Array, delta: Array, ti: Array, tj: Array, stress: Array) -> None:
         for row, name in enumerate(self.directions):
             s = stress[..., row]
             if name in DISPLACEMENTS:
                 a = ti[..., :, DISPLACEMENTS.index(name)]
-                tangent = s[..., None, None] * skew(a)
+                tangent = skew(s[..., None] * a)
                 out[..., DELTA, THETA_I] -= tangent
                 out[..., THETA_I, DELTA] += tangent
-                out[..., THETA_I, THETA_I] += s[..., None, None] * turned(a, delta)
+                out[..., THETA_I, THETA_I] += turned(s[..., None] * a, delta)
             elif name == "angle":
                 _add_angle(out, ti, tj, s)
             else:
                 for factor, p, q in self._products(name):
                     add_product(out, ti[..., :, p], tj[..., :, q], factor * s)
-        return out
 
 
 def _angle(ti: Array, tj: Array) -> tuple[Array, Array]:
@@ -137,13 +134,13 @@ def _add_angle(out: Array, ti: Array, tj: Array, stress: Array) -> None:
     add_product(out, x, d, -stress * sine / norm)
     gradient = {}
     for name, moment in (("sine", cross(y, d)), ("cosine", cross(x, d))):
-        gradient[name] = np.zeros((*moment.shape[:-1], 9), dtype=moment.dtype)
+        gradient[name] = np.zeros((*moment.shape[:-1], 9), dtype=moment.dtype, order="F")
         gradient[name][..., THETA_I], gradient[name][..., THETA_J] = moment, -moment
     own = (2 * stress * sine * cosine / norm**2)[..., None, None]
     mixed = (stress * (sine**2 - cosine**2) / norm**2)[..., None, None]
     both = outer(gradient["sine"], gradient["cosine"])
     out += own * (outer(gradient["cosine"], gradient["cosine"]) - outer(gradient["sine"], gradient["sine"]))
-    out += mixed * (both + np.swapaxes(both, -1, -2))
+    out += mixed * (both + transpose(both))
 
 
 def _wrapped(e: Array, directions: tuple[str, ...]) -> Array:

@@ -16,6 +16,7 @@ class Load(Element):
     """Coordinates of port j relative to port i (the base); energy -f . u when the prestress is -f (N)."""
 
     uses_triads: ClassVar[bool] = False
+    curved: ClassVar[bool] = False
 
     @property
     def strains(self) -> tuple[str, ...]:
@@ -29,5 +30,5 @@ class Load(Element):
     def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
         return delta - rest, np.broadcast_to(np.eye(3), (*delta.shape, 3))
 
-    def curvature(self, delta: Array, ti: Array, tj: Array, stress: Array) -> Array:
-        return np.zeros((*delta.shape, 3))
+    def add_curvature(self, out: Array, delta: Array, ti: Array, tj: Array, stress: Array) -> None:
+        """Coordinates are linear: nothing."""

@@ -3,20 +3,31 @@
 The Lagrangian is 1/2 e^T S e + s0^T e + mu^T e_rigid - f^T u; its gradient with respect to the unknowns and the
 multipliers is the residual, and the derivative of the residual the tangent (n + c square, multipliers scaled by
 `System`-wide stiffness so that both blocks have the same magnitude).
+
+Rows run fastest in memory. Each group writes its part into a block of a stacked array (see `maps`); one sparse
+product then adds all blocks up.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..layout import Layout
 from ..elements.base import turned
 from ..rotation import Array, cross, dot
-from .kinematics import State, arm_vectors, input_jacobian, link_vectors
-from .system import GroupMap, Layers, LinkMap, System
+from ..sparse_map import pick
+from .given import Given, GroupNumbers, given, stiffness_matrices, typical_stiffness
+from .kinematics import State, turned_arms, views
+from .links import Pairs
+from .maps import Blocks
+from .system import GroupMap, System
+
+__all__ = ["Balance", "balance", "group_view", "stiffness_matrices", "stresses_of", "typical_stiffness"]
+
+Loose = NDArray[np.bool_]  # (N, E) ropes that are slack
 
 
 @dataclass(frozen=True)
@@ -29,27 +40,20 @@ class Balance:
     stresses: tuple[Array, ...]
 
 
-def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
-    """S of every element, (1 or N, E, m, m), zero where a strain is rigid or released."""
-    count, width = group.group.shape
-    patterns = group.group.element.patterns
-    numbers = slots[:, group.group.stiffness].reshape(len(slots), count, len(patterns))
-    if group.group.element.per_length:
-        numbers = numbers / slots[:, group.group.rest].reshape(len(slots), count, width)[..., :1]
-    full = (
-        np.tensordot(numbers, patterns, axes=(2, 0))
-        if len(patterns)
-        else np.zeros((len(slots), count, width, width))
-    )
-    return np.asarray(full * group.elastic[:, :, None] * group.elastic[:, None, :])
+class View(NamedTuple):
+    """What the elements of a group see: triads (N, E, 3, 3), links (N, E, 3), varying directions (N, M, X, 3)."""
+
+    ti: Array
+    tj: Array
+    delta: Array
+    directions: Array
 
 
-def typical_stiffness(system: System, slots: Array) -> float:
-    """A stiffness (N/m) that scales multipliers: the largest of the machine's, or 1 where nothing yields."""
-    largest = [
-        float(np.abs(stiffness_matrices(system, g, slots[:1])).max(initial=0.0)) for g in system.groups
-    ]
-    return max(largest, default=0.0) or 1.0
+def group_view(system: System, index: int, stacked: Array) -> View:
+    """One group's part of the stacked views (entries, N)."""
+    blocks = system.view_maps.groups[index]
+    parts = (blocks.ti, blocks.tj, blocks.delta, blocks.directions)
+    return View(*(part.of(stacked) for part in parts))
 
 
 @dataclass(frozen=True)
@@ -57,156 +61,204 @@ class _Context:
     """What all groups of one evaluation share."""
 
     system: System
-    slots: Array
+    numbers: Given
     state: State
-    arms: Array
-    deltas: Array
+    arms: Array  # (N, A, 3)
+    views: Array  # (entries, N)
+    forces: Array  # (entries, N), to be filled
+    tangents: Array | None  # (entries, N), to be filled
+    residual: Array  # (N, n + c), to be filled
     scale: float
     curved: bool  # include the stress term of the tangent
-    slack: tuple[NDArray[np.bool_], ...] | None
+
+    @property
+    def width(self) -> int:
+        """Dimensions of the space."""
+        return 2 if self.system.layout.planar else 3
 
 
 def balance(
     system: System,
-    slots: Array,
+    slots: Array | Given,
     state: State,
     scale: float,
     *,
     tangent: bool = True,
     curved: bool = True,
-    slack: tuple[NDArray[np.bool_], ...] | None = None,
+    slack: tuple[Loose, ...] | None = None,
 ) -> Balance:
-    """Residual and tangent at a state. `curved=False` leaves the stress term out (Gauss-Newton)."""
-    arms = arm_vectors(system.layout, slots, state)
-    context = _Context(system, slots, state, arms, link_vectors(system.layout, arms), scale, curved, slack)
-    size, rows = system.size, len(state)
-    residual = np.zeros((rows, size))
-    matrix = np.zeros((rows, size * size)) if tangent else None
-    strains, stresses = [], []
-    for index, group in enumerate(system.groups):
-        e, s = _add_group(context, index, group, residual, matrix)
-        strains.append(e)
-        stresses.append(s)
-    if system.loaded and len(system.layout.force_dofs):
-        where = system.place[system.layout.force_dofs]
-        acting = np.nonzero(where >= 0)[0]
-        np.subtract.at(residual, (slice(None), where[acting]), slots[:, system.layout.force_slots[acting]])
-    square = None if matrix is None else matrix.reshape(rows, size, size)
-    return Balance(residual, square, tuple(strains), tuple(stresses))
+    """Residual and tangent at a state. `curved=False` leaves the stress term out (Gauss-Newton).
+
+    `slots` (1 or N, S), or what they say where several states are looked at.
+    """
+    numbers = slots if isinstance(slots, Given) else given(system, slots)
+    rows, maps = len(state), system.maps
+    arms = turned_arms(system.layout, numbers.bodies, state)
+    stacked = views(system, state, arms)
+    forces = np.empty((maps.residual.columns, rows))
+    tangents = np.empty((maps.tangent.columns, rows)) if tangent else None
+    residual = np.empty((rows, system.size), order="F")
+    context = _Context(system, numbers, state, arms, stacked, forces, tangents, residual, scale, curved)
+    parts = [
+        _add_group(context, k, None if slack is None or not group.group.rope.any() else slack[k])
+        for k, group in enumerate(system.groups)
+    ]
+    residual[:, : system.unknowns] = maps.residual(forces).T
+    if system.loaded:
+        _add_constant_forces(system, numbers, residual)
+    matrix = None if tangents is None else _matrix(system, tangents)
+    return Balance(residual, matrix, tuple(e for e, _ in parts), tuple(s for _, s in parts))
 
 
-def port_triads(system: System, group: GroupMap, state: State) -> tuple[Array, Array]:
-    """Carried triads of both ends, (N, E, 3, 3) each; empty for elements that ignore them."""
-    if not group.group.element.uses_triads:
-        return np.empty(0), np.empty(0)
-    ri, rj = group.group.rotation
-    ti, tj = group.group.triads
-    return np.asarray(state.rotation[:, ri] @ ti), np.asarray(state.rotation[:, rj] @ tj)
+def _matrix(system: System, tangents: Array) -> Array:
+    """The tangent (N, n + c, n + c) from the stacked ones of the elements (entries, N)."""
+    rows, size, maps = tangents.shape[1], system.size, system.maps
+    matrix = np.zeros((rows, size * size))
+    matrix[:, maps.filled] = maps.tangent(tangents).T
+    return matrix.reshape(rows, size, size)
+
+
+def _add_constant_forces(system: System, numbers: Given, residual: Array) -> None:
+    where = system.place[system.layout.force_dofs]
+    for k in np.nonzero(where >= 0)[0]:
+        residual[:, where[k]] -= numbers.forces[:, k]
 
 
 def stresses_of(
-    context_slots: Array, system: System, group: GroupMap, e: Array, state: State, stiffness: Array
+    system: System, group: GroupMap, numbers: GroupNumbers, e: Array, state: State, loose: Loose | None
 ) -> Array:
     """Stress of every strain: S e + s0, or the multiplier of a constraint, (N, E, m)."""
-    stress = (stiffness @ e[..., None])[..., 0]
-    if system.loaded:
-        stress = (
-            stress + context_slots[:, group.group.prestress].reshape(-1, *group.group.shape) * group.stressed
-        )
-    if len(group.rigid[0]):
-        stress[:, group.rigid[0], group.rigid[1]] = state.multiplier[:, group.rows]
-    return np.asarray(stress)
+    shape = np.broadcast_shapes(e.shape, (len(state), 1, 1))
+    stress = np.zeros(shape, dtype=e.dtype, order="F")
+    if numbers.stiffness is not None:
+        np.einsum("nekl,nel->nek", numbers.stiffness, e, out=stress)
+        if loose is not None:
+            stress *= ~loose[:, :, None]
+    if numbers.prestress is not None:
+        stress += numbers.prestress
+    for k, (link, strain) in enumerate(zip(*group.rigid, strict=True), start=group.rows.start):
+        stress[:, link, strain] = state.multiplier[:, k]
+    return stress
 
 
-def _add_group(
-    context: _Context, index: int, group: GroupMap, residual: Array, matrix: Array | None
-) -> tuple[Array, Array]:
-    """Add one group's forces, constraints and tangent; returns its strains and stresses."""
-    system, state = context.system, context.state
-    element, inputs = group.group.element, _inputs(system.layout, group)
-    delta = context.deltas[:, group.group.links]
-    ti, tj = port_triads(system, group, state)
-    rest = context.slots[:, group.group.rest].reshape(-1, *group.group.shape)
-    e, b = element.evaluate(delta, ti, tj, rest)
-    stiffness = stiffness_matrices(system, group, context.slots)
-    if context.slack is not None and group.group.rope.any():
-        stiffness = stiffness * ~context.slack[index][:, :, None, None]
-    stress = stresses_of(context.slots, system, group, e, state, stiffness)
-    jacobian, directions = input_jacobian(system.layout, group.map, state, context.arms)
-    b = b[..., inputs]
-    force = (stress[..., None, :] @ b)[..., 0, :]  # (N, E, I)
-    _scatter(residual, (jacobian @ force[..., None])[..., 0], group.map.gradient)
+def of_constraints(x: Array, group: GroupMap) -> Array:
+    """x (N, E, m, ...) of the rigid strains, (N, R, ...)."""
+    link, strain = group.rigid
+    flat = x.reshape(len(x), -1, *x.shape[3:], order="F")  # (N, E * m, ...)
+    return pick(flat, link + x.shape[1] * strain)
+
+
+def _add_group(context: _Context, index: int, loose: Loose | None) -> tuple[Array, Array]:
+    """Write one group's forces, constraints and tangent; returns its strains and stresses."""
+    system, group = context.system, context.system.groups[index]
+    numbers, blocks = context.numbers.groups[index], system.maps.groups[index]
+    view = group_view(system, index, context.views)
+    e, b = group.group.element.evaluate(view.delta, view.ti, view.tj, numbers.rest)
+    stress = stresses_of(system, group, numbers, e, context.state, loose)
+    used = b if b.shape[-1] == len(group.inputs) else b.T[group.inputs].T  # (N, E, m, I)
+    force = blocks.force.of(context.forces)
+    np.einsum("nek,neki->nei", stress, used, out=force)
+    directions = view.directions[..., : context.width]
+    if len(group.map.moving):
+        pull = pick(force, group.map.moving)[..., : context.width]
+        np.einsum("nmxd,nmd->nmx", directions, pull, out=blocks.varying_force.of(context.forces))
     if len(group.rigid[0]):
-        rows = system.unknowns + np.arange(group.rows.start, group.rows.stop)
-        residual[:, rows] = context.scale * e[:, group.rigid[0], group.rigid[1]]
-    if matrix is not None:
-        local = np.swapaxes(b, -1, -2) @ (stiffness @ b)  # (N, E, I, I)
-        if context.curved:
-            local = local + element.curvature(delta, ti, tj, stress)[..., inputs[:, None], inputs]
-        reduced = (jacobian @ local) @ np.swapaxes(jacobian, -1, -2)
-        if context.curved:
-            _add_arm_curvature(context, group.map, force, directions, reduced)
-        _scatter(matrix, reduced, group.map.tangent)
-        _add_constraints(context, group, jacobian, b, matrix)
+        rows = slice(system.unknowns + group.rows.start, system.unknowns + group.rows.stop)
+        context.residual[:, rows] = context.scale * of_constraints(e, group)
+    if context.tangents is not None:
+        _add_own(context, index, view, numbers, used, stress, loose)
+        _add_varying(context.tangents, group, blocks, directions)
+        _add_arm_curvature(context, index, force, view.directions)
+        _add_constraints(context, index, used, directions)
     return e, stress
 
 
-def _inputs(layout: Layout, group: GroupMap) -> NDArray[np.intp]:
-    return layout.inputs[layout.inputs < group.group.element.inputs]
-
-
-def _scatter(target: Array, local: Array, layers: Layers) -> None:
-    flat = local.reshape(len(local), -1)
-    for source, where in layers:
-        target[:, where] += flat[:, source]
-
-
-def _add_constraints(context: _Context, group: GroupMap, jacobian: Array, b: Array, matrix: Array) -> None:
-    """Rows and columns of the multipliers, scaled."""
-    e, m = group.rigid
-    if not len(e):
-        return
-    size = context.system.size
-    local = context.scale * (jacobian[:, e] @ b[:, e, m, :, None])[..., 0]  # (N, rigid, L)
-    unknowns = group.map.unknowns[e]
-    r, column = np.nonzero(unknowns >= 0)
-    row = context.system.unknowns + group.rows.start + r
-    values = local[:, r, column]
-    where = unknowns[r, column]
-    matrix[:, row * size + where] += values
-    matrix[:, where * size + row] += values
-
-
-def _add_arm_curvature(
-    context: _Context, links: LinkMap, force: Array, directions: Array, reduced: Array
+def _add_own(
+    context: _Context,
+    index: int,
+    view: View,
+    numbers: GroupNumbers,
+    b: Array,
+    stress: Array,
+    loose: Loose | None,
 ) -> None:
+    """Tangent with respect to the inputs: b^T S b and the stress times the strains' second derivative."""
+    group, tangents = context.system.groups[index], context.tangents
+    block = context.system.maps.groups[index].own
+    if tangents is None or block.shape[0] == 0:
+        return
+    own = block.of(tangents)  # (N, E, I, I)
+    if numbers.stiffness is None:
+        own[...] = 0.0
+    else:
+        pulled = np.einsum("nekl,nelj->nekj", numbers.stiffness, b)
+        np.einsum("neki,nekj->neij", b, pulled, out=own)
+        if loose is not None:
+            own *= ~loose[:, :, None, None]
+    element, inputs = group.group.element, group.inputs
+    if context.curved and element.curved:
+        seen = (view.delta, view.ti, view.tj, stress)
+        if len(inputs) == element.inputs:
+            element.add_curvature(own, *seen)
+        else:
+            own += element.curvature(*seen)[..., inputs[:, None], inputs]
+
+
+def _add_varying(tangents: Array, group: GroupMap, blocks: Blocks, directions: Array) -> None:
+    """Tangent with respect to the varying inputs: J M, M J^T and J M J^T, M the part with respect to delta."""
+    if blocks.left.shape[0] == 0:
+        return
+    width = directions.shape[-1]
+    own = pick(blocks.own.of(tangents), group.map.moving)
+    left, right = blocks.left.of(tangents), blocks.right.of(tangents)
+    np.einsum("nmxd,nmdi->nmxi", directions, own[:, :, :width], out=left)
+    np.einsum("nmid,nmxd->nmix", own[..., :width], directions, out=right)
+    np.einsum("nmxd,nmyd->nmxy", left[..., :width], directions, out=blocks.both.of(tangents))
+
+
+def _add_constraints(context: _Context, index: int, b: Array, directions: Array) -> None:
+    """Gradients of the constraints, scaled: rows and columns of the multipliers."""
+    group, blocks = context.system.groups[index], context.system.maps.groups[index]
+    if context.tangents is None or not len(group.rigid[0]):
+        return
+    rigid = blocks.rigid.of(context.tangents)  # (N, R, I)
+    np.multiply(of_constraints(b, group), context.scale, out=rigid)
+    varying = blocks.varying_rigid.of(context.tangents)  # (N, R, X)
+    varying[...] = 0.0
+    mine = np.nonzero(np.isin(group.rigid[0], group.map.moving))[0]
+    if len(mine):
+        along = pick(directions, np.searchsorted(group.map.moving, group.rigid[0][mine]))
+        varying[:, mine] = np.einsum("nrxd,nrd->nrx", along, pick(rigid, mine)[..., : along.shape[-1]])
+
+
+def _add_arm_curvature(context: _Context, index: int, force: Array, directions: Array) -> None:
     """Second derivatives of the arms contracted with the link force f: turning an arm w adds w f^T - (w . f) I."""
-    full = np.zeros((*force.shape[:-1], 3))
-    width = 2 if context.system.layout.planar else 3
-    full[..., :width] = force[..., :width]
-    e, column, arm = links.about
-    if len(e):
-        blocks = turned(context.arms[:, arm], full[:, e])
-        for k in range(3):
-            for l in range(3):
-                reduced[:, e, column + k, column + l] += blocks[..., k, l]
-    e, column, arm, axis = links.axial
-    if len(e):
-        w = context.arms[:, arm]
-        reduced[:, e, column, column] += dot(axis, cross(cross(axis, w), full[:, e]))
-    _add_mixed_curvature(links, full, directions, reduced)
+    links, blocks = context.system.groups[index].map, context.system.maps.groups[index]
+    parts = (blocks.turning, blocks.hinged, blocks.sliding_turning, blocks.sliding_hinged)
+    if context.tangents is None or not len(links.moving):
+        return
+    turning, hinged, mixed_turning, mixed_hinged = (part.of(context.tangents) for part in parts)
+    if not context.curved:
+        for part in (turning, hinged, mixed_turning, mixed_hinged):
+            part[...] = 0.0
+        return
+    pull = np.zeros((*force.shape[:2], 3), order="F")
+    pull[..., : context.width] = force[..., : context.width]
+    if len(links.turning.link):
+        turning[...] = turned(pick(context.arms, links.turning.arm), pick(pull, links.turning.link))
+    if len(links.hinged.link):
+        axis, arms = links.hinged.axis, pick(context.arms, links.hinged.arm)
+        hinged[...] = dot(axis, cross(cross(axis, arms), pick(pull, links.hinged.link)))
+    for pairs, out in ((links.sliding_turning, mixed_turning), (links.sliding_hinged, mixed_hinged)):
+        if len(pairs.sliding):
+            moment = _sliding_moment(context, index, pairs, pull, directions)
+            hinge = links.hinged.axis[pairs.turning] if out is mixed_hinged else None
+            out[...] = moment if hinge is None else dot(hinge, moment)
 
 
-def _add_mixed_curvature(links: LinkMap, force: Array, directions: Array, reduced: Array) -> None:
-    """A travel direction u carried by a rotation couples the two unknowns by u x f."""
-    fill, e, column = links.along_about
-    if len(fill):
-        moment, along = cross(directions[:, fill], force[:, e]), links.along[1][fill]
-        for k in range(3):
-            reduced[:, e, column + k, along] += moment[..., k]
-            reduced[:, e, along, column + k] += moment[..., k]
-    fill, e, column, axis = links.along_axial
-    if len(fill):
-        single, along = dot(axis, cross(directions[:, fill], force[:, e])), links.along[1][fill]
-        reduced[:, e, column, along] += single
-        reduced[:, e, along, column] += single
+def _sliding_moment(context: _Context, index: int, pairs: Pairs, pull: Array, directions: Array) -> Array:
+    """u x f for travel directions u that turn, (N, F, 3)."""
+    links = context.system.groups[index].map
+    link, varying = links.sliding.link[pairs.sliding], links.sliding.varying[pairs.sliding]
+    row = np.searchsorted(links.moving, link)
+    return cross(directions[:, row, varying], pick(pull, link))

@@ -6,39 +6,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from ..elements import Load
 from ..layout import Index
 from ..rotation import Array
-from .assembly import port_triads
-from .kinematics import State, arm_vectors, input_jacobian, link_vectors
+from ..sparse_map import pick
+from .assembly import group_view
+from .given import given
+from .kinematics import State, turned_arms, views
 from .system import System
 
 
 def strain_jacobian(system: System, slots: Array, state: State, length: float) -> Array:
     """Derivative of all acting strains with respect to the unknowns, lengths relative to `length`: (N, m, n)."""
-    layout = system.layout
-    arms = arm_vectors(layout, slots, state)
-    deltas = link_vectors(layout, arms)
-    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
-    blocks = []
-    for group in system.groups:
-        spec = group.group
-        acting = group.elastic > 0
-        acting[group.rigid] = True
-        e, m = np.nonzero(acting)
-        if isinstance(spec.element, Load) or not len(e):
-            continue
-        ti, tj = port_triads(system, group, state)
-        rest = slots[:, spec.rest].reshape(-1, *spec.shape)
-        _, b = spec.element.evaluate(deltas[:, spec.links], ti, tj, rest)
-        jacobian, _ = input_jacobian(layout, group.map, state, arms)
-        inputs = layout.inputs[layout.inputs < spec.element.inputs]
-        local = (jacobian[:, e] @ b[:, e, m][..., inputs, None])[..., 0]  # (N, strains, L)
-        block = np.zeros((len(state), len(e), system.unknowns))
-        row, column = np.nonzero(group.map.unknowns[e] >= 0)
-        np.add.at(block, (slice(None), row, group.map.unknowns[e][row, column]), local[:, row, column])
-        blocks.append(block * unit)
-    return np.concatenate(blocks, axis=1) if blocks else np.zeros((len(state), 0, system.unknowns))
+    maps, numbers = system.strain_maps, given(system, slots)
+    stacked = views(system, state, turned_arms(system.layout, numbers.bodies, state))
+    gradients = np.empty((maps.jacobian.columns, len(state)))
+    for index, (own, varying) in maps.groups.items():
+        group, view = system.groups[index], group_view(system, index, stacked)
+        _, b = group.group.element.evaluate(view.delta, view.ti, view.tj, numbers.groups[index].rest)
+        own.of(gradients)[...] = b
+        directions, part = view.directions, pick(b, group.map.moving)[..., :3]
+        np.einsum("nmxd,nmkd->nmkx", directions, part, out=varying.of(gradients))
+    out = np.zeros((len(state), maps.count * system.unknowns))
+    out[:, maps.filled] = maps.jacobian(gradients).T
+    unit = np.where(system.free < len(system.layout.travel_slots), length, 1.0)
+    return np.asarray(out.reshape(len(state), maps.count, system.unknowns) * unit)
 
 
 def independent_strains(jacobian: Array) -> Index:

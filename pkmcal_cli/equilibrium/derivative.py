@@ -12,10 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..elements import Element
 from ..layout import Turn
 from ..rotation import Array, cross, left_jacobian, log
-from .assembly import port_triads, stiffness_matrices, stresses_of
-from .kinematics import State, advance, arm_vectors, link_vectors
+from ..sparse_map import pick, rows_last
+from .assembly import group_view, stresses_of
+from .given import Given, given
+from .kinematics import State, advance, turned_arms, views
 from .newton import Slack
 from .system import System
 
@@ -24,73 +27,96 @@ _STEP = 1e-30
 
 @dataclass
 class _Sums:
-    """Forces on links (N, links, 3), moments on rotations (N, B, 3) and slot gradient (N, S) being collected."""
+    """What is collected for all slots; kind real or complex as the state, the row index fastest in memory."""
 
-    arms: Array
-    deltas: Array
-    force: Array
-    moment: Array
-    slots: Array
+    arms: Array  # (N, A, 3)
+    views: Array  # (entries, N)
+    force: Array  # (N, links, 3) forces on links
+    moment: dict[int, Array]  # (N, 3) moments on the rotations that slots set
+    slots: Array  # (N, S) gradient
 
 
-def _start(system: System, slots: Array, state: State) -> _Sums:
-    arms = arm_vectors(system.layout, slots, state)
-    deltas = link_vectors(system.layout, arms)
+def _start(system: System, numbers: Given, state: State) -> _Sums:
+    layout, rows = system.layout, len(state)
+    arms = turned_arms(layout, numbers.bodies, state)
     kind = np.result_type(state.travel, state.rotation)
-    moment = np.zeros((*state.rotation.shape[:2], 3), dtype=kind)
+    steered = np.nonzero(layout.rotations.slots[:, 0] >= 0)[0]
     return _Sums(
-        arms, deltas, np.zeros_like(deltas), moment, np.zeros((len(state), slots.shape[1]), dtype=kind)
+        arms,
+        views(system, state, arms),
+        np.zeros((rows, len(layout.arms.start), 3), dtype=kind, order="F"),
+        {int(r): np.zeros((rows, 3), dtype=kind, order="F") for r in steered},
+        np.zeros((rows, len(layout.slots.constants)), dtype=kind, order="F"),
     )
 
 
-def lagrangian_gradient(system: System, slots: Array, state: State, slack: Slack | None) -> Array:
+def lagrangian_gradient(system: System, slots: Array | Given, state: State, slack: Slack | None) -> Array:
     """Derivative of the Lagrangian with respect to every slot, (N, S), at a possibly complex state.
 
     At a real solution its entries at drive slots are the drive forces.
     """
-    sums = _start(system, slots, state)
+    numbers = slots if isinstance(slots, Given) else given(system, slots)
+    sums = _start(system, numbers, state)
     for index, group in enumerate(system.groups):
         loose = slack[index] if slack is not None and group.group.rope.any() else None
-        ti, tj = port_triads(system, group, state)
-        rest = slots[:, group.group.rest].reshape(-1, *group.group.shape)
-        e, b = group.group.element.evaluate(sums.deltas[:, group.group.links], ti, tj, rest)
-        stiffness = stiffness_matrices(system, group, slots)
-        acting = e * group.elastic
-        if loose is not None:
-            stiffness, acting = stiffness * ~loose[:, :, None, None], acting * ~loose[:, :, None]
-        stress = stresses_of(slots, system, group, e, state, stiffness)
-        _pull(sums, system, index, (stress[..., None, :] @ b)[..., 0, :])
-        energy = 0.5 * np.einsum("pkl,nek,nel->nep", group.group.element.patterns, acting, acting)
-        pull = stress.copy()
-        if group.group.element.per_length:
-            energy = energy / rest[..., :1]
-            numbers = slots[:, group.group.stiffness].reshape(energy.shape)
-            pull[..., 0] += (numbers * energy / rest[..., :1]).sum(-1)
-        sums.slots[:, group.group.stiffness] = energy.reshape(len(state), -1)
-        sums.slots[:, group.group.rest] = -pull.reshape(len(state), -1)
-        if system.loaded:
-            sums.slots[:, group.group.prestress] = (e * group.stressed).reshape(len(state), -1)
+        _add_group(system, index, numbers, state, sums, loose)
     _arm_slots(system, state, sums)
     return sums.slots
 
 
-def point_gradient(system: System, slots: Array, state: State, forces: Array) -> Array:
+def _add_group(system: System, index: int, numbers: Given, state: State, sums: _Sums, loose: Array | None) -> None:
+    """One group's forces, and its gradients with respect to stiffness, rest and prestress."""
+    group, mine = system.groups[index], numbers.groups[index]
+    spec, view = group.group, group_view(system, index, sums.views)
+    e, b = spec.element.evaluate(view.delta, view.ti, view.tj, mine.rest)
+    stress = stresses_of(system, group, mine, e, state, loose)
+    _pull(sums, system, index, np.einsum("nek,neki->nei", stress, b))
+    acting = e * group.elastic
+    if loose is not None:
+        acting = acting * ~loose[:, :, None]
+    energy, pull = _energies(spec.element, acting), stress
+    if spec.element.per_length and mine.stiffness is not None:
+        energy = energy / mine.rest[..., :1]
+        pull = stress.copy(order="F")
+        pull[..., 0] += 0.5 * np.einsum("nekl,nek,nel->ne", mine.stiffness, acting, acting) / mine.rest[..., 0]
+    _slot_view(sums.slots, spec.stiffness, spec.shape[0], energy.shape[2])[...] = energy
+    np.negative(pull, out=_slot_view(sums.slots, spec.rest, *spec.shape))
+    if system.loaded:
+        np.multiply(e, group.stressed, out=_slot_view(sums.slots, spec.prestress, *spec.shape))
+
+
+def _energies(element: Element, e: Array) -> Array:
+    """Energies 1/2 e^T pattern e of strains (N, E, m) per unit of each stiffness number, (N, E, P)."""
+    patterns = element.patterns
+    out = np.zeros((*e.shape[:2], len(patterns)), dtype=e.dtype, order="F")
+    for p, k, l in zip(*np.nonzero(np.triu(patterns)), strict=True):
+        factor = patterns[p, k, l] * (0.5 if k == l else 1.0)
+        out[..., p] += factor * e[..., k] * e[..., l]
+    return out
+
+
+def _slot_view(slots: Array, where: slice, count: int, width: int) -> Array:
+    """Slots of a group (N, E, width), a view of all slots (N, S)."""
+    return np.moveaxis(slots.T[where].reshape(count, width, len(slots)), -1, 0)
+
+
+def point_gradient(system: System, slots: Array | Given, state: State, forces: Array) -> Array:
     """Direct dependence on slots of the sum of forces (N, points, 3) times reading points: (N, S)."""
-    sums = _start(system, slots, state)
+    numbers = slots if isinstance(slots, Given) else given(system, slots)
+    sums = _start(system, numbers, state)
     sums.force[:, system.layout.points] = forces
     _arm_slots(system, state, sums)
     return sums.slots
 
 
-def strain_gradient(system: System, slots: Array, state: State, target: tuple[int, int, int]) -> Array:
+def strain_gradient(system: System, slots: Array | Given, state: State, target: tuple[int, int, int]) -> Array:
     """Direct dependence on slots of one measured elongation or displacement (strain plus its rest value): (N, S)."""
-    sums = _start(system, slots, state)
+    numbers = slots if isinstance(slots, Given) else given(system, slots)
+    sums = _start(system, numbers, state)
     index, e, m = target
-    group = system.groups[index]
-    ti, tj = port_triads(system, group, state)
-    rest = slots[:, group.group.rest].reshape(-1, *group.group.shape)
-    _, b = group.group.element.evaluate(sums.deltas[:, group.group.links], ti, tj, rest)
-    only = np.zeros_like(b[..., 0, :])
+    view, element = group_view(system, index, sums.views), system.groups[index].group.element
+    _, b = element.evaluate(view.delta, view.ti, view.tj, numbers.groups[index].rest)
+    only = np.zeros((*b.shape[:2], b.shape[3]), order="F")
     only[:, e] = b[:, e, m]
     _pull(sums, system, index, only)
     _arm_slots(system, state, sums)
@@ -101,48 +127,42 @@ def _pull(sums: _Sums, system: System, index: int, pull: Array) -> None:
     """Add one group's link forces and port moments (N, E, inputs)."""
     group = system.groups[index].group
     sums.force[:, group.links] = pull[..., :3]
-    if group.element.uses_triads:
-        np.add.at(sums.moment, (slice(None), group.rotation[0]), pull[..., 3:6])
-        np.add.at(sums.moment, (slice(None), group.rotation[1]), pull[..., 6:9])
+    for r, moment in sums.moment.items() if group.element.uses_triads else ():
+        for side, inputs in ((0, slice(3, 6)), (1, slice(6, 9))):
+            moment += pull[:, group.rotation[side] == r, inputs].sum(axis=1)
 
 
 def _arm_slots(system: System, state: State, sums: _Sums) -> None:
     """Chain link forces and port moments to offsets, prescribed travels, frames and driven angles."""
     layout = system.layout
-    table, out, moment = layout.arms, sums.slots, sums.moment
-    pull = sums.force[:, table.link]  # (N, A, 3)
-    local = (np.swapaxes(state.rotation[:, table.rotation], -1, -2) @ pull[..., None])[..., 0]
-    for p in range(table.offset.shape[1]):
-        where = table.offset_slots[table.offset[:, p]]  # (A, 3)
-        np.add.at(out, (slice(None), where), table.sign[:, p, None] * local)
-    held = system.place[: len(layout.travel_slots)] < 0
-    driven = np.nonzero(held & (layout.travel_slots >= 0))[0]
-    along = local.reshape(len(local), -1) @ table.travel[driven].T
-    np.add.at(out, (slice(None), layout.travel_slots[driven]), along)
-    np.add.at(moment, (slice(None), table.rotation), cross(sums.arms, pull))
-    rotations = layout.rotations
-    for r in np.nonzero(rotations.slots[:, 0] >= 0)[0]:
+    table, rotations = layout.arms, layout.rotations
+    pull = pick(sums.force, table.link)  # (N, A, 3)
+    local = np.einsum("naij,nai->naj", pick(state.rotation, table.rotation), pull)
+    sums.slots += system.maps.arm_slots(rows_last(local)).T
+    for r, moment in sums.moment.items():
+        mine = np.nonzero(table.rotation == r)[0]
+        moment += cross(pick(sums.arms, mine), pick(pull, mine)).sum(axis=1)
         if rotations.kind[r] == Turn.FIXED:
             vector = log(state.rotation[:, r].real @ rotations.drawn[r].T)
-            turned = np.swapaxes(left_jacobian(vector), -1, -2) @ moment[:, r, :, None]
-            np.add.at(out, (slice(None), rotations.slots[r]), turned[..., 0])
+            turned = np.einsum("nij,ni->nj", left_jacobian(vector), moment)
+            for k in range(3):
+                sums.slots[:, rotations.slots[r, k]] += turned[:, k]
         elif system.place[layout.rotation_dofs[r]] < 0:
-            out[:, rotations.slots[r, 0]] += moment[:, r] @ rotations.axis[r]
+            sums.slots[:, rotations.slots[r, 0]] += moment @ rotations.axis[r]
 
 
 def adjoint_derivative(
     system: System, slots: Array, state: State, slack: Slack | None, multipliers: Array, scale: float
 ) -> Array:
     """l^T dg/dslots for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
-    channels = []
+    channels, numbers = [], given(system, slots)
     for c in range(multipliers.shape[1]):
         stepped = advance(system, state, 1j * _STEP * multipliers[:, c], scale)
-        channels.append(lagrangian_gradient(system, slots, stepped, slack).imag / _STEP)
+        channels.append(lagrangian_gradient(system, numbers, stepped, slack).imag / _STEP)
     out = np.stack(channels, axis=1)
     layout = system.layout
     if system.loaded and len(layout.force_dofs):
         where = system.place[layout.force_dofs]
-        acting = np.nonzero(where >= 0)[0]
-        index = (slice(None), slice(None), layout.force_slots[acting])
-        np.subtract.at(out, index, multipliers[:, :, where[acting]])
+        for k in np.nonzero(where >= 0)[0]:
+            out[:, :, layout.force_slots[k]] -= multipliers[:, :, where[k]]
     return out

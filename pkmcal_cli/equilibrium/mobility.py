@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ..elements import Load
 from ..rotation import Array
-from .assembly import port_triads
-from .kinematics import State, arm_vectors, input_jacobian, link_vectors
+from .assembly import group_view
+from .given import group_numbers
+from .kinematics import State, arm_vectors, input_jacobian, views
 from .system import System
 
 _RANK = 1e-8  # singular values below this share of the largest count as zero
@@ -29,18 +30,16 @@ class StrainRows:
 def strain_rows(system: System, slots: Array, state: State, length: float) -> StrainRows:
     """All strains that act in a system, at the first row of `state`."""
     arms = arm_vectors(system.layout, slots, state)
-    deltas = link_vectors(system.layout, arms)
+    stacked = views(system, state, arms)
     unit = np.where(system.free < len(system.layout.travel_slots), length, 1.0)
     names, values, rows, rigid = [], [], [], []
-    for group in system.groups:
+    for index, group in enumerate(system.groups):
         spec = group.group
         if isinstance(spec.element, Load):
             continue
-        ti, tj = port_triads(system, group, state)
-        rest = slots[:, spec.rest].reshape(-1, *spec.shape)
-        e, b = spec.element.evaluate(deltas[:, spec.links], ti, tj, rest)
+        ti, tj, delta, _ = group_view(system, index, stacked)
+        e, b = spec.element.evaluate(delta, ti, tj, group_numbers(system, group, slots).rest)
         jacobian, _ = input_jacobian(system.layout, group.map, state, arms)
-        inputs = system.layout.inputs[system.layout.inputs < spec.element.inputs]
         active = group.elastic > 0
         active[group.rigid] = True
         for k, m in zip(*np.nonzero(active), strict=True):
@@ -48,7 +47,7 @@ def strain_rows(system: System, slots: Array, state: State, length: float) -> St
             scale = length if strain in ("elongation", "x", "y", "z") else 1.0
             row = np.zeros(system.unknowns)
             where = group.map.unknowns[k]
-            local = jacobian[0, k] @ b[0, k, m, inputs]
+            local = jacobian[0, k] @ b[0, k, m, group.inputs]
             np.add.at(row, where[where >= 0], local[where >= 0])
             names.append((spec.names[k], strain))
             values.append(e[0, k, m] / scale)

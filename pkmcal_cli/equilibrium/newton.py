@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..layout import Index
 from ..rotation import Array
 from .assembly import balance, typical_stiffness
+from .given import given
 from .kinematics import State, advance, place_prescribed
 from .status import RowStatus
 from .system import System
@@ -52,9 +53,7 @@ def solve_rows(matrix: Array, right: Array) -> Array:
         if len(matrix) == 1:
             return np.full(right.shape, np.nan, dtype=right.dtype)
         half = len(matrix) // 2
-        return np.concatenate(
-            [solve_rows(matrix[:half], right[:half]), solve_rows(matrix[half:], right[half:])]
-        )
+        return np.concatenate([solve_rows(matrix[:half], right[:half]), solve_rows(matrix[half:], right[half:])])
 
 
 def slots_of(slots: Array, rows: Index) -> Array:
@@ -79,11 +78,12 @@ def newton(
     slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
     tried = tuple(s.copy() for s in slack)  # ropes that were slack at some step
     previous = np.full(rows, np.inf)
-    active = np.arange(rows)
+    active, numbers = np.arange(rows), given(system, slots)
     for iteration in range(options.iterations):
         part = state.take(active) if len(active) < rows else state
         loose = tuple(s[active] for s in slack)
-        now = balance(system, slots_of(slots, active), part, scale, curved=options.curved, slack=loose)
+        mine = numbers.take(active) if len(active) < rows else numbers
+        now = balance(system, mine, part, scale, curved=options.curved, slack=loose)
         assert now.tangent is not None
         changed = _update_slack(system, slack, active, now.strains)
         for ever, loose_now in zip(tried, slack, strict=True):
@@ -96,8 +96,10 @@ def newton(
         moved = advance(system, part, step, scale)
         state = moved if len(active) == rows else state.put(active, moved)
         done = _accepted(size, previous[active], options.tolerance) & finite & ~changed
-        lost = (size > _DIVERGED) | ~finite | (
-            (size > options.contraction * previous[active]) & (size > 1e-9) & ~changed & (iteration > 0)
+        lost = (
+            (size > _DIVERGED)
+            | ~finite
+            | ((size > options.contraction * previous[active]) & (size > 1e-9) & ~changed & (iteration > 0))
         )
         status[active[done]] = RowStatus.SOLVED
         status[active[~finite]] = RowStatus.SINGULAR
@@ -121,9 +123,7 @@ def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool
     return np.asarray(small | (np.isfinite(previous) & (ratio < 1e-2) & (predicted <= 0.1 * tolerance)))
 
 
-def _update_slack(
-    system: System, slack: Slack, active: Index, strains: tuple[Array, ...]
-) -> NDArray[np.bool_]:
+def _update_slack(system: System, slack: Slack, active: Index, strains: tuple[Array, ...]) -> NDArray[np.bool_]:
     """Ropes whose strain changed sign; returns the rows in which the active set changed."""
     changed = np.zeros(len(active), dtype=bool)
     for index, group in enumerate(system.groups):

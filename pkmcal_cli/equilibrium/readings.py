@@ -7,11 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
-from ..layout import Drive, DriveKind, Group, Layout
+from ..layout import Drive, DriveKind, Group
 from ..rotation import Array, log, log_jacobian
-from .assembly import port_triads
+from .assembly import group_view
 from .derivative import point_gradient, strain_gradient
-from .kinematics import State, arm_vectors, input_jacobian, link_vectors
+from .given import group_numbers
+from .kinematics import State, arm_vectors, input_jacobian, link_vectors, views
 from .system import System
 
 
@@ -72,13 +73,11 @@ def read_channels(
 
 def _scatter_row(target: Array, unknowns: Array, local: Array) -> None:
     """Add local gradients (N, L) to rows (N, n + c)."""
-    used = np.nonzero(unknowns >= 0)[0]
-    np.add.at(target, (slice(None), unknowns[used]), local[:, used])
+    for k in np.nonzero(unknowns >= 0)[0]:
+        target[:, unknowns[k]] += local[:, k]
 
 
-def _rotation_gradient(
-    system: System, state: State, r: int, row: Array, gradient: Array, direct: Array
-) -> None:
+def _rotation_gradient(system: System, state: State, r: int, row: Array, gradient: Array, direct: Array) -> None:
     """Chain row . theta_r (N, 3) to the unknowns of rotation r, or to the slots that prescribe it."""
     layout = system.layout
     start, kind = int(layout.rotation_dofs[r]), layout.rotations.kind[r]
@@ -117,9 +116,7 @@ def _drive_reading(
         r = drive.target[0]
         turned = log(state.rotation[:, r] @ system.layout.rotations.drawn[r].T)
         position = turned @ system.layout.rotations.axis[r]
-        _rotation_gradient(
-            system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct
-        )
+        _rotation_gradient(system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct)
     else:
         position = _strain_position(system, slots, state, drive, unknowns, direct, derivatives)
     reading = (position - base) / gain
@@ -144,17 +141,15 @@ def _strain_position(
     index, e, m = drive.target
     group = system.groups[index]
     arms = arm_vectors(system.layout, slots, state)
-    deltas = link_vectors(system.layout, arms)[:, group.group.links]
-    ti, tj = port_triads(system, group, state)
-    rest = slots[:, group.group.rest].reshape(-1, *group.group.shape)
-    strain, b = group.group.element.evaluate(deltas, ti, tj, rest)
+    ti, tj, delta, _ = group_view(system, index, views(system, state, arms))
+    rest = group_numbers(system, group, slots).rest
+    strain, b = group.group.element.evaluate(delta, ti, tj, rest)
     position = strain[:, e, m] + rest[:, e, m]
     if derivatives:
         jacobian, _ = input_jacobian(system.layout, group.map, state, arms)
-        inputs = system.layout.inputs[system.layout.inputs < group.group.element.inputs]
-        local = (jacobian[:, e] @ b[:, e, m, inputs, None])[..., 0]
+        local = (jacobian[:, e] @ b[:, e, m, group.inputs, None])[..., 0]
         _scatter_row(unknowns, group.map.unknowns[e], local)
-        direct += strain_gradient(system, slots, state, drive.target)
+        direct += strain_gradient(system, slots, state, (index, e, m))
     if group.group.rigid[e, m]:
         return position
     stiffness_slot = _own_stiffness(group.group, e, m)

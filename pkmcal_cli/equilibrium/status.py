@@ -26,6 +26,7 @@ _REASONS = {
     RowStatus.NOT_CONVERGED: "the equilibrium was not found (not converged)",
     RowStatus.SINGULAR: "singular position: the drives do not hold the platform there",
     RowStatus.OUT_OF_REACH: "out of reach: the mechanism does not close at these positions",
-    RowStatus.WRONG_MODE: "wrong assembly mode: the drawing's assembly cannot be moved there without passing a singular position",
+    RowStatus.WRONG_MODE: "wrong assembly mode: the drawing's assembly cannot be moved there "
+    "without passing a singular position",
     RowStatus.SLACK: "slack rope",
 }

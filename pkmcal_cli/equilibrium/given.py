@@ -1,0 +1,99 @@
+"""What slots say, in the form in which the elements need it: gathered once, used in every iteration.
+
+Most slots are the same in all rows; what does not differ is kept with one row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..layout import Index, Layout
+from ..rotation import Array
+from ..sparse_map import rows_last, take_rows
+from .system import GroupMap, System
+
+
+@dataclass(frozen=True)
+class GroupNumbers:
+    """Numbers of one group, each with one row or N; None where nothing yields, or no prestress acts."""
+
+    rest: Array  # (1 or N, E, m)
+    stiffness: Array | None  # (1 or N, E, m, m), zero where a strain is rigid or released
+    prestress: Array | None  # (1 or N, E, m)
+
+    def take(self, rows: Index) -> GroupNumbers:
+        """Those of some rows."""
+        some = [None if x is None else _rows(x, rows) for x in (self.stiffness, self.prestress)]
+        return GroupNumbers(_rows(self.rest, rows), *some)
+
+
+@dataclass(frozen=True)
+class Given:
+    """Constant parts of the arms (1 or N, A, 3), numbers of the groups, constant forces (1 or N, W)."""
+
+    bodies: Array
+    groups: tuple[GroupNumbers, ...]
+    forces: Array
+
+    def take(self, rows: Index) -> Given:
+        """What is given for some rows."""
+        groups = tuple(g.take(rows) for g in self.groups)
+        return Given(_rows(self.bodies, rows), groups, _rows(self.forces, rows))
+
+
+def given(system: System, slots: Array) -> Given:
+    """What `slots` (1 or N, S) say about a system."""
+    layout = system.layout
+    groups = tuple(group_numbers(system, group, slots) for group in system.groups)
+    return Given(arm_bodies(layout, slots), groups, common(slots[:, layout.force_slots]))
+
+
+def arm_bodies(layout: Layout, slots: Array) -> Array:
+    """Constant parts of the arms in the arms' triads, (1 or N, A, 3)."""
+    used = np.unique(layout.offset_map.source)
+    same = bool((slots[:, used] == slots[:1, used]).all())
+    return layout.arm_block.of(layout.offset_map(rows_last(slots[:1] if same else slots)))
+
+
+def group_numbers(system: System, group: GroupMap, slots: Array) -> GroupNumbers:
+    """Numbers of one group."""
+    spec = group.group
+    rest = common(slots[:, spec.rest])
+    stiffness = np.asfortranarray(stiffness_matrices(system, group, slots)) if group.yields else None
+    prestress = None
+    if system.loaded and slots[:, spec.prestress].any():
+        prestress = group.stressed * _shaped(common(slots[:, spec.prestress]), *spec.shape)
+    return GroupNumbers(_shaped(rest, *spec.shape), stiffness, prestress)
+
+
+def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
+    """S of every element, (1 or N, E, m, m), zero where a strain is rigid or released."""
+    count, width = group.group.shape
+    patterns = group.group.element.patterns
+    numbers = _shaped(common(slots[:, group.group.stiffness]), count, len(patterns))
+    if group.group.element.per_length:
+        numbers = numbers / _shaped(common(slots[:, group.group.rest]), count, width)[..., :1]
+    full = np.einsum("nep,pkl->nekl", numbers, patterns)
+    return np.asarray(full * (group.elastic[:, :, None] * group.elastic[:, None, :]))
+
+
+def typical_stiffness(system: System, slots: Array) -> float:
+    """A stiffness (N/m) that scales multipliers: the largest of the machine's, or 1 where nothing yields."""
+    largest = [float(np.abs(stiffness_matrices(system, g, slots[:1])).max(initial=0.0)) for g in system.groups]
+    return max(largest, default=0.0) or 1.0
+
+
+def common(x: Array) -> Array:
+    """x (N, K) itself, or its first row alone where all rows are the same."""
+    return x[:1] if len(x) > 1 and bool((x == x[:1]).all()) else x
+
+
+def _shaped(x: Array, *shape: int) -> Array:
+    """x (N, K) as (N, *shape), the row index running fastest in memory."""
+    return np.asfortranarray(x.reshape(len(x), *shape))
+
+
+def _rows(x: Array, rows: Index) -> Array:
+    return x if len(x) == 1 else take_rows(x, rows)

@@ -1,0 +1,130 @@
+"""Constant linear maps between arrays whose last axis runs over rows (machine configurations).
+
+Most of what the engine does between the elements' formulas is linear with constant, mostly zero coefficients: triads
+of ports out of rotations, links out of arms, forces and tangents out of the elements' ones. All of it is done for
+many rows at once by one product with a sparse matrix.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rotation import Array
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class SparseMap:
+    """y[target] += coefficient * x[source] for arrays x (columns, N) and y (height, N); repeated targets add up."""
+
+    height: int
+    columns: int
+    target: Index  # (nnz,)
+    source: Index  # (nnz,)
+    coefficient: Array  # (nnz,)
+
+    @cached_property
+    def _matrix(self) -> csr_array:
+        from scipy.sparse import csr_array  # imported late: a cold start does not need it
+
+        entries = (self.coefficient, (self.target, self.source))
+        return csr_array(entries, shape=(self.height, self.columns))
+
+    def __call__(self, x: Array) -> Array:
+        """The image (height, N) of x (columns, N), real or complex."""
+        if x.shape[1] == 1 and not np.iscomplexobj(x):
+            weights = self.coefficient * x[self.source, 0]
+            return np.bincount(self.target, weights, self.height).astype(float)[:, None]
+        return np.asarray(self._matrix @ x)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of a stacked array (rows of machines last): an array (N, *shape) in which the row index runs fastest."""
+
+    start: int
+    shape: tuple[int, ...]
+
+    @property
+    def stop(self) -> int:
+        """First entry behind the block."""
+        return self.start + math.prod(self.shape)
+
+    @property
+    def numbers(self) -> Index:
+        """Place of each entry in the stacked array, shape `shape`."""
+        return np.arange(self.start, self.stop).reshape(self.shape[::-1]).T
+
+    def of(self, stacked: Array) -> Array:
+        """The block as a view (N, *shape) of a stacked array (entries, N)."""
+        part = stacked[self.start : self.stop]
+        return np.asarray(part.reshape(*self.shape[::-1], stacked.shape[1]).T)
+
+
+class Stack:
+    """Blocks laid one behind the other."""
+
+    def __init__(self) -> None:
+        self.stop = 0
+
+    def block(self, *shape: int) -> Block:
+        """The next block."""
+        made = Block(self.stop, shape)
+        self.stop = made.stop
+        return made
+
+
+@dataclass
+class Entries:
+    """Entries of a map being collected."""
+
+    target: list[Index]
+    source: list[Index]
+    coefficient: list[Array]
+
+    @classmethod
+    def none(cls) -> Entries:
+        """No entries yet."""
+        return cls([], [], [])
+
+    def add(self, target: Index, source: Index, coefficient: Array | float) -> None:
+        """Add entries, arrays that broadcast; those with a zero coefficient or a negative target do not count."""
+        t, s, c = np.broadcast_arrays(target, source, np.asarray(coefficient, dtype=float))
+        used = np.nonzero((c != 0) & (t >= 0))
+        self.target.append(t[used])
+        self.source.append(s[used])
+        self.coefficient.append(c[used])
+
+    def build(self, height: int, columns: int) -> SparseMap:
+        """The map."""
+        if not self.target:
+            empty = np.zeros(0, dtype=np.intp)
+            return SparseMap(height, columns, empty, empty, np.zeros(0))
+        target, source = np.concatenate(self.target), np.concatenate(self.source)
+        coefficient = np.concatenate(self.coefficient)
+        return SparseMap(height, columns, target, source, coefficient)
+
+
+def rows_last(x: Array) -> Array:
+    """x (N, ...) as a matrix (entries, N); a view where the row index runs fastest in memory."""
+    return np.asarray(x.T.reshape(-1, len(x)))
+
+
+def take_rows(x: Array, rows: Index | slice) -> Array:
+    """x[rows] of an array (N, ...), with the row index running fastest in memory."""
+    return np.asarray(np.ascontiguousarray(x.T[..., rows]).T)
+
+
+def pick(x: Array, numbers: Index) -> Array:
+    """x[:, numbers] of an array (N, E, ...), with the row index running fastest in memory."""
+    return np.asarray(x.T.take(numbers.T, axis=-2).T)
