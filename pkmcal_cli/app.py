@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib
-import pkgutil
+import inspect
+import os
 import sys
+from contextlib import suppress
 
 import typer
 
 from . import __version__, commands
-from .errors import PkmcalError
 
 app = typer.Typer(
     name="pkmcal",
@@ -36,55 +37,109 @@ def _root(
 
 def _register() -> None:
     """Every public module of `commands` is a subcommand: its function of the module's name."""
-    for module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):
+    files = {file for folder in commands.__path__ for file in os.listdir(folder)}
+    for module in sorted(file.removesuffix(".py") for file in files if file.endswith(".py")):
         if not module.startswith("_"):
             function = getattr(importlib.import_module(f"{commands.__name__}.{module}"), module)
-            app.command(name=module)(function)
+            text, _, example = inspect.cleandoc(function.__doc__ or "").partition("Example:")
+            app.command(name=module, help=text, epilog=f"\b\nExample:\n  {example.strip()}")(function)
 
 
 _register()
 
 
 def main() -> None:
-    """Run the program; never a traceback for what the user can mend."""
+    """Run the program and end the process."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run the program with arguments; returns the exit code, never a traceback for what the user can mend."""
+    _open_streams()
     try:
-        sys.exit(app(standalone_mode=False) or 0)
-    except PkmcalError as error:
-        _tell(error.text())
-        sys.exit(error.exit_code)
+        code = app(arguments, prog_name="pkmcal", standalone_mode=False) or 0
+        _flush()
+        return int(code)
     except (KeyboardInterrupt, typer.Abort):
+        _leave_stdout()
         _tell("stopped")
-        sys.exit(130)
-    except BrokenPipeError:
-        _close_stdout()
-        sys.exit(4)
-    except MemoryError:
-        _tell("error[memory]: not enough memory")
-        sys.exit(70)
+        return 130
+    except SystemExit:  # typer's answer to a reader that has gone
+        _leave_stdout()
+        return 4
     except Exception as error:
-        _usage_or_internal(error)
+        _leave_stdout()
+        return _failed(error)
 
 
-def _usage_or_internal(error: Exception) -> None:
+def _failed(error: Exception) -> int:
+    """Tell an error; its exit code."""
+    from .errors import OutputError, PkmcalError
+
+    if isinstance(error.__cause__, BrokenPipeError):
+        return OutputError.exit_code  # the reader has gone: nobody wants to know
+    if isinstance(error, PkmcalError):
+        _tell(error.text())
+        return error.exit_code
+    if isinstance(error, MemoryError):
+        _tell("error[memory]: not enough memory\nhelp: fewer rows or positions at once")
+        return PkmcalError.exit_code
+    return _usage_or_internal(error)
+
+
+def _open_streams() -> None:
+    """Streams that the caller has closed: nothing to read, nowhere to write (an error for results)."""
+    if sys.stdin is None:
+        sys.stdin = os.fdopen(os.open(os.devnull, os.O_RDONLY), encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8")
+    if sys.stdout is None:
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")  # writing fails
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace")
+
+
+def _usage_or_internal(error: Exception) -> int:
     """Errors of the command line's syntax exit with 2; anything unforeseen with 70."""
-    show = getattr(error, "show", None)
-    if show is not None and hasattr(error, "exit_code"):
-        show(file=sys.stderr)
-        sys.exit(int(error.exit_code))
-    import os
+    from .errors import PkmcalError, UsageError
 
-    if os.environ.get("PKMCAL_DEBUG"):
-        raise error
-    _tell(f"internal error: {type(error).__name__}: {error}\nhelp: run again with PKMCAL_DEBUG=1 and report the trace")
-    sys.exit(70)
+    message = getattr(error, "format_message", None)
+    if message is None or not hasattr(error, "exit_code"):
+        if os.environ.get("PKMCAL_DEBUG"):
+            raise error
+        what = f"internal error: {type(error).__name__}: {error}"
+        _tell(f"{what}\nhelp: run again with PKMCAL_DEBUG=1 and report the trace")
+        return PkmcalError.exit_code
+    if type(error).__name__ == "NoArgsIsHelpError":
+        _tell(str(message()))
+    else:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context is not None else "pkmcal"
+        _tell(UsageError(str(message()).strip().rstrip("."), hint=f"`{command} --help`").text())
+    return UsageError.exit_code
 
 
 def _tell(text: str) -> None:
-    print(text, file=sys.stderr)
+    """A message for people; a closed stderr is no reason for another error."""
+    with suppress(OSError, ValueError):
+        print(text, file=sys.stderr, flush=True)
 
 
-def _close_stdout() -> None:
-    """Keep the interpreter from complaining about a reader that has gone."""
-    import os
+def _flush() -> None:
+    """What stands in stdout's buffer must be written before the exit code is known."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        from .errors import OutputError
 
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise OutputError(f"cannot be written: {error.strerror or error}", "<stdout>") from error
+
+
+def _leave_stdout() -> None:
+    """Keep the interpreter from complaining at its end about what stdout could not take."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError, AttributeError):
+        with suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

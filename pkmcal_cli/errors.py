@@ -82,18 +82,19 @@ class PkmcalError(Exception):
     """
 
     exit_code = 70
+    usual_code = "error"
 
     def __init__(
         self,
         what: str,
         where: Location | str | None = None,
         hint: str | None = None,
-        code: str = "error",
+        code: str | None = None,
     ) -> None:
         self.what = what
         self.where = where
         self.hint = hint
-        self.code = code
+        self.code = code or self.usual_code
         super().__init__(what)
 
     def text(self) -> str:
@@ -111,6 +112,7 @@ class UsageError(PkmcalError):
     """The command line is wrong (exit code 2)."""
 
     exit_code = 2
+    usual_code = "usage"
 
 
 class BadInput(PkmcalError):
@@ -151,6 +153,7 @@ class OutputError(PkmcalError):
     """A result cannot be written (exit code 4)."""
 
     exit_code = 4
+    usual_code = "output"
 
 
 @dataclass

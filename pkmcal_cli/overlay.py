@@ -50,8 +50,8 @@ class _Chain:
         """The merged tree of a file and what it extends."""
         read = read_source(file)
         self.seen.append(os.path.realpath(file))
-        self.lines[file] = read.lines
-        self.files.append((file, read.sha256))
+        self.lines[read.file] = read.lines
+        self.files.append((read.file, read.sha256))
         for fault in read.faults:
             self.faults.add(fault)
         over = Expansion(read.lines, self.faults).run(read.root)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .errors import BadInput, Fault, FaultList, did_you_mean
-from .unit_text import UnitError, parse_unit, parse_value
+from .errors import BadInput, FaultList, did_you_mean
+from .unit_text import Unit, UnitError, parse_unit, parse_value
 from .yaml_source import read_source
 from .yaml_tree import SourceMap, SourceNode
 
@@ -16,6 +18,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from .model import ModelParameter
+
+
+_SECTIONS = ("provenance", "parameters", "correlations")
+_ENTRY = ("value", "std", "unit", "identified", "note")
+_NEIGHBOURS = 3  # floating-point numbers on either side that are tried
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,19 @@ class ParameterEntry:
     identified: bool
 
 
+def exact_value(si: float, unit: Unit) -> float:
+    """The number in `unit` with the fewest digits that reads back as `si`, bit by bit where there is one."""
+    near = unit.from_si(si)
+    tries = [near]
+    for direction in (-math.inf, math.inf):
+        value = near
+        for _ in range(_NEIGHBOURS):
+            value = math.nextafter(value, direction)
+            tries.append(value)
+    exact = [v for v in tries if unit.to_si(v) == si]
+    return min(exact, key=lambda v: (len(repr(v)), abs(v - near))) if exact else near
+
+
 def dump_parameters(
     entries: Sequence[ParameterEntry],
     correlations: tuple[Sequence[str], Sequence[Sequence[float]]],
@@ -38,40 +58,58 @@ def dump_parameters(
     import yaml
 
     lines = ["# Parameters identified by pkmcal; `-p FILE` takes them in every command."]
-    lines.append(yaml.safe_dump({"provenance": dict(provenance)}, sort_keys=False, allow_unicode=True).rstrip())
-    lines.append("parameters:")
+    head = yaml.safe_dump({"provenance": dict(provenance)}, sort_keys=False, allow_unicode=True, width=1000)
+    lines += [head.rstrip(), "parameters:"]
     for e in entries:
-        std = "null" if e.std is None else repr(e.std)
+        std = "null" if e.std is None else _real(e.std)
         unit = f", unit: {_scalar(e.unit)}" if e.unit not in ("", "1") else ""
         identified = "true" if e.identified else "false"
-        lines.append(f"  {e.name}: {{value: {e.value!r}, std: {std}{unit}, identified: {identified}}}")
+        lines.append(f"  {_scalar(e.name)}: {{value: {_real(e.value)}, std: {std}{unit}, identified: {identified}}}")
     names, matrix = correlations
     if names:
         lines.append("correlations:")
-        lines.append(f"  names: [{', '.join(names)}]")
+        lines.append(f"  names: [{', '.join(_scalar(n) for n in names)}]")
         lines.append("  matrix:")
         lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in matrix]
     return "\n".join(lines) + "\n"
 
 
-def _scalar(text: str) -> str:
-    import yaml
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/^*]*")
+_WORDS = frozenset(["y", "n", "yes", "no", "true", "false", "on", "off", "null"])  # other readers convert these
 
-    return str(yaml.safe_dump(text, default_flow_style=True)).split("\n")[0]
+
+def _scalar(text: str) -> str:
+    return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else json.dumps(text, ensure_ascii=False)
+
+
+def _real(value: float) -> str:
+    """A number that every YAML reader takes for one: 1.0e-06, not 1e-06."""
+    text = repr(value)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
 def _number(value: float) -> str:
-    return "null" if math.isnan(value) else f"{value:.6g}"
+    return "null" if math.isnan(value) else f"{value:.6f}"
 
 
-def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> dict[str, float]:
-    """Values (SI) by name of a parameter file; parameters that it lacks stay nominal.
+@dataclass(frozen=True)
+class ParameterFile:
+    """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum."""
+
+    file: str
+    values: Mapping[str, float]
+    status: str | None
+    sha256: str
+
+
+def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> ParameterFile:
+    """A parameter file; parameters that it lacks stay nominal.
 
     Entries are `{value, unit, ...}`, a number in the parameter's unit, or a text with a unit. Raises BadInput with
     all faults.
     """
     source = read_source(path)
-    tree = SourceMap(source.root, {path: source.lines})
+    tree = SourceMap(source.root, {source.file: source.lines})
     faults = FaultList()
     for fault in source.faults:
         faults.add(fault)
@@ -80,17 +118,32 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> dict[str
     if section is None or not isinstance(section.value, dict):
         hint = "a parameter file has a map `parameters:`; `pkmcal calibrate -o` writes one"
         raise BadInput([tree.fault("parameters", "no map `parameters` in this file", (), hint)])
+    _unknown_keys(tree, source.root, (), _SECTIONS, faults)
     values = {}
     for name, node in section.value.items():
         if name not in known:
             what = f"the machine has no parameter `{name}`"
-            faults.add(tree.fault("name", what, ("parameters", name), did_you_mean(name, known), at_key=True))
+            remedy = did_you_mean(name, known, "take it out; is this file of another machine?")
+            faults.add(tree.fault("name", what, ("parameters", name), remedy, at_key=True))
             continue
         value = _entry_value(tree, name, node, known[name], faults)
         if value is not None:
             values[name] = value
     faults.raise_if_any()
-    return values
+    head = source.root.child("provenance")
+    status = head.child("status") if head is not None else None
+    return ParameterFile(source.file, values, None if status is None else str(status.value), source.sha256)
+
+
+def _unknown_keys(
+    tree: SourceMap, node: SourceNode, path: tuple[str, ...], known: Sequence[str], faults: FaultList
+) -> None:
+    """Keys that would be passed over are faults."""
+    assert isinstance(node.value, dict)
+    for key in node.value:
+        if key not in known:
+            what = f"unknown key `{key}`" + (f" of `{path[-1]}`" if path else "")
+            faults.add(tree.fault("unknown-key", what, (*path, key), did_you_mean(key, known), at_key=True))
 
 
 def _entry_value(
@@ -100,31 +153,38 @@ def _entry_value(
     path: tuple[str | int, ...] = ("parameters", name)
     unit_text, raw = parameter.unit, node.value
     if isinstance(raw, dict):
+        _unknown_keys(tree, node, ("parameters", name), _ENTRY, faults)
         value_node, unit_node = raw.get("value"), raw.get("unit")
         if value_node is None:
-            faults.add(tree.fault("missing-key", f"`{name}` has no `value`", path, "value: a number"))
+            faults.add(tree.fault("missing-key", f"`{name}` has no `value`", path, "value: a number", at_key=True))
             return None
         raw, path = value_node.value, (*path, "value")
         unit_text = str(unit_node.value) if unit_node is not None else unit_text
-    fault: Fault | None = None
     try:
-        if isinstance(raw, str):
-            number, unit = parse_value(raw)
-        elif isinstance(raw, int | float) and not isinstance(raw, bool):
-            number, unit = float(raw), parse_unit(unit_text or "1")
-        else:
-            fault = tree.fault("type", f"`{name}` wants a number or a text with a unit", path)
-            number, unit = 0.0, parse_unit("1")
-        if fault is None and not unit.dimension.fits(parse_unit(parameter.unit or "1").dimension):
-            what = f"`{unit.text}` is a unit of {unit.dimension}, `{name}` is a {parameter.dimension}"
-            fault = tree.fault("unit", what, path, f"a value in {parameter.unit or 'no unit'}")
-        if fault is None and not math.isfinite(number):
-            fault = tree.fault("value", f"`{name}` wants a finite number", path)
+        number, unit = _number_and_unit(raw, unit_text)
     except UnitError as error:
-        fault = tree.fault("unit", error.what, path, error.hint)
-    except ValueError as error:
-        fault = tree.fault("value", str(error), path, "a number, or a text with a unit such as \"12.5 mm\"")
-    if fault is not None:
-        faults.add(fault)
+        faults.add(tree.fault("unit", error.what, path, error.hint))
+        return None
+    except (ValueError, OverflowError):
+        what = f"`{name}` wants a finite number or a text with a unit"
+        faults.add(tree.fault("value", what, path, 'for example 12.5 or "12.5 mm"'))
+        return None
+    if not unit.dimension.fits(parse_unit(parameter.unit or "1").dimension):
+        what = f"`{unit.text}` is a unit of {unit.dimension}, `{name}` is a {parameter.dimension}"
+        faults.add(tree.fault("unit", what, path, f"a value in {parameter.unit or 'no unit'}"))
         return None
     return unit.to_si(number)
+
+
+def _number_and_unit(raw: object, unit_text: str) -> tuple[float, Unit]:
+    """A value and its unit. Raises UnitError, ValueError, OverflowError."""
+    if isinstance(raw, str):
+        number, unit = parse_value(raw)
+        unit = parse_unit(unit_text or "1") if unit.text == "1" else unit
+    elif isinstance(raw, int | float) and not isinstance(raw, bool):
+        number, unit = float(raw), parse_unit(unit_text or "1")
+    else:
+        raise ValueError("no number")
+    if not math.isfinite(unit.to_si(number)):
+        raise ValueError("not finite")
+    return number, unit

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import yaml
 
 from pkmcal_cli.errors import BadInput, FaultList, Location
+from pkmcal_cli.files import input_name, is_stream
 from pkmcal_cli.yaml_tree import Scalar, SourceNode, size_of
 
 MAX_BYTES = 8 * 1024 * 1024
@@ -51,11 +53,12 @@ class Source:
 
 
 def read_source(file: str) -> Source:
-    """Read a YAML file whose root is a map.
+    """Read a YAML file (`-`: stdin) whose root is a map.
 
     Raises `BadInput` when it cannot be read, is no YAML, or breaks the limits.
     """
     data = _read_bytes(file)
+    file = input_name(file)
     text = _decode(file, data)
     lines = text.splitlines()
     builder = _Builder(file, lines)
@@ -65,8 +68,11 @@ def read_source(file: str) -> Source:
 
 def _read_bytes(file: str) -> bytes:
     try:
-        with open(file, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        if is_stream(file):
+            data = sys.stdin.buffer.read(MAX_BYTES + 1)
+        else:
+            with open(file, "rb") as stream:
+                data = stream.read(MAX_BYTES + 1)
     except OSError as error:
         reason = error.strerror or str(error)
         raise _refused(file, "file", f"the file cannot be read: {reason}") from None

@@ -6,19 +6,25 @@ from typing import Annotated
 
 import typer
 
-MachineFile = Annotated[str, typer.Argument(metavar="MACHINE.yaml", help="Machine file.")]
+MachineFile = Annotated[str, typer.Argument(metavar="MACHINE.yaml", help="Machine file; - is stdin.")]
 PosesFile = Annotated[
-    str | None, typer.Argument(metavar="[POSES.csv]", help="Actuator positions or TCP coordinates; - is stdin.")
+    str | None, typer.Argument(metavar="POSES.csv", help="Actuator positions or TCP coordinates; - is stdin.")
 ]
 Grid = Annotated[
     str | None,
-    typer.Option("--grid", metavar="SPEC", help='Instead of a file: "x=0:950:3,y=160:390:77" (start:stop:count).'),
+    typer.Option(
+        "--grid", metavar="SPEC", help='Instead of a file: "x=0:950:3,y=160:390:77", start:stop:count, both included.'
+    ),
 ]
 Parameters = Annotated[
     str | None, typer.Option("-p", "--parameters", metavar="PARAMS.yaml", help="Parameter values; default nominal.")
 ]
 Select = Annotated[
     str, typer.Option("--select", metavar="NAMES", help="auto, all, or names and patterns: auto,R_low,-g*")
+]
+Offset = Annotated[
+    list[str] | None,
+    typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Nothing on stderr but errors.")]

@@ -11,7 +11,9 @@ from ._options import Force, Json, MachineFile, Parameters, Quiet, Select
 
 def calibrate(
     machine: MachineFile,
-    measurements: Annotated[list[str], typer.Argument(metavar="MEAS.csv...", help="Measured rows; - is stdin.")],
+    measurements: Annotated[
+        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
+    ],
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
     ] = None,

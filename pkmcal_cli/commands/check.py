@@ -11,7 +11,7 @@ from ._options import Json, MachineFile, Quiet
 
 def check(
     machine: MachineFile,
-    measurements: Annotated[list[str] | None, typer.Argument(metavar="[MEAS.csv...]", help="Tables to check.")] = None,
+    measurements: Annotated[list[str] | None, typer.Argument(metavar="MEAS.csv", help="Tables to check.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

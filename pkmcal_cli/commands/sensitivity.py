@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
-from ._options import Grid, Json, MachineFile, Parameters, PosesFile, Quiet, Select
+from ._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
 
 
 def sensitivity(
@@ -15,10 +13,7 @@ def sensitivity(
     grid: Grid = None,
     parameters: Parameters = None,
     select: Select = "all",
-    offset: Annotated[
-        list[str] | None,
-        typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),
-    ] = None,
+    offset: Offset = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from ..layout import Index
 from ..rotation import Array
@@ -12,6 +11,7 @@ from ..sparse_map import pick
 from .assembly import group_view
 from .given import given
 from .kinematics import State, turned_arms, views
+from .mobility import pivot_columns
 from .system import System
 
 
@@ -34,9 +34,7 @@ def strain_jacobian(system: System, slots: Array, state: State, length: float) -
 
 def independent_strains(jacobian: Array) -> Index:
     """Strains (n,) of a Jacobian (m, n) that are independent at the drawing, by pivoted QR."""
-    n = jacobian.shape[1]
-    _, _, order = qr(jacobian.T, mode="economic", pivoting=True)
-    return np.sort(order[:n])
+    return np.sort(np.array(pivot_columns(jacobian.T, jacobian.shape[1]), dtype=np.intp))
 
 
 def left_mode(

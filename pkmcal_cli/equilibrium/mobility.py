@@ -78,9 +78,20 @@ def rank(matrix: Array) -> int:
 
 def pivots(basis: Array) -> list[int]:
     """Coordinates (one per basis vector) that, held, stop all motions of a null space basis (n, k)."""
-    from scipy.linalg import qr
+    return pivot_columns(basis.T, basis.shape[1])
 
-    if basis.shape[1] == 0:
-        return []
-    _, _, order = qr(basis.T, mode="economic", pivoting=True)
-    return [int(k) for k in order[: basis.shape[1]]]
+
+def pivot_columns(matrix: Array, count: int) -> list[int]:
+    """The `count` columns that a QR decomposition with column pivoting takes first."""
+    rest = np.array(matrix, dtype=float)
+    order: list[int] = []
+    for _ in range(count):
+        norms = np.sqrt((rest**2).sum(axis=0))
+        norms[order] = -1.0
+        order.append(int(np.argmax(norms)))
+        column = rest[:, order[-1]]
+        size = float(np.sqrt(column @ column))
+        if size > 0:
+            unit = column / size
+            rest -= np.outer(unit, unit @ rest)
+    return order

@@ -55,8 +55,8 @@ class CalibrationReport:
         kind = next(iter(self.held_out.after))
         unit = figure_unit(self.machine, self.held_out.after[kind])
         return {
-            "rms_before": self.held_out.before[kind].rms / unit.scale,
-            "rms_after": self.held_out.after[kind].rms / unit.scale,
+            "rms_before": finite(self.held_out.before[kind].rms / unit.scale),
+            "rms_after": finite(self.held_out.after[kind].rms / unit.scale),
             "unit": unit.text,
             "kind": kind,
             "scheme": self.held_out.scheme,
@@ -72,7 +72,7 @@ class CalibrationReport:
             "Parameters",
             ("name", "nominal", "identified", "range", "remark"),
             [
-                (r.name, f"{r.nominal:.8g}", uncertain(r.value, r.std, r.unit), f"+-{r.range:.4g} {r.unit}", r.reason or "")
+                (r.name, f"{r.nominal:.8g}", uncertain(r.value, r.std, r.unit), r.spread, r.reason or "")
                 for r in selected
             ],
         )
@@ -81,52 +81,46 @@ class CalibrationReport:
                 to.say("not determined: " + combination_text(self.model, c, self.fit))
         weak = int(self.fit.found.weak.sum())
         if weak:
-            to.say(f"{weak} weak combinations are held; their ranges are in the uncertainties (see `pkmcal observability`)")
+            to.say(f"{weak} weak combinations held; their ranges are in the uncertainties (see `pkmcal observability`)")
         to.say()
         self._show_errors(to)
-        to.say(self._verdict())
+        to.say(self.verdict())
 
     def _show_errors(self, to: Reporter) -> None:
         rows = []
-        for kind in self.after:
-            unit = figure_unit(self.machine, self.after[kind])
-            held = ("", "")
+        for kind, after in self.after.items():
+            unit, before = figure_unit(self.machine, after), self.before[kind]
+            held: tuple[str, ...] = ("", "")
             if not isinstance(self.held_out, str) and kind in self.held_out.after:
-                held = (readable(self.held_out.after[kind].rms, unit), readable(self.held_out.after[kind].largest, unit))
-            before, after = self.before[kind], self.after[kind]
-            rows.append(
-                (
-                    kind,
-                    readable(before.rms, unit),
-                    readable(after.rms, unit),
-                    readable(before.largest, unit),
-                    readable(after.largest, unit),
-                    *held,
-                    _criterion(before, unit.scale, unit.text),
-                    _criterion(after, unit.scale, unit.text),
-                )
-            )
+                figures = self.held_out.after[kind]
+                held = (readable(figures.rms, unit), readable(figures.largest, unit))
+            pairs = (before.rms, after.rms, before.largest, after.largest)
+            criteria = (_criterion(f, unit.scale, unit.text) for f in (before, after))
+            rows.append((kind, *(readable(x, unit) for x in pairs), *held, *criteria))
         headers = (
             "error", "rms before", "rms after", "max before", "max after", "held-out rms", "held-out max",
-            "criterion before", "criterion after",
+            "criterion before", "after",
         )  # fmt: skip
         to.table("Error", headers, rows)
         if isinstance(self.held_out, str):
             to.say(f"no held-out error: {self.held_out}")
         else:
             to.say(f"held-out: {self.held_out.scheme}")
+            if self.held_out.failed:
+                to.warn(f"warning: {self.held_out.failed} of {self.held_out.folds} folds have not converged")
 
-    def _verdict(self) -> str:
+    def verdict(self) -> str:
+        """How the fit ended, in words."""
         words = {
             "converged": "converged",
             "not_converged": "NOT CONVERGED: do not use these parameters",
             "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
         }
         chi2 = self.fit.chi2_per_dof
-        tail = f", chi-square per degree of freedom {chi2:.3f} ({self.fit.dof} degrees of freedom)" if self.fit.dof > 0 else ""
+        tail = f", chi-square per degree of freedom {chi2:.3f} ({self.fit.dof} of them)" if self.fit.dof > 0 else ""
         hint = ""
         if self.fit.dof > 0 and chi2 > 1 + 4 * np.sqrt(2 / self.fit.dof):
-            hint = "\nmore is left than the stated sigma explains: an effect is missing in the model, or sigma is too small"
+            hint = "\nmore is left than sigma explains: an effect is missing in the model, or sigma is too small"
         return f"{words[self.fit.status]} in {self.fit.iterations} steps{tail}{hint}"
 
     def parameter_file(self, provenance: dict[str, Any]) -> str:

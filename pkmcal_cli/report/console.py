@@ -4,45 +4,88 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.table import Table
+from ..files import write_text
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
 
 _BAR = 24
 _WIDTH = 160  # of tables that do not go to a terminal
 
 
 class Reporter:
-    """Writes for people to stderr, unless quiet."""
+    """Writes for people to stderr; when quiet, only errors."""
 
     def __init__(self, quiet: bool = False) -> None:
+        from rich.console import Console
+
         wide = None if sys.stderr.isatty() else _WIDTH
-        self.console = Console(stderr=True, quiet=quiet, soft_wrap=True, highlight=False, width=wide)
+        self.quiet = quiet
+        self.console: Console = Console(stderr=True, soft_wrap=True, highlight=False, width=wide)
+        setattr(self.console, "on_broken_pipe", _nothing)  # noqa: B010  (rich would end the process)
 
     def say(self, text: str = "") -> None:
         """A line."""
-        self.console.print(text, markup=False)
+        self._line(text)
 
     def notes(self, notes: Iterable[str]) -> None:
         """Announcements."""
         for note in notes:
-            self.console.print(f"note: {note}", markup=False, style="dim")
+            self._line(f"note: {note}", "dim")
 
     def warn(self, text: str) -> None:
         """A warning."""
-        self.console.print(text, markup=False, style="yellow")
+        self._line(text, "yellow")
+
+    def fail(self, text: str) -> None:
+        """Why the verdict is negative: shown even when quiet."""
+        self._line(text, "red", always=True)
+
+    def _line(self, text: str, style: str | None = None, always: bool = False) -> None:
+        if always or not self.quiet:
+            from rich.text import Text
+
+            self._print(Text(text, style=style or ""))
+
+    def _print(self, shown: RenderableType) -> None:
+        with suppress(OSError):  # a closed stderr does not end the work
+            self.console.print(shown)
 
     def table(self, title: str, headers: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
         """A table; the first `left` columns are text."""
-        table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+        if self.quiet:
+            return
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False, header_style="bold")
         for k, header in enumerate(headers):
             text = k < left or header in ("remark", "")
-            table.add_column(header, justify="left" if text else "right", no_wrap=header != "remark")
+            table.add_column(Text(header), justify="left" if text else "right", no_wrap=header != "remark")
         for row in rows:
-            table.add_row(*(cell.replace("[", "\\[") for cell in row))
-        self.console.print(table)
+            table.add_row(*(Text(cell) for cell in row))
+        self._print(table)
+
+    @contextmanager
+    def progress(self) -> Iterator[Callable[[int], None] | None]:
+        """A counter of rows on a terminal; nothing elsewhere."""
+        if self.quiet or not self.console.is_terminal:
+            yield None
+            return
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        text = TextColumn("{task.completed:.0f} rows")
+        with Progress(SpinnerColumn(), text, TimeElapsedColumn(), console=self.console, transient=True) as shown:
+            task = shown.add_task("rows", total=None)
+            yield lambda rows: shown.advance(task, rows)
+
+
+def _nothing() -> None:
+    """A reader of stderr that has gone is no reason to stop."""
 
 
 def bar(share: float, width: int = _BAR) -> str:
@@ -53,7 +96,7 @@ def bar(share: float, width: int = _BAR) -> str:
 
 
 def emit_json(result: dict[str, Any]) -> None:
-    """The result on stdout."""
-    json.dump(result, sys.stdout, indent=2, allow_nan=False, ensure_ascii=False)
-    sys.stdout.write("\n")
-    sys.stdout.flush()
+    """The result on stdout. Raises OutputError."""
+    text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
+    with write_text("-") as file:
+        file.write(text + "\n")

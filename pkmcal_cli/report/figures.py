@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..calibration.errors_before_after import ErrorFigures
 from ..machine import Machine
 from ..unit_text import Unit
+from .numbers import finite
 
 
 def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:
@@ -19,9 +20,9 @@ def figures_json(machine: Machine, kinds: dict[str, ErrorFigures]) -> dict[str, 
     for kind, f in kinds.items():
         unit = figure_unit(machine, f)
         out[kind] = {
-            "rms": f.rms / unit.scale,
-            "max": f.largest / unit.scale,
-            "criterion": f.criterion / unit.scale**2,
+            "rms": finite(f.rms / unit.scale),
+            "max": finite(f.largest / unit.scale),
+            "criterion": finite(f.criterion / unit.scale**2),
             "unit": unit.text,
             "count": f.count,
         }

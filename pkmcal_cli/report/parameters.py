@@ -10,6 +10,7 @@ import numpy as np
 from ..calibration.identifiability import Combination, Directions, combinations
 from ..calibration.identify import Fit
 from ..model import Model
+from ..parameter_file import exact_value
 from ..unit_text import Unit, parse_unit
 from .numbers import finite, uncertain
 
@@ -29,6 +30,11 @@ class ParameterRow:
     unit: str
     identified: bool
     reason: str | None
+
+    @property
+    def spread(self) -> str:
+        """The range with its unit."""
+        return f"+-{self.range:.4g} {self.unit if self.unit != '1' else ''}".rstrip()
 
     def json(self) -> dict[str, object]:
         """As the JSON interface has it."""
@@ -63,8 +69,8 @@ def parameter_rows(model: Model, fit: Fit) -> tuple[ParameterRow, ...]:
         rows.append(
             ParameterRow(
                 p.name,
-                unit.from_si(p.nominal),
-                unit.from_si(float(fit.values[k])),
+                exact_value(p.nominal, unit),
+                exact_value(float(fit.values[k]), unit),
                 float(spread) / unit.scale if known else None,
                 p.range / unit.scale,
                 unit.text,

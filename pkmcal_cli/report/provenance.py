@@ -1,16 +1,17 @@
-"""Where a result comes from: versions, inputs with their sha256, arguments, seed."""
+"""Where a result comes from: versions, inputs with their sha256, arguments, seed, status."""
 
 from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 from .. import __version__
 
 
-def provenance(inputs: dict[str, str], **more: Any) -> dict[str, Any]:
+def provenance(inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:
     """Head of a written result; `inputs`: sha256 by file."""
     import numpy
     import scipy
@@ -22,6 +23,14 @@ def provenance(inputs: dict[str, str], **more: Any) -> dict[str, Any]:
         "scipy": scipy.__version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "arguments": sys.argv[1:],
-        "inputs": inputs,
+        "inputs": dict(inputs),
         **more,
     }
+
+
+def provenance_lines(head: Mapping[str, Any]) -> list[str]:
+    """The head as comment lines of a table."""
+    import yaml
+
+    text = yaml.safe_dump({"provenance": dict(head)}, sort_keys=False, allow_unicode=True, width=1000)
+    return str(text).splitlines()

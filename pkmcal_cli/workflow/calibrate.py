@@ -9,15 +9,18 @@ import numpy as np
 from ..calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from ..calibration.identify import Fit, RowsFailed, identify
 from ..calibration.residual import Problem, problem_of
-from ..calibration.selection import named, select
-from ..errors import BadInput, Location, UsageError
+from ..calibration.selection import named
+from ..errors import BadInput, Fault, Location, UsageError
 from ..files import check_target, is_stream, write_text
-from ..loading import LoadedMachine, failed_rows, load_machine, load_measurements, parameter_values
+from ..loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from ..measurement_set import Measurements
+from ..poses import failed_rows, place_of
+from ..prediction import Prediction
 from ..report.calibration import CalibrationReport
 from ..report.console import Reporter, emit_json
 from ..report.provenance import provenance
-from ..unit_text import UnitError, parse_value
+from .amounts import amount
+from .arguments import one_stdin, selection
 from .hints import measurement_hints
 
 _FOLDS = "5"
@@ -39,100 +42,149 @@ class CalibrationRequest:
     force: bool
 
 
+@dataclass(frozen=True)
+class _Setting:
+    """What the fit starts from."""
+
+    request: CalibrationRequest
+    loaded: LoadedMachine
+    measured: Measurements
+    problem: Problem
+    selected: tuple[str, ...]
+    start: Start
+    limit: float | None
+
+
 def run_calibration(request: CalibrationRequest) -> int:
     """Calibrate, show and write; returns the exit code. Raises PkmcalError."""
-    if request.as_json and request.output is not None and is_stream(request.output):
-        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
-    limit = _limit(request.max_rms)
-    if request.output is not None:
-        check_target(request.output, force=request.force)
     to = Reporter(request.quiet)
-    loaded = load_machine(request.machine)
-    measured = load_measurements(loaded, request.measurements)
-    selected = select(loaded.model, request.select)
-    problem = problem_of(loaded.model, measured)
-    start = parameter_values(loaded.model, request.parameters)
-    to.notes(measured.notes)
-    for fault in loaded.warnings:
-        to.warn(fault.text())
-    for hint in measurement_hints(loaded, problem, start):
+    s = _prepare(request)
+    to.notes(s.measured.notes)
+    for text in (*(f.text() for f in s.loaded.warnings), *s.start.warnings):
+        to.warn(text)
+    for hint in (*_unused_channels(s.problem), *measurement_hints(s.loaded, s.problem, s.start.values)):
         to.warn(f"warning: {hint}")
-    fit = _fit(problem, selected, start, measured)
-    report = CalibrationReport(loaded.machine, problem, fit, _held_out(request, loaded, problem, measured, fit))
+    fit = _fit(s)
+    held_out, inputs = _held_out(s, fit)
+    report = CalibrationReport(s.loaded.machine, s.problem, fit, held_out)
     report.show(to)
-    if request.as_json:
-        emit_json(report.json())
     if request.output is not None:
-        inputs = dict(loaded.machine.files) | dict(zip(measured.files, measured.sha256, strict=True))
+        inputs = _inputs(s) | inputs
         text = report.parameter_file(provenance(inputs, seed=None, status=fit.status))
         with write_text(request.output, force=request.force) as file:
             file.write(text)
-    return _exit_code(request, report, fit, limit, to)
+    if request.as_json:
+        emit_json(report.json())
+    return _exit_code(s, report, to)
 
 
-def _fit(problem: Problem, selected: tuple[str, ...], start: np.ndarray, measured: Measurements) -> Fit:  # type: ignore[type-arg]
+def _prepare(request: CalibrationRequest) -> _Setting:
+    """Check the arguments, read the files. Raises PkmcalError."""
+    if request.as_json and request.output is not None and is_stream(request.output):
+        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
+    limit = _limit(request.max_rms)
+    if request.output is not None:
+        check_target(request.output, force=request.force)
+    loaded = load_machine(request.machine)
+    selected = selection(loaded.model, request.select)
+    start = load_parameters(loaded.model, request.parameters)
+    measured = load_measurements(loaded, request.measurements)
+    problem = problem_of(loaded.model, measured)
+    if not problem.count:
+        what = "no channel that was measured has a sigma: nothing can be weighed"
+        hint = "declare `sigma:` of the sensor, or give a column `sigma.CHANNEL`"
+        raise BadInput([Fault("sigma", what, Location(loaded.model.name), hint)])
+    if limit is not None and "position" not in _measured_kinds(problem):
+        raise UsageError("--max-rms: no positions were measured", hint="leave it out")
+    return _Setting(request, loaded, measured, problem, selected, start, limit)
+
+
+def _measured_kinds(problem: Problem) -> set[str]:
+    return {c.quantity for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
+
+
+def _unused_channels(problem: Problem) -> list[str]:
+    """Channels that were measured but have no sigma."""
+    lost = ~np.isnan(problem.readings) & ~problem.measured
+    names = [c.name for k, c in enumerate(problem.model.channels) if lost[:, k].any()]
+    return [f"no sigma for {', '.join(names)}: not used where it lacks"] if names else []
+
+
+def _inputs(s: _Setting) -> dict[str, str]:
+    """sha256 of all that was read."""
+    return dict(s.loaded.machine.files) | s.start.inputs | dict(zip(s.measured.files, s.measured.sha256, strict=True))
+
+
+def _fit(s: _Setting) -> Fit:
     try:
-        return identify(problem, selected, start)
+        return identify(s.problem, s.selected, s.start.values)
     except RowsFailed as failure:
-        prediction = failure.evaluation.prediction
-        lost = np.nonzero(~prediction.solved)[0]
-        places = [measured.place(k) for k in range(len(measured))]
-        raise failed_rows(places, {int(k): prediction.reason(int(k)) for k in lost}) from None
+        raise _unsolved(s.measured, failure.evaluation.prediction) from None
 
 
-def _held_out(
-    request: CalibrationRequest, loaded: LoadedMachine, problem: Problem, measured: Measurements, fit: Fit
-) -> HeldOut | str:
-    """Held-out figures, or why there are none."""
-    scheme = request.holdout
+def _unsolved(measured: Measurements, prediction: Prediction) -> BadInput:
+    lost = np.nonzero(~prediction.solved)[0]
+    return failed_rows(lambda row: place_of(measured, row), {int(k): prediction.reason(int(k)) for k in lost})
+
+
+def _held_out(s: _Setting, fit: Fit) -> tuple[HeldOut | str, dict[str, str]]:
+    """Held-out figures, or why there are none; sha256 of the file that was held out."""
+    scheme = s.request.holdout
     if scheme == "none":
-        return "not asked for"
+        return "not asked for", {}
+    if scheme is not None and scheme not in ("session", "cells") and not scheme.isdecimal():
+        return _validated(s, fit, scheme)
     if fit.status != "converged":
-        return f"the fit has not succeeded ({fit.status})"
+        return f"the fit has not succeeded ({fit.status})", {}
     if scheme is None:
-        if not enough_rows(problem, fit.selected):
-            return f"{len(problem)} rows for {len(fit.selected)} parameters: fewer than 3 rows a parameter"
+        if not enough_rows(s.problem, fit.selected):
+            return f"{len(s.problem)} rows for {len(fit.selected)} parameters: fewer than 3 rows a parameter", {}
         scheme = _FOLDS
-    if scheme not in ("session", "cells") and not scheme.isdigit():
-        other = load_measurements(loaded, [scheme])
-        return validate(problem_of(loaded.model, other), fit, f"rows of {scheme}")
     try:
-        labels, words = fold_labels(scheme, problem, measured)
+        labels, words = fold_labels(scheme, s.problem, s.measured)
     except ValueError as error:
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(problem, fit, labels, words)
+    return cross_validate(s.problem, fit, labels, words), {}
+
+
+def _validated(s: _Setting, fit: Fit, file: str) -> tuple[HeldOut | str, dict[str, str]]:
+    """Figures on the rows of another file."""
+    other = load_measurements(s.loaded, [file])
+    problem = problem_of(s.loaded.model, other)
+    inputs = dict(zip(other.files, other.sha256, strict=True))
+    if not problem.count:
+        return f"nothing in {file} was measured with a sigma", inputs
+    try:
+        identify(problem, (), fit.values)  # nothing moves: every row must be within reach
+    except RowsFailed as failure:
+        raise _unsolved(other, failure.evaluation.prediction) from None
+    if fit.status != "converged":
+        return f"the fit has not succeeded ({fit.status})", inputs
+    return validate(problem, fit, f"rows of {other.files[0]}"), inputs
 
 
 def _limit(text: str | None) -> float | None:
     if text is None:
         return None
-    try:
-        number, unit = parse_value(text)
-    except UnitError as error:
-        raise UsageError(f"--max-rms: {error.what}", hint=error.hint) from None
-    if unit.dimension.name != "length":
+    value, unit = amount("--max-rms", text)
+    if unit.dimension.name != "length" or value < 0:
         raise UsageError(f"--max-rms: `{text}` is no length", hint='for example "20 um"')
-    return unit.to_si(number)
+    return value
 
 
-def _exit_code(
-    request: CalibrationRequest, report: CalibrationReport, fit: Fit, limit: float | None, to: Reporter
-) -> int:
+def _exit_code(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
     """1 when the verdict is negative: not converged, a named parameter undetermined, the limit missed."""
-    if fit.status != "converged":
+    if report.fit.status != "converged":
+        if s.request.quiet:
+            to.fail(report.verdict())
         return 1
-    wanted = named(report.model, request.select)
+    wanted = named(report.model, s.request.select) & set(s.selected)
     lost = [r.name for r in report.rows if r.name in wanted and r.std is None]
     if lost:
-        to.warn(f"named in --select but not determined: {', '.join(lost)}")
+        to.fail(f"named in --select but not determined: {', '.join(lost)}")
         return 1
-    if limit is not None:
-        if "position" not in report.after:
-            raise UsageError("--max-rms: no positions were measured")
-        if report.after["position"].rms > limit:
-            to.warn(f"position rms above the limit of {request.max_rms}")
-            return 1
+    if s.limit is not None and not report.after["position"].rms <= s.limit:
+        to.fail(f"position rms above the limit of {s.request.max_rms}")
+        return 1
     return 0
-
-
-__all__ = ["BadInput", "CalibrationRequest", "Location", "run_calibration"]

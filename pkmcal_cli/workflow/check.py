@@ -4,136 +4,104 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from ..errors import BadInput
+from ..errors import MAX_FAULTS, BadInput, Fault
 from ..influence import idle_parameters
 from ..loading import LoadedMachine, load_machine
 from ..report.console import Reporter, emit_json
-from ..unit_text import parse_unit
+from ..report.machine import machine_json, show_machine
+from .arguments import one_stdin
+
+UNREADABLE = "file"
+"""Code of the fault that a file cannot be read at all: that is bad input, not a finding."""
 
 
 def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bool) -> int:
-    """Show and emit; 0 without faults, 1 with faults in tables or idle parameters. Raises BadInput for the machine."""
+    """Show and emit; 0 without faults, 1 with faults in machine or tables. Raises BadInput for unreadable files."""
+    one_stdin(path, *measurements)
     to = Reporter(quiet)
     try:
         loaded = load_machine(path)
     except BadInput as error:
-        if as_json:
-            emit_json({"ok": False, "faults": [f.text() for f in error.faults]})
-        to.warn(error.text())
-        return 1
-    result = _describe(loaded)
-    faults = _idle(loaded)
-    warnings = [f.text() for f in loaded.warnings]
-    _show(to, loaded, result)
-    for text in warnings:
-        to.warn(text)
-    for text in faults:
-        to.warn(text)
+        _reraise_unreadable(error)
+        return _finish(to, {}, list(error.faults), error.total, as_json)
+    result, faults = machine_json(loaded.machine, loaded.compiled), idle_faults(loaded)
+    show_machine(to, loaded.machine, loaded.compiled, result)
+    for fault in loaded.warnings:
+        to.warn(fault.text())
+    result["warnings"] = [_json(f) for f in loaded.warnings]
+    total = len(faults)
     if measurements:
-        result["measurements"], told = _check_tables(loaded, measurements, to)
-        faults += told
-    result |= {"ok": not faults, "faults": faults, "warnings": warnings}
+        result["measurements"], found, count = _check_tables(loaded, measurements, to)
+        faults, total = faults + found, total + count
+    return _finish(to, result, faults, total, as_json)
+
+
+def _finish(to: Reporter, result: dict[str, Any], faults: list[Fault], total: int, as_json: bool) -> int:
+    """Tell the faults, emit the result; the exit code."""
+    for fault in faults[:MAX_FAULTS]:
+        to.fail(fault.text() + "\n")
+    if total > MAX_FAULTS:
+        to.fail(f"... and {total - min(len(faults), MAX_FAULTS)} more faults")
     if as_json:
-        emit_json(result)
-    to.say("no faults" if not faults else f"{len(faults)} faults")
-    return 1 if faults else 0
+        emit_json({"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]], **result})
+    to.say(f"{total} fault{'s' if total > 1 else ''}" if total else "no faults")
+    return 1 if total else 0
 
 
-def _idle(loaded: LoadedMachine) -> list[str]:
-    """Parameters that act nowhere by structure, as texts of faults."""
-    source = loaded.machine.source
-    return [
-        source.fault(
-            "idle-parameter",
-            f"parameter `{name}` acts nowhere: no pose, strained or not, depends on it",
-            ("parameters", name),
-            "take it out, or correct the place that uses it",
-            at_key=True,
-        ).text()
-        for name in idle_parameters(loaded.model)
-    ]
+def _reraise_unreadable(error: BadInput) -> None:
+    """A file that cannot be read has not been checked."""
+    if any(f.code == UNREADABLE for f in error.faults):
+        raise error
 
 
-def _describe(loaded: LoadedMachine) -> dict[str, Any]:
-    """Counts and parameters."""
-    machine, found, model = loaded.machine, loaded.compiled.mobility, loaded.model
+def _json(fault: Fault) -> dict[str, Any]:
+    where = fault.where
     return {
-        "machine": machine.files[0][0],
-        "space": machine.space,
-        "nodes": len(machine.nodes),
-        "bodies": len(machine.bodies),
-        "elements": {k: len(getattr(machine, k)) for k in ("beams", "bars", "ropes", "joints")},
-        "unknowns": model.exact.unknowns,
-        "constraints": model.exact.constraints,
-        "degrees_of_freedom": found.degrees_of_freedom,
-        "actuators": found.actuators,
-        "degree_of_redundancy": found.redundancy,
-        "self_stress": found.self_stress,
-        "free_motions": list(found.free_motions),
-        "gaps": [{"element": g.element, "strain": g.strain, "value": g.value} for g in loaded.compiled.gaps[:10]],
-        "channels": [c.name for c in model.channels],
-        "parameters": [
-            {
-                "name": p.name,
-                "nominal": parse_unit(p.unit or "1").from_si(p.nominal),
-                "range": p.range / parse_unit(p.unit or "1").scale,
-                "unit": p.unit or "1",
-                "identify": p.identify,
-            }
-            for p in model.parameters
-        ],
+        "code": fault.code,
+        "message": fault.what,
+        "file": where.file if where else None,
+        "line": (where.line or None) if where else None,
+        "column": (where.column or None) if where else None,
+        "help": fault.hint,
     }
 
 
-def _show(to: Reporter, loaded: LoadedMachine, r: dict[str, Any]) -> None:
-    elements = ", ".join(f"{n} {k}" for k, n in r["elements"].items() if n)
-    to.say(f"{r['machine']}: {r['space']}, {r['nodes']} nodes, {r['bodies']} bodies, {elements}")
-    to.say(
-        f"{r['degrees_of_freedom']} degrees of freedom, {r['actuators']} actuators: {r['degree_of_redundancy']} times "
-        f"redundant; {r['self_stress']} self-stresses that no drive causes"
-    )
-    to.say(f"{r['unknowns']} unknowns, {r['constraints']} constraints; channels {', '.join(r['channels']) or 'none'}")
-    for motion in r["free_motions"]:
-        to.say(f"free motion without load, held: {motion}")
-    rows = [
-        (p["name"], f"{p['nominal']:.8g}", f"+-{p['range']:.4g}", p["unit"], "" if p["identify"] else "not identified")
-        for p in r["parameters"]
+def idle_faults(loaded: LoadedMachine) -> list[Fault]:
+    """Parameters that act nowhere by structure."""
+    source, names = loaded.machine.source, idle_parameters(loaded.model)
+    what = "acts nowhere: no pose, strained or not, depends on it"
+    hint = "correct the place that uses it, or take it out"
+    return [
+        source.fault("idle-parameter", f"parameter `{name}` {what}", ("parameters", name), hint, at_key=True)
+        for name in names
     ]
-    to.table("Parameters", ("name", "nominal", "range", "unit", "remark"), rows)
-    drives = [
-        (a.name, f"{parse_unit(a.unit).from_si(float(q)):.6g}", a.unit, _role(d.redundant, d.force_controlled))
-        for a, d, q in zip(loaded.model.actuators, loaded.model.layout.drives, loaded.model.drawn_readings, strict=True)
-    ]
-    to.table("Actuators at the drawing", ("name", "reading", "unit", "remark"), drives)
-
-
-def _role(redundant: bool, forced: bool) -> str:
-    words = ["redundant"] if redundant else []
-    return ", ".join([*words, "force-controlled"] if forced else words)
 
 
 def _check_tables(
     loaded: LoadedMachine, paths: tuple[str, ...], to: Reporter
-) -> tuple[dict[str, Any], list[str]]:
-    """Faults of tables: reading, rows that cannot be predicted, gross mistakes."""
+) -> tuple[dict[str, Any], list[Fault], int]:
+    """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
+    import numpy as np
+
     from ..calibration.residual import evaluate, problem_of
     from ..loading import load_measurements
+    from ..poses import place_of
     from .hints import measurement_hints
 
     try:
         measured = load_measurements(loaded, paths)
     except BadInput as error:
-        to.warn(error.text())
-        return {"rows": 0}, [f.text() for f in error.faults]
+        _reraise_unreadable(error)
+        return {"n_rows": None}, list(error.faults), error.total
     to.notes(measured.notes)
     problem = problem_of(loaded.model, measured)
-    evaluation = evaluate(problem, loaded.model.nominal)
-    prediction = evaluation.prediction
-    faults = [f"{measured.place(int(k))}: {prediction.reason(int(k))}" for k in np.nonzero(~prediction.solved)[0]]
-    faults += list(measurement_hints(loaded, problem, loaded.model.nominal))
-    for text in faults:
-        to.warn(text)
-    to.say(f"{len(problem)} rows, {problem.count} measured values, {len(measured.sessions)} sessions")
-    return {"rows": len(problem), "values": problem.count, "sessions": list(measured.sessions)}, faults
+    prediction = evaluate(problem, loaded.model.nominal).prediction
+    lost = np.nonzero(~prediction.solved)[0]
+    faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
+    hints = [Fault("plausibility", text) for text in measurement_hints(loaded, problem, loaded.model.nominal)]
+    if not problem.count:
+        hints.append(Fault("sigma", "no channel that was measured has a sigma", None, "declare `sigma:` of the sensor"))
+    sessions = len(measured.sessions)
+    to.say(f"{len(problem)} rows, {problem.count} measured values, {sessions} session{'s' if sessions > 1 else ''}")
+    counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
+    return counts, hints + faults, len(hints) + len(lost)

@@ -1,0 +1,96 @@
+"""The results of `sensitivity` and `observability`: tables and JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..calibration.identifiability import Combination
+from ..calibration.observability import Observability
+from ..calibration.sensitivity import Sensitivity
+from ..model import Model
+from ..units import FileUnits
+from .console import Reporter, bar
+from .numbers import finite, readable, short
+from .parameters import combination_json, parameter_unit
+
+
+def show_sensitivity(to: Reporter, model: Model, units: FileUnits, found: Sensitivity, rows: int) -> None:
+    """Ranked table with bars."""
+    largest = max((p.position for p in found.parameters), default=0.0) or 1.0
+    table = []
+    for p in found.parameters:
+        unit = parameter_unit(model, p.name)
+        shift, turn = readable(p.position, units.length), readable(p.orientation, units.angle)
+        table.append((p.name, f"+-{p.range / unit.scale:.4g} {unit.text}", shift, bar(p.position / largest), turn))
+    title = f"Mean shift and turn of the TCP for one range of each parameter, {rows} positions (eq. 23)"
+    to.table(title, ("parameter", "range", "shift", "", "turn"), table)
+
+
+def sensitivity_json(model: Model, units: FileUnits, found: Sensitivity, rows: int) -> dict[str, Any]:
+    """Ranked as in the table; orientation in rad."""
+    listed = []
+    for p in found.parameters:
+        unit = parameter_unit(model, p.name)
+        listed.append(
+            {
+                "name": p.name,
+                "position": finite(p.position / units.length.scale),
+                "orientation": finite(p.orientation),
+                "unit": units.length.text,
+                "orientation_unit": "rad",
+                "range": p.range / unit.scale,
+                "range_unit": unit.text,
+            }
+        )
+    return {"n_rows": rows, "parameters": listed}
+
+
+def show_observability(to: Reporter, model: Model, selected: tuple[str, ...], found: Observability, rows: int) -> None:
+    """Expected uncertainties, figures of merit, and what is not told apart."""
+    directions = found.found
+    table = []
+    for name, std, gone in zip(selected, found.std, directions.undetermined(), strict=True):
+        p, unit = model.parameters[model.names.index(name)], parameter_unit(model, name)
+        shown = "undetermined" if gone else f"{std / unit.scale:.3g} {unit.text}"
+        share = "" if gone else f"{std / p.range:.3f}"
+        remark = "" if gone or std < p.range / 2 else "no better than its range tells already"
+        table.append((name, f"+-{p.range / unit.scale:.4g} {unit.text}", shown, share, remark))
+    title = f"Expected standard uncertainty from {found.count} measured values in {rows} positions"
+    to.table(title, ("parameter", "range", "standard uncertainty", "std/range", "remark"), table)
+    to.say()
+    to.say(f"rank {directions.rank} of {len(selected)}")
+    paper, whitened = short(found.condition_number), short(directions.condition_number)
+    to.say(f"condition number {paper} (Js of the paper), {whitened} (whitened)")
+    to.say(", ".join(f"{k} {short(v)}" for k, v in found.indices.items()))
+    to.say("singular values (whitened): " + " ".join(short(float(v)) for v in directions.singular_values))
+    for c in found.undetermined:
+        to.say(f"{'not determined' if c.kind == 'null' else 'weak'}: {c.text}; {_advice(c)}")
+
+
+def _advice(c: Combination) -> str:
+    """Which parameter to drop, or what to measure otherwise."""
+    strongest = c.names[int(np.argmax(np.abs(c.direction)))]
+    if len(c.names) == 1:
+        return f"leave it out (`--select auto,-{strongest}`) or measure where it acts"
+    return f"hold one of them (`--select auto,-{strongest}`), measure it directly, or spread the positions"
+
+
+def observability_json(model: Model, selected: tuple[str, ...], found: Observability, rows: int) -> dict[str, Any]:
+    """Figures of merit; uncertainties in each parameter's unit, null where undetermined."""
+    parameters = []
+    for name, std in zip(selected, found.std, strict=True):
+        unit = parameter_unit(model, name)
+        parameters.append({"name": name, "std": finite(std / unit.scale), "unit": unit.text})
+    return {
+        "n_rows": rows,
+        "n_values": found.count,
+        "condition_number": finite(found.condition_number),
+        "condition_number_whitened": finite(found.found.condition_number),
+        "rank": found.found.rank,
+        "singular_values": [float(v) for v in found.found.singular_values],
+        **{name: finite(value) for name, value in found.indices.items()},
+        "parameters": parameters,
+        "undetermined": [combination_json(model, c) for c in found.undetermined],
+    }

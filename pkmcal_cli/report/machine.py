@@ -1,0 +1,84 @@
+"""What a machine is: counts, mobility, parameters, drives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..compiler import Compiled
+from ..machine import Machine
+from ..unit_text import parse_unit
+from .console import Reporter
+
+_GAPS = 10  # gaps of the drawing that are listed
+_ELEMENTS = ("beams", "bars", "ropes", "joints")
+
+
+def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
+    """Counts and parameters."""
+    found, model = compiled.mobility, compiled.model
+    return {
+        "machine": machine.files[0][0],
+        "space": machine.space,
+        "nodes": len(machine.nodes),
+        "bodies": len(machine.bodies),
+        "elements": {k: len(getattr(machine, k)) for k in _ELEMENTS},
+        "unknowns": model.exact.unknowns,
+        "constraints": model.exact.constraints,
+        "degrees_of_freedom": found.degrees_of_freedom,
+        "actuators": found.actuators,
+        "degree_of_redundancy": found.redundancy,
+        "self_stress": found.self_stress,
+        "free_motions": list(found.free_motions),
+        "gaps": [{"element": g.element, "strain": g.strain, "value": g.value} for g in compiled.gaps[:_GAPS]],
+        "channels": [c.name for c in model.channels],
+        "parameters": [
+            {
+                "name": p.name,
+                "nominal": parse_unit(p.unit or "1").from_si(p.nominal),
+                "range": p.range / parse_unit(p.unit or "1").scale,
+                "unit": p.unit or "1",
+                "identify": p.identify,
+            }
+            for p in model.parameters
+        ],
+    }
+
+
+def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any]) -> None:
+    """The same in words and tables."""
+    counts = {"node": r["nodes"], "body": r["bodies"]} | {k.removesuffix("s"): n for k, n in r["elements"].items()}
+    parts = ", ".join(_count(n, word) for word, n in counts.items() if n)
+    to.say(f"{r['machine']}: {r['space']}, {parts}")
+    redundancy = r["degree_of_redundancy"]
+    redundant = f"{_count(redundancy, 'time')} redundant" if redundancy > 0 else "not redundant"
+    stress = f"; {_count(r['self_stress'], 'self-stress')} that no drive causes" if r["self_stress"] else ""
+    freedom = _count(r["degrees_of_freedom"], "degree") + " of freedom"
+    to.say(f"{freedom}, {_count(r['actuators'], 'actuator')}: {redundant}{stress}")
+    numbers = f"{_count(r['unknowns'], 'unknown')}, {_count(r['constraints'], 'constraint')}"
+    to.say(f"{numbers}; channels {', '.join(r['channels']) or 'none'}")
+    for motion in r["free_motions"]:
+        to.say(f"free motion without load, held: {motion}")
+    rows = [
+        (p["name"], f"{p['nominal']:.8g}", f"+-{p['range']:.4g}", p["unit"], "" if p["identify"] else "not identified")
+        for p in r["parameters"]
+    ]
+    to.table("Parameters", ("name", "nominal", "range", "unit", "remark"), rows)
+    model = compiled.model
+    drives = [
+        (a.name, f"{parse_unit(a.unit).from_si(float(q)):.6g}", a.unit, _role(d.redundant, d.force_controlled))
+        for a, d, q in zip(model.actuators, model.layout.drives, model.drawn_readings, strict=True)
+    ]
+    to.table("Actuators at the drawing", ("name", "reading", "unit", "remark"), drives)
+
+
+def _count(n: int, word: str) -> str:
+    """1 body, 2 bodies, 1 self-stress, 3 self-stresses."""
+    if n == 1:
+        return f"1 {word}"
+    ending = "ies" if word == "body" else "es" if word.endswith("ss") else "s"
+    return f"{n} {word.removesuffix('y') if ending == 'ies' else word}{ending}"
+
+
+def _role(redundant: bool, forced: bool) -> str:
+    words = ["redundant"] if redundant else []
+    return ", ".join([*words, "force-controlled"] if forced else words)

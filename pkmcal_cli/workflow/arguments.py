@@ -1,0 +1,27 @@
+"""Checks of a command's arguments that hold for every command."""
+
+from __future__ import annotations
+
+from ..calibration.selection import select
+from ..errors import UsageError
+from ..files import is_stream
+from ..model import Model
+
+
+def one_stdin(*inputs: str | None) -> None:
+    """At most one input may be stdin. Raises UsageError."""
+    if sum(i is not None and is_stream(i) for i in inputs) > 1:
+        raise UsageError("only one input can be `-`, stdin", hint="give the others as files")
+
+
+def selection(model: Model, text: str) -> tuple[str, ...]:
+    """Names of the parameters that `--select` chooses; at least one. Raises UsageError."""
+    if not model.parameters:
+        raise UsageError("the machine has no parameters", hint="declare them in `parameters:` of the machine file")
+    if text == "auto" and not any(p.identify for p in model.parameters):
+        what = "--select auto: every parameter is declared `identify: false`"
+        raise UsageError(what, hint="name those to be identified, or `--select all`")
+    chosen = select(model, text)
+    if not chosen:
+        raise UsageError(f"--select: `{text}` leaves no parameter", hint="for example auto,-gamma")
+    return chosen

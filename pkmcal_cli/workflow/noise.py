@@ -1,0 +1,58 @@
+"""Simulated noise: of the instruments' channels and of the drive readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UsageError
+from ..model import Model
+from ..prediction import Rows
+from ..rotation import Array
+from ..unit_text import parse_unit
+from .amounts import amount
+
+_HINT = 'declared, none or a value such as "10 um", not negative'
+
+
+@dataclass
+class Noise:
+    """Gaussian noise of channels (C,) and of drive readings (A,), SI.
+
+    Every row draws the same numbers whatever happens to the other rows.
+    """
+
+    channels: Array
+    drives: Array
+    silent: Sequence[str]  # channels of declared noise that declare none
+    generator: np.random.Generator
+
+    @classmethod
+    def of(cls, model: Model, text: str, seed: int) -> Noise:
+        """`declared`, `none` or one value for all channels of its dimension. Raises UsageError."""
+        channels, drives = np.zeros(len(model.channels)), np.zeros(len(model.actuators))
+        silent: list[str] = []
+        if text == "declared":
+            slots = model.layout.slots.constants
+            sigma = np.array([c.sigma for c in model.channels])
+            silent = [c.name for c, s in zip(model.channels, sigma, strict=True) if np.isnan(s)]
+            channels = np.nan_to_num(sigma)
+            gains = np.array([abs(slots[a.gain_slot]) for a in model.actuators])
+            drives = np.nan_to_num([a.sigma for a in model.actuators]) / gains
+            drives[[d.force_controlled for d in model.layout.drives]] = 0.0  # their readings are channels
+        elif text != "none":
+            value, unit = amount("--noise", text)
+            fits = [parse_unit(c.unit).dimension == unit.dimension for c in model.channels]
+            if not any(fits) or value < 0:
+                raise UsageError(f"--noise: `{text}` fits no channel", hint=_HINT)
+            channels[fits] = value
+        return cls(channels, drives, silent, np.random.default_rng(seed))
+
+    def draw(self, rows: Rows) -> tuple[Rows, Array]:
+        """Where the drives really stand when they read `rows`, and the channels' noise (N, C)."""
+        count = len(rows)
+        drawn = self.generator.normal(size=(count, len(self.drives) + len(self.channels)))
+        moved = drawn[:, : len(self.drives)] * self.drives
+        return Rows(rows.readings + moved, rows.forces), drawn[:, len(self.drives) :] * self.channels
