@@ -3,8 +3,9 @@
 Singular values s belong to combinations of parameters in range units; 1/s is a combination's standard uncertainty
 in ranges. A *null* direction is not seen: s is below 1e-10 of the largest, or the standard uncertainty would be
 above 1e4 ranges, further than any linear statement reaches (what is null on the unstrained machine is seen again, to
-second order, through the strain of small errors). A *weak* one has a standard uncertainty above its range. Both are
-held; the prior (range = 2 standard deviations) of what is held takes part in the others' uncertainty.
+second order, through the strain of small errors). A *weak* one would have a standard uncertainty above that of its
+prior, half its range: to move it would make the parameters worse (docs/coverage.md). Both are held; the prior of what
+is held takes part in the others' uncertainty.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..rotation import Array
 
 NULL = 1e-10  # of the largest singular value
 UNSEEN = 1e-4  # whitened, per range
+WEAK = 2.0  # range = 2 standard deviations of the prior
 _SHOWN = 0.005  # smaller coefficients are not worth a word
 _SHARE = 1e-6  # a parameter takes part in a null direction when its component exceeds this
 _TRACE = 1e-3  # ... and in one that is seen to second order, whose small components come from the same order
@@ -79,7 +81,7 @@ class Directions:
     def determined_covariance(self) -> Array:
         """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
         with np.errstate(divide="ignore"):
-            variance = np.where(self.held, 0.25, 1.0 / self.singular_values**2)
+            variance = np.where(self.held, WEAK**-2, 1.0 / self.singular_values**2)
         return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 
@@ -96,7 +98,7 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array) -> Direct
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, s, vt = np.linalg.svd(scaled)
     null = (s <= NULL * s[0]) | (s < UNSEEN)
-    return Directions(names, ranges, s, vt, null, ~null & (s < 1.0))
+    return Directions(names, ranges, s, vt, null, ~null & (s < WEAK))
 
 
 @dataclass(frozen=True)
