@@ -113,11 +113,13 @@ def evaluate(
 
 
 def residuals(problem: Problem, predicted: Array) -> Array:
-    """Measured minus predicted (N, C), zero where not measured; rotation vectors compared by the shorter way."""
+    """Measured minus predicted (N, C), zero where not measured; turns compared by the shorter way."""
     measured = problem.readings.copy()
     turning = [k for k, c in enumerate(problem.model.channels) if c.quantity == "orientation"]
     if len(turning) == 3:
         measured[:, turning] = _nearest_turn(measured[:, turning], predicted[:, turning])
+    elif problem.model.layout.planar:
+        measured[:, turning] -= 2 * np.pi * np.round((measured[:, turning] - predicted[:, turning]) / (2 * np.pi))
     return np.where(problem.measured, np.nan_to_num(measured) - predicted, 0.0)
 
 
