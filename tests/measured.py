@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
 import numpy as np
 
-from pkmcal_cli.prediction import Request
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.rotation import Array
 from tests import structures
 from tests.support import (
@@ -151,3 +153,83 @@ def against_hangprinter() -> HangprinterDeviation:
         float(np.abs(found.forces - true.tension).max()),
         float(np.abs(found.energy / energy - 1).max()),
     )
+
+
+def readings_of(name: str) -> Array:
+    """Strain-free set values for a few poses of a shipped machine."""
+    if name == "hangprinter":
+        return hangprinter_readings(Hangprinter(), np.array([[0, 0, 0], [0.3, 0.2, 0.5], [-0.4, 0.3, 0.8]]))
+    readings: Array = truth(name).inverse(poses_of(name, 2 if name == "hexapod7" else 4))
+    return readings
+
+
+def strained_values(text: str, seed: int = 5) -> Array:
+    """Parameters off by up to their ranges; by a tenth where that would make ropes slack."""
+    machine = model(text)
+    share = 0.02 if "hangprinter" in text else 1.0
+    return machine.nominal + share * machine.ranges * np.random.default_rng(seed).uniform(-1, 1, len(machine.names))
+
+
+ELASTIC = ("stiffness", "rotational stiffness", "coupling stiffness", "force", "modulus")
+"""Dimensions whose range is a large share of the nominal value."""
+
+
+@dataclass(frozen=True)
+class JacobianCheck:
+    """All columns (parameters, then drives) against differences of the converged model.
+
+    deviation: largest, relative to the column's largest entry, of `worst`; `null`: columns below 1e-9 um (or
+    1e-15 rad) per range (drives: per mm, per mrad), `null_size` the largest of them in um per range.
+    """
+
+    columns: int
+    deviation: float
+    worst: str
+    null: tuple[str, ...]
+    null_size: float
+
+
+def _difference(machine: Model, start: Prediction, values: Array, readings: Array, step: float) -> Callable[..., Array]:
+    """Central differences with Richardson extrapolation: error step^4."""
+
+    def along(way_values: Array, way_readings: Array) -> Array:
+        sides = []
+        for h in (step, -step, step / 2, -step / 2):
+            rows = Rows.at(readings + h * way_readings)
+            found = predict(machine, values + h * way_values, rows, start=start.state)
+            assert found.solved.all()
+            sides.append(found.values)
+        wide, narrow = (sides[0] - sides[1]) / (2 * step), (sides[2] - sides[3]) / step
+        out: Array = (4 * narrow - wide) / 3
+        return out
+
+    return along
+
+
+def jacobian_check(text: str, readings: Array, values: Array | None = None) -> JacobianCheck:
+    """Parameters and drives of a machine at drive readings (N, A) and parameter values (P,)."""
+    machine = model(text)
+    values = machine.nominal if values is None else values
+    request = Request(parameters=machine.names, by_drive=True)
+    start = predict(machine, values, Rows.at(readings), request)
+    assert start.solved.all() and start.jacobian is not None and start.by_drive is not None
+    columns: list[tuple[str, Array, float, float, Array, Array]] = []
+    none = np.zeros(len(machine.actuators))
+    for k, p in enumerate(machine.parameters):
+        soft = p.dimension in ELASTIC and p.nominal != 0
+        step = 0.01 * abs(p.nominal) if soft else 0.05 * p.range
+        columns.append((p.name, start.jacobian[..., k], p.range, step, np.eye(len(values))[k], none))
+    for a, drive in enumerate(machine.actuators):
+        step = 1e-5 if drive.dimension == "length" else 1e-4
+        columns.append((drive.name, start.by_drive[..., a], 1e-3, step, 0 * values, np.eye(len(none))[a]))
+    worst, null, size = (0.0, ""), [], 0.0
+    for name, exact, unit, step, way_values, way_readings in columns:
+        found = _difference(machine, start, values, readings, step)(way_values, way_readings)
+        largest = float(np.abs(exact).max())
+        if largest * unit < 1e-15:
+            null.append(name)
+            size = max(size, largest * unit / UM)
+            assert np.abs(found).max() * step < 1e-14, name  # rounding of two predictions
+        else:
+            worst = max(worst, (float(np.abs(exact - found).max() / np.abs(found).max()), name))
+    return JacobianCheck(len(columns), worst[0], worst[1], tuple(null), size)

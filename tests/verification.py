@@ -18,9 +18,13 @@ from tests.measured import (
     against_hangprinter,
     against_truth,
     elastica_error,
+    hangprinter,
+    jacobian_check,
+    readings_of,
     spread_over_substructures,
+    strained_values,
 )
-from tests.support import displacement
+from tests.support import SHIPPED, displacement
 from tests.truth.machines import PINNED
 
 
@@ -95,4 +99,17 @@ def force_control() -> list[Row]:
     text = "hangprinter, upper line in force control"
     rows.append(Row(f"{text}: its length, um", "< 1e-5", line.line))
     rows.append(Row(f"{text}: TCP, um", "< 1e-5", line.tcp))
+    return rows
+
+
+def jacobian() -> list[Row]:
+    """Every parameter and drive of every shipped machine, off its nominal values."""
+    rows = []
+    for name in SHIPPED:
+        text = hangprinter(40.0) if name == "hangprinter" else name
+        found = jacobian_check(text, readings_of(name), strained_values(text))
+        of = f"{name}: {found.columns} columns of the Jacobian at strained poses"
+        rows.append(Row(f"{of}, deviation from differences by the column's largest entry", "< 1e-6", found.deviation))
+        if found.null:
+            rows.append(Row(f"{of}, null columns ({', '.join(found.null)}), um per range", "< 1e-9", found.null_size))
     return rows
