@@ -161,7 +161,7 @@ def rigid_pose(
 
 
 def _check_reach(model: Model, slots: Array, state: State, status: NDArray[np.int_]) -> None:
-    """Rows whose rigid pose is strained by more than a share of the machine's size are out of reach."""
+    """Rows whose rigid pose has a gap of more than a share of the machine's size are out of reach."""
     system = model.rigid
     good = np.nonzero(status == RowStatus.SOLVED)[0]
     if not len(good):
@@ -169,7 +169,8 @@ def _check_reach(model: Model, slots: Array, state: State, status: NDArray[np.in
     now = balance(system, slots[good], state.take(good), 1.0, tangent=False)
     strain = np.zeros(len(good))
     for group, e in zip(system.groups, now.strains, strict=True):
-        strain = np.maximum(strain, np.abs(e * group.elastic).reshape(len(good), -1).max(axis=1, initial=0.0))
+        gaps = group.elastic * group.group.element.gaps
+        strain = np.maximum(strain, np.abs(e * gaps).reshape(len(good), -1).max(axis=1, initial=0.0))
     status[good[strain > _REACH * model.length]] = RowStatus.OUT_OF_REACH
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..rotation import Array
 
@@ -43,6 +44,11 @@ class Element(ABC):
     def inputs(self) -> int:
         """Length of the gradient's input: 3 (delta) or 9 (delta, theta_i, theta_j)."""
         return 9 if self.uses_triads else 3
+
+    @property
+    def gaps(self) -> NDArray[np.bool_]:
+        """Which strains (m,) are distances between parts that belong together; angles and free springs are none."""
+        return np.array([name in ("elongation", "x", "y", "z") for name in self.strains])
 
     @abstractmethod
     def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..rotation import Array, cross, dot, skew
 from .base import DELTA, THETA_I, THETA_J, Element, add_product, outer, transpose, turned
@@ -61,6 +62,11 @@ class Joint(Element):
     @property
     def strains(self) -> tuple[str, ...]:
         return self.directions
+
+    @property
+    def gaps(self) -> NDArray[np.bool_]:
+        blocked = JOINTS[self.type].blocked
+        return np.array([name in DISPLACEMENTS and name in blocked for name in self.directions])
 
     @property
     def patterns(self) -> Array:
