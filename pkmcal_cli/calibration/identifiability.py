@@ -2,7 +2,7 @@
 
 Singular values s belong to combinations of parameters in range units; 1/s is a combination's standard uncertainty
 in ranges. A *null* direction is not seen: s is below 1e-10 of the largest, or the standard uncertainty would be
-above 1e4 ranges, further than any linear statement reaches (what is null on the unstrained machine is seen again, to
+above 100 ranges, further than any linear statement reaches (what is null on the unstrained machine is seen again, to
 second order, through the strain of small errors). A *weak* one would have a standard uncertainty above that of its
 prior, half its range: to move it would make the parameters worse (docs/coverage.md). Both are held; the prior of what
 is held takes part in the others' uncertainty.
@@ -19,11 +19,11 @@ from scipy.linalg import lu, null_space
 from ..rotation import Array
 
 NULL = 1e-10  # of the largest singular value
-UNSEEN = 1e-4  # whitened, per range
+UNSEEN = 0.01  # whitened, per range
 WEAK = 2.0  # range = 2 standard deviations of the prior
 _SHOWN = 0.005  # smaller coefficients are not worth a word
 _SHARE = 1e-6  # a parameter takes part in a null direction when its component exceeds this
-_TRACE = 1e-3  # ... and in one that is seen to second order, whose small components come from the same order
+_TRACE = 0.1  # ... and in one that is seen a little: smaller components add their prior to the uncertainty instead
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,14 @@ class Directions:
 
     @property
     def trace(self) -> float:
-        """Components of null directions up to this are no share in them."""
+        """Components of null directions below this share of the largest are no part of them."""
         exact = self.singular_values[self.null] <= NULL * self.singular_values[:1]
         return _SHARE if exact.all() else _TRACE
 
     def null_vectors(self) -> Array:
         """Null directions (k, p)."""
-        vectors = self.vectors[self.null]
-        return np.where(np.abs(vectors) > self.trace, vectors, 0.0)
+        vectors = np.abs(self.vectors[self.null])
+        return np.where(vectors > self.trace * vectors.max(axis=1, keepdims=True), self.vectors[self.null], 0.0)
 
     def undetermined(self) -> NDArray[np.bool_]:
         """Parameters (p,) with a share in a null direction."""
