@@ -152,8 +152,8 @@ def rigid_pose(
     drawn = state.take(np.arange(1))
     state, status, _ = follow(system, begin, slots, state, model.length, options, effort)
     elsewhere = left_mode(system, (begin, drawn), slots, state, model.length)
+    failed = np.nonzero(status != RowStatus.SOLVED)[0]
     status[elsewhere & (status == RowStatus.SOLVED)] = RowStatus.WRONG_MODE
-    failed = np.nonzero((status != RowStatus.SOLVED) & ~elsewhere)[0]
     if len(failed):
         status[failed] = _failure(model, slots[failed], begin)
     _check_reach(model, slots, state, status)
