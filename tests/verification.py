@@ -5,13 +5,16 @@ Every row is (name, required, measured); tests assert the same numbers.
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterable
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from pkmcal_cli.prediction import Request
 from pkmcal_cli.rotation import exp
-from tests import structures
+from tests import paper, structures
 from tests.measured import (
     REDUNDANT,
     against_force_control,
@@ -29,11 +32,11 @@ from tests.truth.machines import PINNED
 
 
 class Row(NamedTuple):
-    """One line of the table: what is shown, what it must be, the measured number."""
+    """One line of the table: what is shown, what it must be, the measured number (or text)."""
 
     name: str
     required: str
-    measured: float
+    measured: float | str
 
 
 def frames() -> list[Row]:
@@ -113,3 +116,78 @@ def jacobian() -> list[Row]:
         if found.null:
             rows.append(Row(f"{of}, null columns ({', '.join(found.null)}), um per range", "< 1e-9", found.null_size))
     return rows
+
+
+def paper_triglide() -> list[Row]:
+    """Numbers of the paper's Triglide."""
+    without, with_gamma = paper.triglide_conditions()
+    ratios = paper.triglide_ratios()
+    of = "Triglide non-redundant, 3 x 77 grid, condition number of Js"
+    rows = [Row(f"{of} without gamma", "60.06", without), Row(f"{of} with gamma", "3139", with_gamma)]
+    of = "Triglide, sensitivity non-redundant over redundant"
+    rows += [Row(f"{of}: {name}", f"{paper.RATIOS[name]:.2f}", ratio) for name, ratio in ratios.items()]
+    rows.append(Row(f"{of}: mean", "1.27", float(np.mean(list(ratios.values())))))
+    of = "Triglide, influence of k1 to k3, um per 1000 N/mm"
+    still, strained = paper.triglide_stiffness(0.0), paper.triglide_stiffness(50e-6)
+    return [
+        *rows,
+        Row(f"{of}: nominal geometry, no load, largest", "< 1e-9", max(still.values())),
+        Row(f"{of}: q3 + 50 um, smallest of the three", "clearly not 0", min(strained.values())),
+        Row("Triglide, 1 deg of gamma at x = 300 mm, y = 275 mm, mm", "7.1", paper.triglide_gamma()),
+    ]
+
+
+def paper_scissors() -> list[Row]:
+    """Numbers of the paper's Scissors Kinematics."""
+    shifts = {name: abs(found[0]) for name, found in paper.scissors_shifts().items() if not name.startswith("g")}
+    guides = shifts.pop("d1"), shifts.pop("d2")
+    elastic, rigid = paper.scissors_deviations()
+    soft = paper.scissors_stiffness()
+    of, by = "Scissors, like figure 17 (30 um)", "Scissors, like figure 18 (q1 - 50 um, q4 + 50 um; 10 kN/mm)"
+    return [
+        Row("Scissors, nine parameters, 80 points, condition number of Js", "282 (1 %)", paper.scissors_condition()),
+        Row(f"{of}: mean x-shift of rods and joints, smallest ({min(shifts, key=shifts.__getitem__)}), um", "3 to 13",
+            min(shifts.values())),
+        Row(f"{of}: mean x-shift of rods and joints, largest ({max(shifts, key=shifts.__getitem__)}), um", "3 to 13",
+            max(shifts.values())),
+        Row(f"{of}: mean x-shift of d1, um", "14 to 16", guides[0]),
+        Row(f"{of}: mean x-shift of d2, um", "14 to 16", guides[1]),
+        Row(f"{of}: mean deviation of the elastic model from the least energy, %", "< rigid / 3", 100 * elastic),
+        Row(f"{of}: mean deviation of the rigid model from the least energy, %", "> 3 x elastic", 100 * rigid),
+        Row(f"{by}: smallest of the five shifts, um", "tiny, shown", min(soft.values())),
+        Row(f"{by}: largest of the five shifts, um", "tiny, shown", max(soft.values())),
+    ]  # fmt: skip
+
+
+PARTS: list[Callable[[], list[Row]]] = [
+    frames,
+    bending,
+    energy,
+    substructures,
+    force_control,
+    jacobian,
+    paper_triglide,
+    paper_scissors,
+]
+"""Parts of the table in order."""
+
+HEAD = """# What is shown
+
+Written by `python -m tests.verification > docs/verification.md`. The tests assert the same numbers.
+
+| what | must be | measured |
+|---|---|---|
+"""
+
+
+def table(parts: Iterable[Callable[[], list[Row]]]) -> str:
+    """The table in Markdown."""
+    lines = []
+    for row in chain.from_iterable(part() for part in parts):
+        measured = row.measured if isinstance(row.measured, str) else f"{row.measured:.5g}"
+        lines.append(f"| {row.name} | {row.required} | {measured} |")
+    return HEAD + "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(table(PARTS))
