@@ -6,6 +6,7 @@ import importlib
 import inspect
 import os
 import sys
+import warnings
 from contextlib import suppress
 
 import typer
@@ -56,6 +57,8 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run the program with arguments; returns the exit code, never a traceback for what the user can mend."""
     _open_streams()
+    if not os.environ.get("PKMCAL_DEBUG"):
+        warnings.simplefilter("ignore")  # a row without a solution is told in our own words
     try:
         code = app(arguments, prog_name="pkmcal", standalone_mode=False) or 0
         _flush()

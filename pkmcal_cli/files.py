@@ -46,12 +46,12 @@ def open_input(source: Path | str) -> Iterator[BinaryIO]:
                 shutil.copyfileobj(file, spool, _BLOCK)
                 spool.seek(0)
                 file = spool
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise _unreadable(source, error) from error
         yield file
 
 
-def _unreadable(source: Path | str, error: OSError) -> BadInput:
+def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:
     hint = None
     if isinstance(error, FileNotFoundError):
         path = Path(source)
@@ -61,7 +61,7 @@ def _unreadable(source: Path | str, error: OSError) -> BadInput:
         return BadInput.single("the file does not exist", Location(str(source), 1), hint, "file")
     if isinstance(error, IsADirectoryError):
         hint = "give the files in it"
-    what = f"the file cannot be read: {error.strerror or error}"
+    what = f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
     return BadInput.single(what, Location(input_name(source), 1), hint, "file")
 
 
@@ -83,8 +83,16 @@ def sha256(source: Path | BinaryIO) -> str:
 
 def check_target(target: Path | str, *, force: bool = False) -> None:
     """Find out before the work whether a result could be written. Raises OutputError."""
-    path = Path(target)
-    if is_stream(target) or _is_device(path):
+    try:
+        if not is_stream(target):
+            _check_path(Path(target), force)
+    except (OSError, ValueError) as error:
+        what = f"cannot be written: {getattr(error, 'strerror', None) or error}"
+        raise OutputError(what, str(target)) from error
+
+
+def _check_path(path: Path, force: bool) -> None:
+    if _is_device(path):
         return
     if path.is_dir():
         raise OutputError("this is a folder", str(path), "give the name of a file in it", "output")
@@ -105,6 +113,7 @@ def write_text(target: Path | str, *, force: bool = False) -> Iterator[TextIO]:
     to stdout as it comes. An existing file is replaced only by `force`. Raises OutputError.
     """
     path = Path(target)
+    check_target(target, force=force)
     if is_stream(target):
         with _output_errors("<stdout>"):
             try:
@@ -117,7 +126,6 @@ def write_text(target: Path | str, *, force: bool = False) -> Iterator[TextIO]:
         with _output_errors(str(path)), open(path, "w", encoding="utf-8", newline="\n") as file:
             yield file
     else:
-        check_target(path, force=force)
         with _output_errors(str(path)):
             yield from _write_and_move(path.resolve() if path.is_symlink() else path, force)
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .compiler import Compiled, compile_machine
-from .compiler.faults import mechanism_faults
+from .compiler.assemble import BadDrawing
+from .compiler.faults import drawing_fault, mechanism_faults, structure_faults
 from .errors import BadInput, Fault, FaultList, Location
 from .machine import Machine
 from .machine_yaml import read_machine
@@ -37,15 +38,25 @@ class LoadedMachine:
 def load_machine(path: str) -> LoadedMachine:
     """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails."""
     machine = read_machine(path)
+    _raise_errors(structure_faults(machine))
     try:
         compiled = compile_machine(machine)
+    except BadDrawing as error:
+        raise BadInput([drawing_fault(machine, error)]) from None
     except (ValueError, KeyError, np.linalg.LinAlgError) as error:
-        raise BadInput.single(f"this machine cannot be built: {error}", Location(path, 1, 1), code="machine") from error
+        what = f"this machine cannot be built: {error}"
+        raise BadInput.single(what, Location(machine.files[0][0]), code="machine") from error
+    warnings = _raise_errors(mechanism_faults(machine, compiled))
+    return LoadedMachine(machine, compiled, (*machine.warnings, *warnings))
+
+
+def _raise_errors(found: Sequence[Fault]) -> list[Fault]:
+    """The warnings among faults; raises BadInput with the errors."""
     faults = FaultList()
-    for fault in mechanism_faults(machine, compiled):
+    for fault in found:
         faults.add(fault)
     faults.raise_if_any()
-    return LoadedMachine(machine, compiled, (*machine.warnings, *faults.warnings))
+    return faults.warnings
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -226,7 +227,7 @@ def _twice(paths: Sequence[Path | str]) -> Iterator[Fault]:
 def _session_names(paths: Sequence[Path | str]) -> list[str]:
     """The stems of the files; where two are alike, with their folders."""
     stems = ["stdin" if is_stream(path) else Path(path).stem for path in paths]
-    full = ["stdin" if is_stream(path) else str(Path(path).with_suffix("")) for path in paths]
+    full = ["stdin" if is_stream(path) else os.path.splitext(path)[0] for path in paths]
     return [name if stems.count(name) == 1 else whole for name, whole in zip(stems, full, strict=True)]
 
 

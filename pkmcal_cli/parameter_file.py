@@ -108,7 +108,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> Paramete
     Entries are `{value, unit, ...}`, a number in the parameter's unit, or a text with a unit. Raises BadInput with
     all faults.
     """
-    source = read_source(path)
+    source = read_source(path, "a parameter file", "parameters:")
     tree = SourceMap(source.root, {source.file: source.lines})
     faults = FaultList()
     for fault in source.faults:

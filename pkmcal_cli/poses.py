@@ -42,7 +42,7 @@ class Place:
 
     def fault(self, reason: str) -> Fault:
         """Why this row cannot be used, as a fault."""
-        hint = "check the actuator columns and their units, or take the row out"
+        hint = "check the columns that give the poses and their units, or take the row out"
         if self.file is None:
             return Fault("row", reason, Location(str(self)), "choose positions within the workspace")
         return Fault("row", f"row `{self.id}`: {reason}" if self.id else reason, Location(self.file, self.line), hint)

@@ -15,6 +15,9 @@ from pkmcal_cli.shape import Aside
 from pkmcal_cli.wanted import ORIENTATION
 from pkmcal_cli.yaml_tree import Path, SourceMap
 
+RESERVED = frozenset(["id", "session", "tool", "part", "to", "time", "T", "payload", "replicate"])
+"""Labels and covariates: columns that every table may have."""
+
 
 @dataclass
 class SenseCheck:
@@ -220,6 +223,8 @@ class SenseCheck:
                 columns.append((column or default, ("sensors", name, "reads", channel)))
         taken: dict[str, Path] = {}
         for column, path in columns:
+            if column in RESERVED:
+                self._fault(f"column `{column}` has a meaning of its own in every table", path, "name another column")
             other = taken.setdefault(column, path)
             if other != path:
                 what = f"column `{column}` is read by {other[0]}.{other[1]} already"

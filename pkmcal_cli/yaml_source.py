@@ -52,8 +52,8 @@ class Source:
     faults: FaultList
 
 
-def read_source(file: str) -> Source:
-    """Read a YAML file (`-`: stdin) whose root is a map.
+def read_source(file: str, kind: str = "a machine file", start: str = "space: planar") -> Source:
+    """Read a YAML file (`-`: stdin) whose root is a map; `kind` and `start` are for the messages.
 
     Raises `BadInput` when it cannot be read, is no YAML, or breaks the limits.
     """
@@ -61,7 +61,7 @@ def read_source(file: str) -> Source:
     file = input_name(file)
     text = _decode(file, data)
     lines = text.splitlines()
-    builder = _Builder(file, lines)
+    builder = _Builder(file, lines, kind, start)
     root = builder.build(text)
     return Source(file, root, lines, hashlib.sha256(data).hexdigest(), builder.faults)
 
@@ -101,8 +101,9 @@ def _refused(file: str, code: str, what: str, hint: str | None = None) -> BadInp
 class _Builder:
     """Builds the tree from events, without recursion."""
 
-    def __init__(self, file: str, lines: list[str]) -> None:
+    def __init__(self, file: str, lines: list[str], kind: str, start: str) -> None:
         self.file = file
+        self.kind, self.start = kind, start
         self.lines = lines
         self.faults = FaultList()
         self.anchors: dict[str, SourceNode] = {}
@@ -160,10 +161,10 @@ class _Builder:
 
     def checked_root(self, root: SourceNode | None) -> SourceNode:
         if root is None or root.value is None:
-            raise _refused(self.file, "yaml", "the file is empty", "begin with `space: planar`")
+            raise _refused(self.file, "yaml", "the file is empty", f"begin with `{self.start}`")
         if not isinstance(root.value, dict):
-            hint = "begin with, for example, `space: planar`"
-            raise self.fault("yaml", "a machine file is a map (`key: value`)", root.where, hint)
+            hint = f"begin with, for example, `{self.start}`"
+            raise self.fault("yaml", f"{self.kind} is a map (`key: value`)", root.where, hint)
         return root
 
     def node(self, event: Any, depth: int) -> tuple[SourceNode, _Open | None]:

@@ -19,6 +19,14 @@ _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size
 _CHEAP = 1e6  # a drive moves this much more readily than anything else when the drawing is assembled
 
 
+class BadDrawing(ValueError):
+    """An element has no direction in the drawing: its ends lie in one point."""
+
+    def __init__(self, element: str) -> None:
+        super().__init__(f"the ends of `{element}` lie in one point of the drawing")
+        self.element = element
+
+
 @dataclass(frozen=True)
 class Gap:
     """A strain (m or rad) that the assembled drawing still has."""
@@ -61,7 +69,10 @@ def all_drives(layout: Layout, state: DriveState, loaded: bool = False) -> Syste
 
 
 def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
-    """Close the drawing with all drives released, moving as little as possible, drives most readily."""
+    """Close the drawing with all drives released, moving as little as possible, drives most readily.
+
+    Raises BadDrawing.
+    """
     system = all_drives(layout, DriveState.RELEASED)
     slots = layout.slots.constants[None]
     state = drawn_state(layout, slots, 1, system.constraints)
@@ -72,6 +83,9 @@ def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
         rows = strain_rows(system, slots, state, length)
         if not len(rows.values):
             break
+        lost = np.nonzero(~np.isfinite(rows.jacobian).all(axis=1))[0]
+        if len(lost):
+            raise BadDrawing(rows.names[lost[0]][0])
         step = -np.linalg.lstsq(rows.jacobian * ease, rows.values, rcond=1e-13)[0] * ease
         step *= min(1.0, 0.3 / max(float(np.abs(step).max(initial=0.0)), 1e-300))
         full = np.concatenate([step * unit, np.zeros(system.constraints)])

@@ -4,21 +4,31 @@ from __future__ import annotations
 
 from ..errors import Fault
 from ..machine import Machine
-from .assemble import Gap, Mobility
+from ..words import count
+from .assemble import BadDrawing, Gap, Mobility
 from .build import Compiled
 from .connection import loose_parts
 
 GAP = 0.01  # a drawing that does not close by more than this share of the machine's size is a fault
 
 
+def structure_faults(machine: Machine) -> list[Fault]:
+    """Faults that are seen without building the machine."""
+    if not machine.nodes and not machine.bodies:
+        hint = "describe what moves in `bodies:` and `nodes:`"
+        return [machine.source.fault("empty", "the machine has neither bodies nor nodes", (), hint)]
+    return _frozen_directions(machine) + [_loose_fault(machine, name) for name in loose_parts(machine)]
+
+
+def drawing_fault(machine: Machine, error: BadDrawing) -> Fault:
+    """A drawing from which nothing can be built."""
+    return machine.source.fault(
+        "drawing", str(error), _path(machine, error.element), "draw its ends apart", at_key=True
+    )
+
+
 def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     """Faults (errors and warnings) of mobility, closed loops and the drawing's assembly."""
-    frozen = _frozen_directions(machine)
-    if frozen:
-        return frozen
-    loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
-    if loose:
-        return loose
     faults = [_gap_fault(machine, gap, compiled.model.length) for gap in _worst_gaps(compiled.gaps)]
     if any(f.severity == "error" for f in faults):
         return faults  # ranks of a drawing that does not close mean nothing
@@ -28,7 +38,9 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
 def _frozen_directions(machine: Machine) -> list[Fault]:
     """Directions that depend on parameters: they are drawn once and for all; frames turn instead."""
     hint = "give numbers here, and turn the guide's frame or the body by the parameter"
-    places = [("guides", n, "along", g.along) for n, g in machine.guides.items()]
+    places: list[tuple[str, str, str, object]] = [
+        ("guides", name, "along", guide.along) for name, guide in machine.guides.items()
+    ]
     places += [("joints", n, "axis", j.axis) for n, j in machine.joints.items()]
     return [
         machine.source.fault("direction", f"`{key}` must not depend on parameters", (section, name, key), hint)
@@ -59,42 +71,64 @@ def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
     large = abs(gap.value) > GAP * (length if lengthwise else 1.0)
     what = f"the drawing does not close: `{gap.element}` is off by {size} ({gap.strain})"
     hint = "correct `at:` of the nodes and bodies that it joins, or its length" if large else None
-    return machine.source.fault("drawing", what, path, hint, warning=not large)
+    return machine.source.fault("drawing", what, path, hint, at_key=True, warning=not large)
 
 
 def _mobility_faults(machine: Machine, found: Mobility) -> list[Fault]:
-    counts = (
-        f"{found.degrees_of_freedom} degrees of freedom, {found.actuators} actuators, "
-        f"{max(found.redundancy, 0)} times redundant, {found.self_stress} self-stresses"
-    )
     at = ("actuators",) if machine.actuators else ()
-    faults = []
-    if found.uncontrolled:
-        moved = ", ".join(found.uncontrolled)
-        hint = "add an actuator, or a joint or stiffness that holds it"
-        faults.append(machine.source.fault("mobility", f"nothing holds the {moved} ({counts})", at, hint))
-    elif found.undetermined:
-        what = f"the drives not marked redundant leave {found.undetermined} degrees of freedom open ({counts})"
-        hint = "take `redundant: true` (or `control: force`) from as many drives"
-        faults.append(machine.source.fault("mobility", what, at, hint))
-    if found.overdetermined > 0:
-        what = (
-            f"{found.overdetermined} drives more than the mechanism has freedom for are not marked redundant ({counts})"
-        )
-        hint = f"mark {found.overdetermined} of them `redundant: true`"
-        faults.append(machine.source.fault("mobility", what, at, hint))
+    told = f"{_mobility_text(machine, found)} ({_counts(found)})"
     if found.nearby != found.degrees_of_freedom:
-        what = (
-            f"the drawing is a special position: {found.degrees_of_freedom} degrees of freedom there, "
-            f"{found.nearby} beside it ({counts})"
-        )
-        faults.append(machine.source.fault("mobility", what, at, "draw the machine in an ordinary pose"))
+        what = f"the drawing is a special position: {count(found.nearby, 'degree')} of freedom beside it"
+        hint = "draw the machine in an ordinary pose"
+        faults = [machine.source.fault("mobility", f"{what} ({_counts(found)})", at, hint)]
+    else:
+        faults = [machine.source.fault("mobility", told, at, _mobility_hint(found))] if _immobile(found) else []
     if found.rigid_loops:
         members = ", ".join(f"`{n}`" for n in found.rigid_loops)
         path = _path(machine, found.rigid_loops[0])
         hint = "give one of them, a joint or a drive in the loop a stiffness"
-        faults.append(machine.source.fault("rigid-loop", f"closed loop in which nothing yields: {members}", path, hint))
+        what = f"closed loop in which nothing yields: {members}"
+        faults.append(machine.source.fault("rigid-loop", what, path, hint, at_key=True))
     return faults
+
+
+def _immobile(found: Mobility) -> bool:
+    return bool(found.uncontrolled or found.undetermined or found.overdetermined > 0)
+
+
+def _mobility_text(machine: Machine, found: Mobility) -> str:
+    """What the drives do not hold, or hold twice."""
+    if found.uncontrolled:
+        return f"nothing holds the {', '.join(found.uncontrolled)}"
+    unmarked = [n for n, a in machine.actuators.items() if not a.redundant and a.control == "position"]
+    named = (
+        f"not marked redundant ({', '.join(unmarked)})" if unmarked else "(all redundant or force-controlled)"
+    )
+    drives = f"the drives {named}"
+    open_, twice = found.undetermined, found.overdetermined
+    if open_ and twice > 0:
+        return f"{drives} hold {count(twice, 'motion')} twice and leave {count(open_, 'degree')} of freedom open"
+    if open_:
+        return f"{drives} leave {count(open_, 'degree')} of freedom open"
+    return f"{drives} are {twice} more than the mechanism has freedom for"
+
+
+def _mobility_hint(found: Mobility) -> str:
+    if found.uncontrolled:
+        return "add an actuator, or a joint or stiffness that holds it"
+    if found.undetermined and found.overdetermined > 0:
+        return "mark other drives `redundant: true`, or draw the machine in another pose"
+    if found.undetermined:
+        what = "it" if found.undetermined == 1 else "each of them"
+        return f"let one more drive hold {what}: take out a `redundant: true` or `control: force`"
+    return f"mark {found.overdetermined} of them `redundant: true`"
+
+
+def _counts(found: Mobility) -> str:
+    return (
+        f"{count(found.degrees_of_freedom, 'degree')} of freedom, {count(found.actuators, 'actuator')}, "
+        f"{count(max(found.redundancy, 0), 'time')} redundant, {count(found.self_stress, 'self-stress')}"
+    )
 
 
 def _path(machine: Machine, element: str) -> tuple[str, ...]:

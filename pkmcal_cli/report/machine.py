@@ -7,6 +7,7 @@ from typing import Any
 from ..compiler import Compiled
 from ..machine import Machine
 from ..unit_text import parse_unit
+from ..words import count
 from .console import Reporter
 
 _GAPS = 10  # gaps of the drawing that are listed
@@ -46,16 +47,16 @@ def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
 
 def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any]) -> None:
     """The same in words and tables."""
-    counts = {"node": r["nodes"], "body": r["bodies"]} | {k.removesuffix("s"): n for k, n in r["elements"].items()}
-    parts = ", ".join(_count(n, word) for word, n in counts.items() if n)
+    numbers = {"node": r["nodes"], "body": r["bodies"]} | {k.removesuffix("s"): n for k, n in r["elements"].items()}
+    parts = ", ".join(count(n, word) for word, n in numbers.items() if n)
     to.say(f"{r['machine']}: {r['space']}, {parts}")
     redundancy = r["degree_of_redundancy"]
-    redundant = f"{_count(redundancy, 'time')} redundant" if redundancy > 0 else "not redundant"
-    stress = f"; {_count(r['self_stress'], 'self-stress')} that no drive causes" if r["self_stress"] else ""
-    freedom = _count(r["degrees_of_freedom"], "degree") + " of freedom"
-    to.say(f"{freedom}, {_count(r['actuators'], 'actuator')}: {redundant}{stress}")
-    numbers = f"{_count(r['unknowns'], 'unknown')}, {_count(r['constraints'], 'constraint')}"
-    to.say(f"{numbers}; channels {', '.join(r['channels']) or 'none'}")
+    redundant = f"{count(redundancy, 'time')} redundant" if redundancy > 0 else "not redundant"
+    stress = f"; {count(r['self_stress'], 'self-stress')} that no drive causes" if r["self_stress"] else ""
+    freedom = count(r["degrees_of_freedom"], "degree") + " of freedom"
+    to.say(f"{freedom}, {count(r['actuators'], 'actuator')}: {redundant}{stress}")
+    system = f"{count(r['unknowns'], 'unknown')}, {count(r['constraints'], 'constraint')}"
+    to.say(f"{system}; channels {', '.join(r['channels']) or 'none'}")
     for motion in r["free_motions"]:
         to.say(f"free motion without load, held: {motion}")
     rows = [
@@ -65,18 +66,10 @@ def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str
     to.table("Parameters", ("name", "nominal", "range", "unit", "remark"), rows)
     model = compiled.model
     drives = [
-        (a.name, f"{parse_unit(a.unit).from_si(float(q)):.6g}", a.unit, _role(d.redundant, d.force_controlled))
+        (a.name, f"{parse_unit(a.unit).from_si(float(q)) + 0.0:.6g}", a.unit, _role(d.redundant, d.force_controlled))
         for a, d, q in zip(model.actuators, model.layout.drives, model.drawn_readings, strict=True)
     ]
     to.table("Actuators at the drawing", ("name", "reading", "unit", "remark"), drives)
-
-
-def _count(n: int, word: str) -> str:
-    """1 body, 2 bodies, 1 self-stress, 3 self-stresses."""
-    if n == 1:
-        return f"1 {word}"
-    ending = "ies" if word == "body" else "es" if word.endswith("ss") else "s"
-    return f"{n} {word.removesuffix('y') if ending == 'ies' else word}{ending}"
 
 
 def _role(redundant: bool, forced: bool) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.observability import observability
-from ..calibration.residual import design_problem
+from ..calibration.residual import design_problem, evaluate
 from ..calibration.selection import named
 from ..calibration.sensitivity import sensitivity
 from ..errors import BadInput, Location, UsageError, did_you_mean
@@ -120,8 +120,8 @@ def run_observability(request: AnalysisRequest) -> int:
         what = "no channel has a sigma: nothing would be measured"
         hint = "declare a sensor with `reads:` and `sigma:`"
         raise BadInput.single(what, Location(model.name), hint, "sensors")
+    s.check(evaluate(problem, s.values).prediction)
     found = observability(problem, s.values, s.selected)
-    s.check(found.evaluation.prediction)
     show_observability(s.to, model, s.selected, found, len(s.poses))
     if request.as_json:
         emit_json(observability_json(model, s.selected, found, len(s.poses)))

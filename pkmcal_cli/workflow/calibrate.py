@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..calibration.holdout import HeldOut, cross_validate, enough_rows, fold_lab
 from ..calibration.identify import Fit, RowsFailed, identify
 from ..calibration.residual import Problem, problem_of
 from ..calibration.selection import named
-from ..errors import BadInput, Fault, Location, UsageError
+from ..errors import BadInput, UsageError
 from ..files import check_target, is_stream, write_text
 from ..loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from ..measurement_set import Measurements
@@ -21,9 +22,11 @@ from ..report.console import Reporter, emit_json
 from ..report.provenance import provenance
 from .amounts import amount
 from .arguments import one_stdin, selection
-from .hints import measurement_hints
+from .hints import absurd_rows, measurement_hints, nothing_measured
 
 _FOLDS = "5"
+_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
+_DIGITS = 9
 
 
 @dataclass(frozen=True)
@@ -92,9 +95,10 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     measured = load_measurements(loaded, request.measurements)
     problem = problem_of(loaded.model, measured)
     if not problem.count:
-        what = "no channel that was measured has a sigma: nothing can be weighed"
-        hint = "declare `sigma:` of the sensor, or give a column `sigma.CHANNEL`"
-        raise BadInput([Fault("sigma", what, Location(loaded.model.name), hint)])
+        raise BadInput([nothing_measured(loaded, problem)])
+    absurd = absurd_rows(problem, lambda row: place_of(measured, row))
+    if absurd:
+        raise BadInput(absurd)
     if limit is not None and "position" not in _measured_kinds(problem):
         raise UsageError("--max-rms: no positions were measured", hint="leave it out")
     return _Setting(request, loaded, measured, problem, selected, start, limit)
@@ -133,17 +137,19 @@ def _held_out(s: _Setting, fit: Fit) -> tuple[HeldOut | str, dict[str, str]]:
     scheme = s.request.holdout
     if scheme == "none":
         return "not asked for", {}
-    if scheme is not None and scheme not in ("session", "cells") and not scheme.isdecimal():
+    if scheme is not None and scheme not in ("session", "cells") and not _NUMBER.fullmatch(scheme):
         return _validated(s, fit, scheme)
     if fit.status != "converged":
         return f"the fit has not succeeded ({fit.status})", {}
-    if scheme is None:
-        if not enough_rows(s.problem, fit.selected):
-            return f"{len(s.problem)} rows for {len(fit.selected)} parameters: fewer than 3 rows a parameter", {}
-        scheme = _FOLDS
+    if scheme is not None and len(scheme) > _DIGITS:
+        raise UsageError("--holdout: no such number of folds", hint="for example --holdout 5")
+    if scheme is None and not enough_rows(s.problem, fit.selected):
+        return f"{len(s.problem)} rows for {len(fit.selected)} parameters: fewer than 3 rows a parameter", {}
     try:
-        labels, words = fold_labels(scheme, s.problem, s.measured)
+        labels, words = fold_labels(scheme or _FOLDS, s.problem, s.measured)
     except ValueError as error:
+        if scheme is None:
+            return str(error), {}
         raise UsageError(f"--holdout {scheme}: {error}") from None
     return cross_validate(s.problem, fit, labels, words), {}
 

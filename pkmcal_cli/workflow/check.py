@@ -9,6 +9,7 @@ from ..influence import idle_parameters
 from ..loading import LoadedMachine, load_machine
 from ..report.console import Reporter, emit_json
 from ..report.machine import machine_json, show_machine
+from ..words import count
 from .arguments import one_stdin
 
 UNREADABLE = "file"
@@ -44,13 +45,13 @@ def _finish(to: Reporter, result: dict[str, Any], faults: list[Fault], total: in
         to.fail(f"... and {total - min(len(faults), MAX_FAULTS)} more faults")
     if as_json:
         emit_json({"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]], **result})
-    to.say(f"{total} fault{'s' if total > 1 else ''}" if total else "no faults")
+    to.say(count(total, "fault") if total else "no faults")
     return 1 if total else 0
 
 
 def _reraise_unreadable(error: BadInput) -> None:
     """A file that cannot be read has not been checked."""
-    if any(f.code == UNREADABLE for f in error.faults):
+    if all(f.code == UNREADABLE for f in error.faults):
         raise error
 
 
@@ -86,7 +87,7 @@ def _check_tables(
     from ..calibration.residual import evaluate, problem_of
     from ..loading import load_measurements
     from ..poses import place_of
-    from .hints import measurement_hints
+    from .hints import absurd_rows, measurement_hints, nothing_measured
 
     try:
         measured = load_measurements(loaded, paths)
@@ -99,9 +100,10 @@ def _check_tables(
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
     hints = [Fault("plausibility", text) for text in measurement_hints(loaded, problem, loaded.model.nominal)]
+    hints += absurd_rows(problem, lambda row: place_of(measured, row))
     if not problem.count:
-        hints.append(Fault("sigma", "no channel that was measured has a sigma", None, "declare `sigma:` of the sensor"))
-    sessions = len(measured.sessions)
-    to.say(f"{len(problem)} rows, {problem.count} measured values, {sessions} session{'s' if sessions > 1 else ''}")
+        hints.append(nothing_measured(loaded, problem))
+    sessions = count(len(measured.sessions), "session")
+    to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
     return counts, hints + faults, len(hints) + len(lost)

@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from ..calibration.residual import Problem, evaluate
+from ..errors import MAX_FAULTS, Fault, Location
 from ..loading import LoadedMachine
 from ..plausibility import find_gross_faults, find_limit_faults
+from ..poses import Place
 from ..rotation import Array
 
+_LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _ROWS = 2000  # a sample of a long table shows a gross mistake as well
+
+
+def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
+    """Readings beyond all measure, with which nothing can be computed."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)
+    faults = []
+    for row, channel in np.argwhere(far)[:MAX_FAULTS]:
+        found = place(int(row)).fault(f"the reading of `{problem.model.channels[channel].name}` is beyond all measure")
+        faults.append(replace(found, hint="correct the cell, or leave it empty"))
+    return faults
+
+
+def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
+    """Why there is no measured value that has a weight."""
+    if np.isnan(problem.readings).all():
+        return Fault(
+            "measurements", "nothing was measured: the cells of all channels are empty", None, "is it the file?"
+        )
+    what = "no channel that was measured has a sigma: nothing can be weighed"
+    hint = "declare `sigma:` of the sensor or drive, or give a column `sigma.CHANNEL`"
+    return Fault("sigma", what, Location(loaded.model.name), hint)
 
 
 def measurement_hints(loaded: LoadedMachine, problem: Problem, values: Array) -> tuple[str, ...]:

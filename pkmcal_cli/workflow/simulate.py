@@ -14,13 +14,14 @@ from ..errors import UsageError, did_you_mean
 from ..files import check_target, is_stream
 from ..loading import load_machine, load_parameters
 from ..model import Model
-from ..poses import OUT_OF_REACH, Place, Poses, PoseSource
+from ..poses import Place, Poses, PoseSource
 from ..prediction import Method, Prediction, Request, predict
 from ..report.console import Reporter, emit_json
 from ..report.numbers import finite
 from ..report.provenance import provenance, provenance_lines
 from ..rotation import Array
 from ..unit_text import parse_unit
+from ..words import count
 from .arguments import one_stdin
 from .noise import Noise
 from .table import SimulatedTable
@@ -112,7 +113,7 @@ def _checked(request: SimulationRequest) -> str:
         raise UsageError(f"--method: `{request.method}` is none", hint=did_you_mean(request.method, get_args(Method)))
     if request.seed < 0:
         raise UsageError(f"--seed: {request.seed} is negative", hint="a whole number from 0")
-    target = request.output or "-"
+    target = "-" if request.output is None else request.output
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both go to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
@@ -127,10 +128,14 @@ def _simulate_block(
     """Predict and write one block; rows without a solution are told, not written."""
     driven, disturbed = noise.draw(block.rows)
     reachable = np.nonzero(block.reachable)[0]
+    if not len(reachable):
+        tally.seen += len(block)
+        tally.fail(block, block.lost)
+        return
     asked = Request(request.method, forces=request.forces)  # type: ignore[arg-type]
     found = predict(model, values, driven.take(reachable), asked, progress=tick)
     reasons = {int(reachable[k]): found.reason(int(k)) for k in np.nonzero(~found.solved)[0]}
-    tally.fail(block, reasons | {int(k): OUT_OF_REACH for k in np.nonzero(~block.reachable)[0]})
+    tally.fail(block, reasons | block.lost)
     good = np.nonzero(found.solved)[0]
     rows = reachable[good]
     readings = found.values[good] + disturbed[rows]
@@ -151,13 +156,13 @@ def _only(found: Prediction, rows: Array) -> Prediction:
 
 
 def _tell(to: Reporter, tally: _Tally) -> None:
-    to.say(f"{tally.rows} rows simulated")
+    to.say(f"{count(tally.rows, 'row')} simulated")
     for place, reason in tally.failed[:_SHOWN]:
         to.fail(f"{place}: {reason}")
     if tally.n_failed > _SHOWN:
         to.fail(f"... and {tally.n_failed - _SHOWN} more")
     if tally.n_failed:
-        to.fail(f"{tally.n_failed} rows have no solution and are not in the table")
+        to.fail(f"without a solution, not in the table: {count(tally.n_failed, 'row')}")
 
 
 def _json(model: Model, request: SimulationRequest, tally: _Tally, head: dict[str, Any]) -> dict[str, Any]:

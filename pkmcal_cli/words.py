@@ -1,0 +1,12 @@
+"""Words in messages."""
+
+from __future__ import annotations
+
+
+def count(n: int, word: str) -> str:
+    """1 body, 2 bodies, 1 self-stress, 3 self-stresses."""
+    if n == 1:
+        return f"1 {word}"
+    if word.endswith("y"):
+        return f"{n} {word.removesuffix('y')}ies"
+    return f"{n} {word}{'es' if word.endswith('ss') else 's'}"
