@@ -15,11 +15,10 @@ from .equilibrium.status import RowStatus
 from .equilibrium.system import DriveState, System, build_system
 from .layout import DriveKind
 from .model import Model
-from .prediction import Rows, drawing_slots, stage_slots
+from .prediction import Rows, drawing_slots, row_chunks, stage_slots
 from .rotation import Array, log
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-_CHUNK = 2000
 
 
 @dataclass(frozen=True)
@@ -41,9 +40,7 @@ def independent_coordinates(model: Model) -> tuple[str, ...]:
     for direction in ("", *available):
         aim = (*chosen, direction) if direction else ()
         system = build_system(model.layout, released, False, aim)
-        rows = strain_rows(
-            system, slots, drawn_state(model.layout, slots, 1, system.constraints), model.length
-        )
+        rows = strain_rows(system, slots, drawn_state(model.layout, slots, 1, system.constraints), model.length)
         now = rank(rows.jacobian)
         if direction and now > best:
             chosen = aim
@@ -60,9 +57,7 @@ def drive_positions(model: Model, poses: Array, values: Array | None = None) -> 
     values = model.nominal if values is None else values
     aimed = independent_coordinates(model)
     system = build_system(model.layout, (DriveState.RELEASED,) * len(model.layout.drives), False, aimed)
-    parts = [
-        _chunk(model, system, poses[k : k + _CHUNK], values) for k in range(0, max(len(poses), 1), _CHUNK)
-    ]
+    parts = [_chunk(model, system, poses[rows], values) for rows in row_chunks(system, len(poses))]
     return DrivePositions(np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), aimed)
 
 
@@ -70,9 +65,7 @@ def _chunk(model: Model, system: System, poses: Array, values: Array) -> tuple[A
     layout = model.layout
     begin = _aimed(model, drawing_slots(model), model.tcp_drawn[None])
     zero = Rows.at(np.zeros((len(poses), len(layout.drives))))
-    target = _aimed(
-        model, stage_slots(model, values, zero), np.where(np.isnan(poses), model.tcp_drawn, poses)
-    )
+    target = _aimed(model, stage_slots(model, values, zero), np.where(np.isnan(poses), model.tcp_drawn, poses))
     state = drawn_state(layout, begin, len(poses), system.constraints)
     options = NewtonOptions(curved=False)
     state, status, _ = follow(system, begin, target, state, model.length, options, Effort())

@@ -138,6 +138,16 @@ class Layout:
         return np.array([0, 1, 5, 8]) if self.planar else np.arange(9)
 
     @property
+    def width(self) -> int:
+        """Dimensions of the space."""
+        return 2 if self.planar else 3
+
+    @cached_property
+    def carried_arms(self) -> Index:
+        """Arms that another rotation than the base carries."""
+        return np.nonzero(self.arms.rotation != GROUND)[0]
+
+    @property
     def moved_blocks(self) -> tuple[Block, Block]:
         """Rotations (B, 3, 3) and arms (A, 3): the stacked array out of which links and triads are made."""
         rotations = Block(0, (len(self.rotations.kind), 3, 3))

@@ -9,6 +9,8 @@ from typing import Literal
 
 import numpy as np
 
+from .equilibrium.branch import Mode, drawn_mode
+from .equilibrium.kinematics import drawn_state
 from .equilibrium.system import DriveState, System, build_system
 from .layout import Layout
 from .rotation import Array
@@ -34,9 +36,7 @@ class Actuator:
     name: str
     gain_slot: int
     limits: tuple[float, float]
-    sigma: (
-        float  # standard uncertainty of the position, m or rad of travel (a spool's: of its line); nan: none
-    )
+    sigma: float  # standard uncertainty of the position, m or rad of travel (a spool's: of its line); nan: none
     unit: str
     dimension: str
     force_slot: int  # constant force of a force-controlled drive where no column gives it, N or N m
@@ -106,3 +106,18 @@ class Model:
     def released(self) -> System:
         """All drives released, no loads: the mechanism's own freedom."""
         return build_system(self.layout, (DriveState.RELEASED,) * len(self.layout.drives), loaded=False)
+
+    @cached_property
+    def drawn_slots(self) -> Array:
+        """Slots (1, S) at nominal parameters with every drive at the assembled drawing; not to be written to."""
+        slots = self.layout.slots.values(self.by_name(self.nominal))[None]
+        for a, (drive, actuator) in enumerate(zip(self.layout.drives, self.actuators, strict=True)):
+            slots[:, drive.slot] += slots[:, actuator.gain_slot] * self.drawn_readings[a]
+        slots.flags.writeable = False
+        return slots
+
+    @cached_property
+    def drawn_mode(self) -> Mode | None:
+        """Assembly mode of the substructure at the drawing."""
+        state = drawn_state(self.layout, self.drawn_slots, 1, self.rigid.constraints)
+        return drawn_mode(self.rigid, self.drawn_slots, state, self.length)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ class Bar(Element):
 
     uses_triads: ClassVar[bool] = False
 
-    @property
+    @cached_property
     def strains(self) -> tuple[str, ...]:
         return ("elongation",)
 

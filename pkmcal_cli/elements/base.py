@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -29,12 +30,12 @@ class Element(ABC):
     curved: ClassVar[bool] = True  # the strains have second derivatives
     per_length: ClassVar[bool] = False  # stiffness numbers are divided by the first rest value, a natural length
 
-    @property
+    @cached_property
     @abstractmethod
     def strains(self) -> tuple[str, ...]:
         """Names of the m strains."""
 
-    @property
+    @cached_property
     def patterns(self) -> Array:
         """Constant matrices (P, m, m): the stiffness is the sum of P stiffness numbers times these."""
         m = len(self.strains)

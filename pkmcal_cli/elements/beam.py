@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,13 +35,13 @@ class Beam(Element):
 
     planar: bool = False
 
-    @property
+    @cached_property
     def strains(self) -> tuple[str, ...]:
         if self.planar:
             return ("elongation", "bend_z_i", "bend_z_j")
         return ("elongation", "torsion", "bend_y_i", "bend_y_j", "bend_z_i", "bend_z_j")
 
-    @property
+    @cached_property
     def patterns(self) -> Array:
         """EA/L, (GJ/L, EIy/L,) EIz/L: numbers of stiffness, in this order."""
         m = len(self.strains)

@@ -8,6 +8,7 @@ joint; a universal joint turns about x of the first member and y of the second.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -59,7 +60,7 @@ class Joint(Element):
     type: str
     directions: tuple[str, ...]
 
-    @property
+    @cached_property
     def strains(self) -> tuple[str, ...]:
         return self.directions
 
@@ -68,7 +69,7 @@ class Joint(Element):
         blocked = JOINTS[self.type].blocked
         return np.array([name in DISPLACEMENTS and name in blocked for name in self.directions])
 
-    @property
+    @cached_property
     def patterns(self) -> Array:
         """One number a direction, then one for each coupling of two directions (k < l)."""
         m = len(self.directions)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -18,11 +19,11 @@ class Load(Element):
     uses_triads: ClassVar[bool] = False
     curved: ClassVar[bool] = False
 
-    @property
+    @cached_property
     def strains(self) -> tuple[str, ...]:
         return ("x", "y", "z")
 
-    @property
+    @cached_property
     def patterns(self) -> Array:
         """No stiffness."""
         return np.zeros((0, 3, 3))

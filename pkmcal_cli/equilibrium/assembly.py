@@ -71,11 +71,6 @@ class _Context:
     scale: float
     curved: bool  # include the stress term of the tangent
 
-    @property
-    def width(self) -> int:
-        """Dimensions of the space."""
-        return 2 if self.system.layout.planar else 3
-
 
 def balance(
     system: System,
@@ -86,10 +81,12 @@ def balance(
     tangent: bool = True,
     curved: bool = True,
     slack: tuple[Loose, ...] | None = None,
+    matrix: Array | None = None,
 ) -> Balance:
     """Residual and tangent at a state. `curved=False` leaves the stress term out (Gauss-Newton).
 
-    `slots` (1 or N, S), or what they say where several states are looked at.
+    `slots` (1 or N, S), or what they say where several states are looked at. `matrix` (N, (n + c)^2): memory for
+    the tangent, zero but for what an earlier balance of this system left there.
     """
     numbers = slots if isinstance(slots, Given) else given(system, slots)
     rows, maps = len(state), system.maps
@@ -106,16 +103,17 @@ def balance(
     residual[:, : system.unknowns] = maps.residual(forces).T
     if system.loaded:
         _add_constant_forces(system, numbers, residual)
-    matrix = None if tangents is None else _matrix(system, tangents)
-    return Balance(residual, matrix, tuple(e for e, _ in parts), tuple(s for _, s in parts))
+    square = None if tangents is None else _matrix(system, tangents, matrix)
+    return Balance(residual, square, tuple(e for e, _ in parts), tuple(s for _, s in parts))
 
 
-def _matrix(system: System, tangents: Array) -> Array:
-    """The tangent (N, n + c, n + c) from the stacked ones of the elements (entries, N)."""
+def _matrix(system: System, tangents: Array, matrix: Array | None) -> Array:
+    """The tangent (N, n + c, n + c) from the stacked ones of the elements (entries, N); columns run in memory."""
     rows, size, maps = tangents.shape[1], system.size, system.maps
-    matrix = np.zeros((rows, size * size))
+    if matrix is None:
+        matrix = np.zeros((rows, size * size))
     matrix[:, maps.filled] = maps.tangent(tangents).T
-    return matrix.reshape(rows, size, size)
+    return np.swapaxes(matrix.reshape(rows, size, size), 1, 2)
 
 
 def _add_constant_forces(system: System, numbers: Given, residual: Array) -> None:
@@ -158,9 +156,9 @@ def _add_group(context: _Context, index: int, loose: Loose | None) -> tuple[Arra
     used = b if b.shape[-1] == len(group.inputs) else b.T[group.inputs].T  # (N, E, m, I)
     force = blocks.force.of(context.forces)
     np.einsum("nek,neki->nei", stress, used, out=force)
-    directions = view.directions[..., : context.width]
+    directions = view.directions[..., : context.system.layout.width]
     if len(group.map.moving):
-        pull = pick(force, group.map.moving)[..., : context.width]
+        pull = pick(force, group.map.moving)[..., : context.system.layout.width]
         np.einsum("nmxd,nmd->nmx", directions, pull, out=blocks.varying_force.of(context.forces))
     if len(group.rigid[0]):
         rows = slice(system.unknowns + group.rows.start, system.unknowns + group.rows.stop)
@@ -243,7 +241,7 @@ def _add_arm_curvature(context: _Context, index: int, force: Array, directions: 
             part[...] = 0.0
         return
     pull = np.zeros((*force.shape[:2], 3), order="F")
-    pull[..., : context.width] = force[..., : context.width]
+    pull[..., : context.system.layout.width] = force[..., : context.system.layout.width]
     if len(links.turning.link):
         turning[...] = turned(pick(context.arms, links.turning.arm), pick(pull, links.turning.link))
     if len(links.hinged.link):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,14 +39,27 @@ def independent_strains(jacobian: Array) -> Index:
     return np.sort(np.array(pivot_columns(jacobian.T, jacobian.shape[1]), dtype=np.intp))
 
 
-def left_mode(
-    system: System, drawn: tuple[Array, State], slots: Array, state: State, length: float
-) -> NDArray[np.bool_]:
-    """Rows (N,) whose pose lies in another assembly mode than the drawing (slots and state, one row)."""
-    home = strain_jacobian(system, *drawn, length)[0]
+@dataclass(frozen=True)
+class Mode:
+    """An assembly mode: independent strains (n,) of a pose and the sign of their Jacobian's determinant."""
+
+    strains: Index
+    sign: float
+
+
+def drawn_mode(system: System, slots: Array, state: State, length: float) -> Mode | None:
+    """The mode of the drawing (one row); None where the strains do not hold it."""
+    home = strain_jacobian(system, slots, state, length)[0]
     if home.shape[0] < system.unknowns or system.unknowns == 0:
+        return None
+    strains = independent_strains(home)
+    return Mode(strains, float(np.linalg.slogdet(home[strains])[0]))
+
+
+def left_mode(system: System, mode: Mode | None, slots: Array, state: State, length: float) -> NDArray[np.bool_]:
+    """Rows (N,) whose pose lies in another assembly mode."""
+    if mode is None:
         return np.zeros(len(state), dtype=bool)
-    rows = independent_strains(home)
-    sign = np.linalg.slogdet(home[rows])[0]
-    now = np.linalg.slogdet(strain_jacobian(system, slots, state, length)[:, rows])[0]
-    return np.asarray(now * sign < 0)
+    jacobian = strain_jacobian(system, slots, state, length)
+    now = np.linalg.slogdet(jacobian[:, mode.strains])[0]
+    return np.asarray(now * mode.sign < 0)

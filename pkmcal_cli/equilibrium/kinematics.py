@@ -9,7 +9,7 @@ import numpy as np
 from ..layout import DriveKind, Index, Layout, Turn
 from ..rotation import Array, exp, skew, times
 from ..sparse_map import Block, pick, rows_last, take_rows
-from .given import arm_bodies
+from .given import arm_bodies, common
 from .links import LinkMap
 from .system import System
 
@@ -32,13 +32,17 @@ class State:
     def put(self, rows: Index, other: State) -> State:
         """This state with some rows taken from `other`."""
         out = State(*(x.copy(order="K") for x in (self.travel, self.rotation, self.multiplier)))
-        for mine, theirs in (
-            (out.travel, other.travel),
-            (out.rotation, other.rotation),
-            (out.multiplier, other.multiplier),
-        ):
-            mine[rows] = theirs
+        out.write(rows, other)
         return out
+
+    def write(self, rows: Index, other: State) -> None:
+        """Overwrite some rows, in place."""
+        for mine, theirs in (
+            (self.travel, other.travel),
+            (self.rotation, other.rotation),
+            (self.multiplier, other.multiplier),
+        ):
+            mine.T[..., rows] = theirs.T
 
 
 def drawn_state(layout: Layout, slots: Array, rows: int, constraints: int) -> State:
@@ -57,7 +61,8 @@ def place_prescribed(
     rotation = state.rotation.copy(order="K")
     frames = np.nonzero((rotations.kind == Turn.FIXED) & (rotations.slots[:, 0] >= 0))[0]
     if len(frames):
-        rotation[:, frames] = exp(slots[:, rotations.slots[frames]]) @ rotations.drawn[frames]
+        vectors = common(slots[:, rotations.slots[frames].ravel()]).reshape(-1, len(frames), 3)
+        rotation[:, frames] = times(exp(np.asfortranarray(vectors)), rotations.drawn[frames])
     travel = state.travel.copy(order="K")
     if not frames_only:
         unknown = set() if free is None else set(free.tolist())
@@ -103,9 +108,13 @@ def arm_vectors(layout: Layout, slots: Array, state: State) -> Array:
 
 def turned_arms(layout: Layout, bodies: Array, state: State) -> Array:
     """All arms in base axes, (N, A, 3); `bodies` (1 or N, A, 3): their constant parts in their triads."""
-    along = layout.arm_block.of(layout.travel_map(rows_last(state.travel)))
-    carriers = pick(state.rotation, layout.arms.rotation)
-    return np.asarray(np.einsum("naij,naj->nai", carriers, bodies + along))
+    arms = bodies + layout.arm_block.of(layout.travel_map(rows_last(state.travel)))
+    carried, width = layout.carried_arms, layout.width
+    if len(carried):
+        carriers = pick(state.rotation[..., :width, :width], layout.arms.rotation[carried])
+        turned = np.einsum("naij,naj->nai", carriers, pick(arms, carried)[..., :width])
+        arms.T[:width, carried] = turned.T
+    return np.asarray(arms)
 
 
 def link_vectors(layout: Layout, arms: Array) -> Array:
@@ -127,7 +136,6 @@ def input_jacobian(layout: Layout, links: LinkMap, state: State, arms: Array) ->
     (N, M, X, 3)."""
     out = np.repeat(links.template[None], len(state), axis=0)
     directions = Block(0, (*links.shape, 3)).of(links.directions(_moved(state, arms)))
-    width = 2 if layout.planar else 3
-    moved = np.einsum("mlx,nmxd->nmld", links.varying, directions[..., :width])
-    out[:, links.moving, :, :width] += moved
+    moved = np.einsum("mlx,nmxd->nmld", links.varying, directions[..., : layout.width])
+    out[:, links.moving, :, : layout.width] += moved
     return out, directions

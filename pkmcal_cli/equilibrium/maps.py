@@ -89,7 +89,7 @@ class Maps:
     groups: tuple[Blocks, ...]
     residual: SparseMap  # forces -> unknowns (n)
     tangent: SparseMap  # tangents -> non-zero entries of the matrix
-    filled: Index  # (entries,) flat places of these in the matrix
+    filled: Index  # (entries,) places of these in the matrix, flattened column by column
     arm_slots: SparseMap  # forces on arms (A, 3) in the arms' triads -> slots: offsets, prescribed travels
 
 
@@ -174,8 +174,8 @@ class MapsBuilder:
         self.tangent.add(target[..., None, None], block.numbers[:, None, None], factor)
 
     def _flat(self, row: Index, column: Index) -> Index:
-        """Place in the flattened matrix, -1 where the row or the column is prescribed."""
-        return np.where((row >= 0) & (column >= 0), row * self.size + column, -1)
+        """Place in the matrix flattened column by column, -1 where the row or the column is prescribed."""
+        return np.where((row >= 0) & (column >= 0), column * self.size + row, -1)
 
     def _add_arms(self, group: GroupMap, mine: Blocks) -> None:
         links, axes = group.map, np.arange(3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,8 +64,8 @@ def slots_of(slots: Array, rows: Index) -> Array:
 
 def step_size(system: System, step: Array, length: float) -> Array:
     """Largest entry of each row's step, lengths relative to `length`, (N,)."""
-    scaled = np.abs(step[:, : system.unknowns])
-    scaled[:, system.free < len(system.layout.travel_slots)] /= length
+    unit = np.where(system.free < len(system.layout.travel_slots), length, 1.0)
+    scaled = np.abs(step[:, : system.unknowns]) / unit
     return np.asarray(scaled.max(axis=1, initial=0.0))
 
 
@@ -72,46 +73,96 @@ def newton(
     system: System, slots: Array, state: State, length: float, options: NewtonOptions, effort: Effort
 ) -> tuple[State, NDArray[np.int_], Slack]:
     """Solve all rows from `state`; returns the states, a status per row and the slack ropes of each group."""
-    rows = len(state)
-    status = np.full(rows, RowStatus.NOT_CONVERGED)
-    scale = typical_stiffness(system, slots)
-    slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
-    tried = tuple(s.copy() for s in slack)  # ropes that were slack at some step
-    previous = np.full(rows, np.inf)
-    active, numbers = np.arange(rows), given(system, slots)
+    run = _Run(system, slots, state, length, options)
     for iteration in range(options.iterations):
-        part = state.take(active) if len(active) < rows else state
-        loose = tuple(s[active] for s in slack)
-        mine = numbers.take(active) if len(active) < rows else numbers
-        now = balance(system, mine, part, scale, curved=options.curved, slack=loose)
+        effort.add(len(run.active))
+        run.iterate(iteration == 0)
+        if not len(run.active):
+            break
+    return run.finish()
+
+
+class _Run:
+    """One run of Newton's method: results of all N rows, and what the rows that still move need."""
+
+    def __init__(self, system: System, slots: Array, state: State, length: float, options: NewtonOptions) -> None:
+        rows = len(state)
+        self.system, self.length, self.options = system, length, options
+        self.scale = typical_stiffness(system, slots)
+        self.result: State | None = None  # states of rows that have left
+        self.status = np.full(rows, RowStatus.NOT_CONVERGED)
+        self.slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
+        self.tried = tuple(s.copy() for s in self.slack)  # ropes that were slack at some step
+        self.ropes = system.loaded and any(g.group.rope.any() for g in system.groups)
+        self.active, self.state, self.numbers = np.arange(rows), state, given(system, slots)
+        self.previous = np.full(rows, np.inf)  # size of the last step
+        self.matrix: Array = np.zeros((rows, system.size**2))
+
+    def iterate(self, first: bool) -> None:
+        """One step of all active rows; those that arrive or get lost leave."""
+        loose = tuple(s[self.active] for s in self.slack) if self.ropes else None
+        now = balance(
+            self.system,
+            self.numbers,
+            self.state,
+            self.scale,
+            curved=self.options.curved,
+            slack=loose,
+            matrix=self.matrix[: len(self.active)],
+        )
         assert now.tangent is not None
-        changed = _update_slack(system, slack, active, now.strains)
-        for ever, loose_now in zip(tried, slack, strict=True):
-            ever |= loose_now
+        changed = self._update_slack(now.strains)
         step = -solve_rows(now.tangent, now.residual[..., None])[..., 0]
-        effort.add(len(active))
-        size = step_size(system, step, length)
+        size = step_size(self.system, step, self.length)
         finite = np.isfinite(size)
         step[~finite] = 0.0
-        moved = advance(system, part, step, scale)
-        state = moved if len(active) == rows else state.put(active, moved)
-        done = _accepted(size, previous[active], options.tolerance) & finite & ~changed
-        lost = (
-            (size > _DIVERGED)
-            | ~finite
-            | ((size > options.contraction * previous[active]) & (size > 1e-9) & ~changed & (iteration > 0))
-        )
-        status[active[done]] = RowStatus.SOLVED
-        status[active[~finite]] = RowStatus.SINGULAR
-        previous[active] = np.where(changed, np.inf, size)
-        active = active[~done & ~lost]
-        if not len(active):
-            break
-    failed = status != RowStatus.SOLVED
-    for ever, loose_now in zip(tried, slack, strict=True):
-        loose_now[failed] = ever[failed]  # a row that swings between taut and slack says which ropes
-        status[loose_now.any(axis=1) & ~failed] = RowStatus.SLACK
-    return state, status, slack
+        self.state = advance(self.system, self.state, step, self.scale)
+        done = _accepted(size, self.previous, self.options.tolerance) & finite & ~changed
+        grows = (size > self.options.contraction * self.previous) & (size > 1e-9) & ~changed
+        lost = (size > _DIVERGED) | ~finite | (grows & (not first))
+        self.status[self.active[done]] = RowStatus.SOLVED
+        self.status[self.active[~finite]] = RowStatus.SINGULAR
+        self.previous = np.where(changed, np.inf, size)
+        self._dismiss(done | lost)
+
+    def _dismiss(self, leaving: NDArray[np.bool_]) -> None:
+        """Store the states of rows that leave and go on with the others."""
+        if not leaving.any():
+            return
+        stay = np.nonzero(~leaving)[0]
+        if self.result is None:
+            self.result = self.state
+        else:
+            self.result.write(self.active[leaving], self.state.take(np.nonzero(leaving)[0]))
+        self.active, self.previous = self.active[stay], self.previous[stay]
+        if len(stay):
+            self.state, self.numbers = self.state.take(stay), self.numbers.take(stay)
+
+    def _update_slack(self, strains: tuple[Array, ...]) -> NDArray[np.bool_]:
+        """Ropes whose strain changed sign; returns the active rows in which the set of slack ropes changed."""
+        changed = np.zeros(len(self.active), dtype=bool)
+        if not self.ropes:
+            return changed
+        for group, slack, tried, e in zip(self.system.groups, self.slack, self.tried, strains, strict=True):
+            if group.group.rope.any():
+                acting = group.group.rope & (group.elastic[:, 0] > 0)
+                now = (e[..., 0] < 0) & acting
+                changed |= (now != slack[self.active]).any(axis=1)
+                slack[self.active] = now
+                tried |= slack
+        return changed
+
+    def finish(self) -> tuple[State, NDArray[np.int_], Slack]:
+        """States, status and slack ropes of all rows."""
+        if self.result is None:
+            self.result = self.state
+        elif len(self.active):
+            self.result.write(self.active, self.state)
+        failed = self.status != RowStatus.SOLVED
+        for ever, loose in zip(self.tried, self.slack, strict=True):
+            loose[failed] = ever[failed]  # a row that swings between taut and slack says which ropes
+            self.status[loose.any(axis=1) & ~failed] = RowStatus.SLACK
+        return self.result, self.status, self.slack
 
 
 def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool_]:
@@ -123,21 +174,13 @@ def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool
     return np.asarray(small | (np.isfinite(previous) & (ratio < 1e-2) & (predicted <= 0.1 * tolerance)))
 
 
-def _update_slack(system: System, slack: Slack, active: Index, strains: tuple[Array, ...]) -> NDArray[np.bool_]:
-    """Ropes whose strain changed sign; returns the rows in which the active set changed."""
-    changed = np.zeros(len(active), dtype=bool)
-    for index, group in enumerate(system.groups):
-        if system.loaded and group.group.rope.any():
-            acting = group.group.rope & (group.elastic[:, 0] > 0)
-            now = (strains[index][..., 0] < 0) & acting
-            changed |= (now != slack[index][active]).any(axis=1)
-            slack[index][active] = now
-    return changed
+Start = Array | Callable[[Index], Array]
+"""Slots (1 or N, S) at which a path begins, or a function that gives them for some rows."""
 
 
 def follow(
     system: System,
-    start: Array,
+    start: Start,
     target: Array,
     state: State,
     length: float,
@@ -148,36 +191,47 @@ def follow(
 
     `state` solves the rows at `start`. A row that needs steps below 1/256 of the way keeps its failure.
     """
-    rows = len(state)
-    first, status, slack = newton(
-        system,
-        target,
-        place_prescribed(system.layout, target, state, free=system.free),
-        length,
-        options,
-        effort,
-    )
+    placed = place_prescribed(system.layout, target, state, free=system.free)
+    final, status, slack = newton(system, target, placed, length, options, effort)
     todo = np.nonzero((status != RowStatus.SOLVED) & (status != RowStatus.SLACK))[0]
     if not len(todo):
-        return first, status, slack
-    way, stride, best = np.zeros(rows), np.full(rows, 0.5), state
-    final = first
+        return final, status, slack
+    origin = start(todo) if callable(start) else slots_of(start, todo)
+    path = _Path(system, origin, slots_of(target, todo), state.take(todo), len(todo))
     for _ in range(64):
-        trial = np.minimum(way[todo] + stride[todo], 1.0)
-        origin, end = slots_of(start, todo), slots_of(target, todo)
-        between = origin + trial[:, None] * (end - origin)
-        begin = place_prescribed(system.layout, between, best.take(todo), free=system.free)
-        moved, now, loose = newton(system, between, begin, length, options, effort)
-        good = (now == RowStatus.SOLVED) | (now == RowStatus.SLACK)
-        best = best.put(todo[good], moved.take(np.nonzero(good)[0]))
-        way[todo[good]] = trial[good]
-        stride[todo] = np.where(good, 2 * stride[todo], 0.5 * stride[todo])
-        arrived = good & (trial >= 1.0)
-        final = final.put(todo[arrived], moved.take(np.nonzero(arrived)[0]))
-        status[todo[arrived]] = now[arrived]
+        rows, part, now, loose = path.stride_on(length, options, effort)
+        arrived = todo[rows]
+        final, status[arrived] = final.put(arrived, part), now
         for mine, theirs in zip(slack, loose, strict=True):
-            mine[todo[arrived]] = theirs[arrived]
-        todo = todo[~arrived & (stride[todo] > 1 / 512)]
-        if not len(todo):
+            mine[arrived] = theirs
+        if not len(path.todo):
             break
     return final, status, slack
+
+
+class _Path:
+    """Rows on their way from slots `origin` to `goal` (1 or K, S), each with a stride of its own."""
+
+    def __init__(self, system: System, origin: Array, goal: Array, state: State, rows: int) -> None:
+        self.system, self.origin, self.goal, self.state = system, origin, goal, state
+        self.way, self.stride = np.zeros(rows), np.full(rows, 0.5)
+        self.todo = np.arange(rows)
+
+    def stride_on(
+        self, length: float, options: NewtonOptions, effort: Effort
+    ) -> tuple[Index, State, NDArray[np.int_], Slack]:
+        """One stride of all rows under way; returns those that arrive, with their state, status and slack ropes."""
+        todo, system = self.todo, self.system
+        trial = np.minimum(self.way[todo] + self.stride[todo], 1.0)
+        origin, goal = slots_of(self.origin, todo), slots_of(self.goal, todo)
+        between = origin + trial[:, None] * (goal - origin)
+        begin = place_prescribed(system.layout, between, self.state.take(todo), free=system.free)
+        moved, now, loose = newton(system, between, begin, length, options, effort)
+        good = (now == RowStatus.SOLVED) | (now == RowStatus.SLACK)
+        self.state = self.state.put(todo[good], moved.take(np.nonzero(good)[0]))
+        self.way[todo[good]] = trial[good]
+        self.stride[todo] *= np.where(good, 2.0, 0.5)
+        arrived = good & (trial >= 1.0)
+        self.todo = todo[~arrived & (self.stride[todo] > 1 / 512)]
+        mine = np.nonzero(arrived)[0]
+        return todo[arrived], moved.take(mine), now[arrived], tuple(s[arrived] for s in loose)

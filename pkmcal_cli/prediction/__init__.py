@@ -1,0 +1,25 @@
+"""The one pipeline: from parameter values and drive readings to predicted measurements, with exact derivatives.
+
+Five stages: command (drive readings to positions), geometry, stiffness, load (slots of the engine), reading. Every
+stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and `calibrate` are short programs over
+`predict`.
+"""
+
+from __future__ import annotations
+
+from .pipeline import predict, row_chunks
+from .rows import Method, Prediction, Request, Rows
+from .solving import rigid_pose
+from .stages import drawing_slots, stage_slots
+
+__all__ = [
+    "Method",
+    "Prediction",
+    "Request",
+    "Rows",
+    "drawing_slots",
+    "predict",
+    "rigid_pose",
+    "row_chunks",
+    "stage_slots",
+]

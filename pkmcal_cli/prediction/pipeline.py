@@ -1,0 +1,81 @@
+"""All stages, chunk by chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from ..equilibrium.kinematics import State
+from ..equilibrium.system import System
+from ..model import Model
+from ..rotation import Array
+from .outcome import outcome
+from .rows import Prediction, Request, Rows
+from .solving import solve
+from .stages import Chain, commanded_slots
+
+_CHUNK_BYTES = 4e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
+_FEWEST = 32  # rows of a chunk, or the calls cost more than the arithmetic
+
+
+def predict(
+    model: Model,
+    values: Array,
+    rows: Rows,
+    request: Request | None = None,
+    start: State | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Prediction:
+    """Predicted readings of all rows at parameter values (P,), SI; `start`: states of an earlier prediction.
+
+    Works in chunks, so memory is bounded but for the results. Rows that cannot be solved get a status, never numbers.
+    """
+    request = request or Request()
+    base = model.layout.slots.values(model.by_name(values))
+    chain = Chain.of(model, values, request)
+    parts = []
+    for chunk in row_chunks(model.exact, len(rows)):
+        some, begin = rows.take(chunk), None if start is None else start.take(chunk)
+        solution = solve(model, commanded_slots(model, base, some), request.method, begin)
+        parts.append(outcome(model, solution, some, request, chain))
+        if progress is not None:
+            progress(chunk.stop - chunk.start)
+    return _joined(parts)
+
+
+def row_chunks(system: System, rows: int) -> Iterator[slice]:
+    """Rows that are worked on together."""
+    maps = system.maps
+    entries = system.size**2 + maps.tangent.columns + system.view_maps.views.height + len(system.layout.slots.constants)
+    size = max(_FEWEST, int(_CHUNK_BYTES / (8 * entries)))
+    for first in range(0, max(rows, 1), size):
+        yield slice(first, min(first + size, rows))
+
+
+def _joined(parts: Sequence[Prediction]) -> Prediction:
+    """Predictions of consecutive chunks as one."""
+
+    def join(name: str) -> Array | None:
+        pieces = [getattr(part, name) for part in parts]
+        return None if pieces[0] is None else np.concatenate(pieces)
+
+    if len(parts) == 1:
+        return parts[0]
+    names = ("travel", "rotation", "multiplier")
+    state = State(*(np.concatenate([getattr(part.state, name) for part in parts]) for name in names))
+    slack, first = {}, 0
+    for part in parts:
+        slack.update({first + row: name for row, name in part.slack.items()})
+        first += len(part.status)
+    return Prediction(
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.status for part in parts]),
+        state,
+        join("jacobian"),
+        join("by_drive"),
+        join("forces"),
+        join("energy"),
+        slack,
+        sum(part.steps for part in parts),
+    )

@@ -1,0 +1,79 @@
+"""What goes into a prediction and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..equilibrium.kinematics import State
+from ..equilibrium.status import RowStatus
+from ..rotation import Array
+
+Method = Literal["exact", "linear", "rigid"]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Drive readings (N, A) in SI (m, rad) and forces (N, A) of force-controlled drives (nan: the machine's)."""
+
+    readings: Array
+    forces: Array
+
+    def __len__(self) -> int:
+        return len(self.readings)
+
+    def take(self, rows: slice | NDArray[np.intp]) -> Rows:
+        """Some rows."""
+        return Rows(self.readings[rows], self.forces[rows])
+
+    @classmethod
+    def at(cls, readings: Array) -> Rows:
+        """Rows without force columns."""
+        return cls(np.asarray(readings, dtype=float), np.full(np.shape(readings), np.nan))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted readings (N, C), nan where `status` (N,) is not SOLVED.
+
+    jacobian: (N, C, P') with respect to the asked parameters; by_drive: (N, C, A) with respect to drive readings;
+    forces: (N, A) of drives, N or N m; energy: (N,) strain energy, J; slack: names of slack ropes by row.
+    """
+
+    values: Array
+    status: NDArray[np.int_]
+    state: State
+    jacobian: Array | None
+    by_drive: Array | None
+    forces: Array | None
+    energy: Array | None
+    slack: dict[int, str]
+    steps: int
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Rows with numbers."""
+        return np.asarray(self.status == RowStatus.SOLVED)
+
+    def reason(self, row: int) -> str:
+        """Why a row has no numbers."""
+        status = RowStatus(int(self.status[row]))
+        return f"slack: {self.slack[row]}" if status is RowStatus.SLACK else status.reason
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a prediction should bring besides the readings."""
+
+    method: Method = "exact"
+    parameters: tuple[str, ...] | None = None  # derivatives with respect to these
+    by_drive: bool = False
+    forces: bool = False
+
+    @property
+    def derivatives(self) -> bool:
+        """Whether any derivative is asked for."""
+        return self.parameters is not None or self.by_drive
