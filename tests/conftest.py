@@ -1,0 +1,8 @@
+"""Settings of all tests: one thread for linear algebra, as matrices are small and tests run side by side."""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy is imported
