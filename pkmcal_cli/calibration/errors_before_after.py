@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inverse import drive_positions, independent_coordinates
+from ..inverse import drive_positions
 from ..layout import Drive, DriveKind
 from ..model import Model
 from ..rotation import Array
+from .measured_pose import measured_poses
 from .residual import Evaluation, Problem
 
 KINDS = ("position", "orientation", "drive", "force", "length")
@@ -64,7 +65,7 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     """
     model = problem.model
     drives = [a for a, drive in enumerate(model.layout.drives) if _sets_length(model, drive)]
-    poses, rows = _measured_poses(problem)
+    poses, rows = measured_poses(problem)
     out = np.full((len(problem), len(drives)), np.nan)
     if not drives or not len(rows):
         return out
@@ -91,18 +92,3 @@ def _drive_readings(problem: Problem) -> Array:
         if channel.quantity == "drive":
             read[:, channel.index] = problem.readings[:, k]
     return read
-
-
-def _measured_poses(problem: Problem) -> tuple[Array, Array]:
-    """Poses (n, 6) of the rows whose independent coordinates were all measured by the first sensor, and these rows."""
-    model = problem.model
-    directions = ("x", "y", "z", "rx", "ry", "rz")
-    poses = np.full((len(problem), 6), np.nan)
-    for k, channel in enumerate(model.channels):
-        first = {"position": model.tcp[0], "orientation": model.tcp[1]}.get(channel.quantity)
-        if first is not None and channel.index == first:
-            column = channel.component + (3 if channel.quantity == "orientation" else 0)
-            poses[:, column] = np.where(problem.measured[:, k], problem.readings[:, k], np.nan)
-    needed = [directions.index(d) for d in independent_coordinates(model)]
-    rows = np.nonzero(~np.isnan(poses[:, needed]).any(axis=1))[0]
-    return poses[rows], rows

@@ -16,12 +16,14 @@ from scipy.linalg import solve_triangular
 
 from ..rotation import Array
 from .identifiability import Directions, directions
+from .measured_pose import errors_at_poses, loose_drives
 from .residual import Evaluation, Linearised, Problem, chi_square, evaluate, linearise
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
 _LIGHT = 1e-5  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
-_LEFT_OUT = (0.5, 0.25, 0.125, 0.0625, 0.0625)  # of the change of drive errors, one after another
+_PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
+_LEAD = 30  # steps of a fit of those rows that can be predicted
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
@@ -100,8 +102,8 @@ def identify(
             raise RowsFailed(first)
         return _finished(problem, selected, first, first, "nothing_identifiable", 0)
     scale = _Scaled.of(problem, selected)
-    now, count = _begin(problem, scale, first, iterations)
-    damping, status = 0.0, ""
+    now = _begin(problem, scale, first)
+    count, damping, status = 0, 0.0, ""
     while count < iterations and not status:
         count += 1
         near = linearise(problem, now)
@@ -111,24 +113,41 @@ def identify(
     return _finished(problem, selected, first, now, status or "not_converged", count)
 
 
-def _begin(problem: Problem, scale: _Scaled, first: Evaluation, iterations: int) -> tuple[Evaluation, int]:
-    """Where all rows can be predicted, and the steps to there: the start, or a fit of the rows that can be.
+def _begin(problem: Problem, scale: _Scaled, first: Evaluation) -> Evaluation:
+    """Where all rows can be predicted: the start, or where fits of the rows that can be lead to.
 
-    Raises RowsFailed with the start's evaluation where fits of more and more rows do not lead to all of them.
+    Raises RowsFailed with the start's evaluation where these do not lead to more and more rows.
     """
-    now, count, best = first, 0, 0
+    now, best = _nearest(problem, scale, first), 0
     while not now.solved:
         rows = np.nonzero(now.prediction.solved)[0]
         if len(rows) <= best:
             raise RowsFailed(first)
         best = len(rows)
         part = problem.take(rows)
-        lead, damping, status = evaluate(part, now.values, scale.names), 0.0, ""
-        while lead.solved and count < iterations and not status:
-            count += 1
+        lead, damping, status = evaluate(part, now.values, scale.names, shift=now.shift[rows]), 0.0, ""
+        for _ in range(_LEAD):
             lead, damping, status = _advance(part, scale, lead, linearise(part, lead), damping)
-        now = evaluate(problem, lead.values, scale.names)
-    return now, count
+            if status:
+                break
+        now = _nearest(problem, scale, evaluate(problem, lead.values, scale.names))
+    return now
+
+
+def _nearest(problem: Problem, scale: _Scaled, plain: Evaluation) -> Evaluation:
+    """An evaluation without drive errors, or that with those which put the rows at their measured poses.
+
+    The one that predicts more rows, then the one of lower chi-square.
+    """
+    seen = np.where(problem.measured, problem.readings, np.nan)
+    shift = np.nan_to_num(errors_at_poses(problem, plain.values, seen))
+    if not shift.any():
+        return plain
+    posed = evaluate(problem, plain.values, scale.names, shift=shift)
+    counts = [int(e.prediction.solved.sum()) for e in (plain, posed)]
+    if counts[0] == counts[1] == len(problem):
+        return min(plain, posed, key=lambda e: chi_square(problem, e))
+    return posed if counts[1] > counts[0] else plain
 
 
 def _advance(
@@ -170,18 +189,25 @@ def _blur(problem: Problem, chi2: float) -> float:
 def _moved(problem: Problem, scale: _Scaled, now: Evaluation, near: Linearised, step: Array) -> Evaluation:
     """The evaluation after a step (p,) in range units, drive errors following.
 
-    Rows that cannot be solved there (drives near the end of the mechanism's reach, of a pose that no instrument has
-    seen) take a part of the change of their drive errors that the present residuals ask for.
+    Rows that cannot be solved there (the drives' ends of reach are near) go to the pose that the linear step aims at,
+    or only part of the way, with the drive errors that this pose asks for.
     """
     values = now.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
-    shift, asked = near.shift(step * scale.ranges), near.shift(np.zeros(len(step))) - now.shift
+    shift = near.shift(step * scale.ranges)
     trial = evaluate(problem, values, scale.names, now.state, shift)
-    for left_out in _LEFT_OUT if asked.any() else ():
+    if trial.solved or not loose_drives(problem).any():
+        return trial
+    by_step, by_drive = now.prediction.jacobian, now.prediction.by_drive
+    assert by_step is not None and by_drive is not None
+    way = by_step @ (step * scale.ranges) + (by_drive @ (shift - now.shift)[..., None])[..., 0]
+    for part in _PARTS:
+        lost = ~trial.prediction.solved[:, None]
+        posed = errors_at_poses(problem, values, now.prediction.values + part * way)
+        shift = np.where(lost & ~np.isnan(posed), posed, shift)
+        trial = evaluate(problem, values, scale.names, now.state, shift)
         if trial.solved:
             break
-        shift = np.where(trial.prediction.solved[:, None], trial.shift, shift - left_out * asked)
-        trial = evaluate(problem, values, scale.names, now.state, shift)
     return trial
 
 
