@@ -50,19 +50,22 @@ class CalibrationReport:
         }
 
     def _heldout_json(self) -> dict[str, Any]:
-        if isinstance(self.held_out, str):
-            return {"rms_before": None, "rms_after": None, "unit": None, "scheme": None, "reason": self.held_out}
-        kind = next(iter(self.held_out.after))
-        unit = figure_unit(self.machine, self.held_out.after[kind])
-        return {
-            "rms_before": finite(self.held_out.before[kind].rms / unit.scale),
-            "rms_after": finite(self.held_out.after[kind].rms / unit.scale),
+        held = self.held_out
+        keys = ("rms_before", "rms_after", "unit", "kind", "scheme", "failed_folds", "before", "after", "reason")
+        out: dict[str, Any] = dict.fromkeys(keys)
+        if isinstance(held, str) or not held.after:
+            return out | {"reason": held if isinstance(held, str) else "nothing was measured there"}
+        kind = next(iter(held.after))
+        unit = figure_unit(self.machine, held.after[kind])
+        return out | {
+            "rms_before": finite(held.before[kind].rms / unit.scale),
+            "rms_after": finite(held.after[kind].rms / unit.scale),
             "unit": unit.text,
             "kind": kind,
-            "scheme": self.held_out.scheme,
-            "failed_folds": self.held_out.failed,
-            "before": figures_json(self.machine, self.held_out.before),
-            "after": figures_json(self.machine, self.held_out.after),
+            "scheme": held.scheme,
+            "failed_folds": held.failed,
+            "before": figures_json(self.machine, held.before),
+            "after": figures_json(self.machine, held.after),
         }
 
     def show(self, to: Reporter) -> None:
