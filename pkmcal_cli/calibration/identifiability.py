@@ -64,7 +64,9 @@ class Directions:
     def null_vectors(self) -> Array:
         """Null directions (k, p)."""
         vectors = np.abs(self.vectors[self.null])
-        return np.where(vectors > self.trace * vectors.max(axis=1, keepdims=True), self.vectors[self.null], 0.0)
+        return np.where(
+            vectors > self.trace * vectors.max(axis=1, keepdims=True, initial=0.0), self.vectors[self.null], 0.0
+        )
 
     def undetermined(self) -> NDArray[np.bool_]:
         """Parameters (p,) with a share in a null direction."""

@@ -178,7 +178,7 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     jacobian = weights @ np.where(on, prediction.jacobian, 0.0)
     return Linearised(
         (weights @ residual[..., None])[..., 0].ravel(),
-        jacobian.reshape(-1, jacobian.shape[-1]),
+        jacobian.reshape(problem.readings.size, jacobian.shape[-1]),
         (sigma**2)[..., None] * np.swapaxes(weights @ by_drive, 1, 2),
         (1.0 - free) * evaluation.shift,
         chi_square(problem, evaluation),
