@@ -17,6 +17,7 @@ from tests.structures import cantilever, point
 from tests.support import at, displacement, model
 from tests.truth import beam_chain
 from tests.truth.beam_chain import Section
+from tests.truth.test_truth_bending import elastica
 
 TURN = exp(np.array([0.5, -1.0, 0.7]))
 LINEAR = Request(method="linear")
@@ -33,6 +34,15 @@ def test_error_of_the_elastica_falls_as_the_square_of_the_pieces(turn: Array | N
     errors = [elastica_error(n, turn) for n in (8, 16, 32)]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.03)  # next order: (1/8)^2
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.01)
+
+
+@pytest.mark.parametrize("pieces", [8, 64])
+def test_a_slender_beam_that_stretches_bends_as_the_elastica(pieces: int) -> None:
+    """E S L^2 / E I = 2e6, as of a strip 2.4 mm thick: stiff along, soft across, where Newton's steps rebound."""
+    back, over = elastica(5.0)
+    found = displacement(cantilever(pieces, (0, 5, 0), TURN, ea=2e6))
+    tip = TURN.T @ found[:3]
+    assert np.hypot(tip[0] + back, tip[1] - over) / over == pytest.approx(elastica_error(pieces), abs=1e-5)
 
 
 def test_plane_and_space_are_one_structure() -> None:

@@ -22,10 +22,17 @@ _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """`contraction`: a step longer than this times the last one means another branch (Deuflhard's test)."""
+    """`contraction`: a step longer than this times the last one means another branch (Deuflhard's test).
+
+    `rebound`: unless it is below this share of the one before. Turning a beam by a tangent step stretches it to second
+    order, and taking that back turns it again: of three steps the third may well exceed the second.
+    `reach`: a step longer than this, in sizes of the machine or rad, leads elsewhere.
+    """
 
     curved: bool = True  # full tangent with the stress term; False: Gauss-Newton on the strains
     contraction: float = 0.5
+    rebound: float = 0.0
+    reach: float = _DIVERGED
     iterations: int = 30
     tolerance: float = _ROUNDING  # accepted error after the last step, relative to the machine's size
 
@@ -96,6 +103,7 @@ class _Run:
         self.ropes = system.loaded and any(g.group.rope.any() for g in system.groups)
         self.active, self.state, self.numbers = np.arange(rows), state, given(system, slots)
         self.previous = np.full(rows, np.inf)  # size of the last step
+        self.before = np.zeros(rows)  # size of the one before
         self.matrix: Array = np.zeros((rows, system.size**2))
 
     def iterate(self, first: bool) -> None:
@@ -119,9 +127,11 @@ class _Run:
         self.state = advance(self.system, self.state, step, self.scale)
         done = _accepted(size, self.previous, self.options.tolerance) & finite & ~changed
         grows = (size > self.options.contraction * self.previous) & (size > 1e-9) & ~changed
-        lost = (size > _DIVERGED) | ~finite | (grows & (not first))
+        grows &= size > self.options.rebound * self.before
+        lost = (size > self.options.reach) | ~finite | (grows & (not first))
         self.status[self.active[done]] = RowStatus.SOLVED
         self.status[self.active[~finite]] = RowStatus.SINGULAR
+        self.before = np.where(np.isfinite(self.previous), self.previous, 0.0)
         self.previous = np.where(changed, np.inf, size)
         self._dismiss(done | lost)
 
@@ -134,7 +144,7 @@ class _Run:
             self.result = self.state
         else:
             self.result.write(self.active[leaving], self.state.take(np.nonzero(leaving)[0]))
-        self.active, self.previous = self.active[stay], self.previous[stay]
+        self.active, self.previous, self.before = self.active[stay], self.previous[stay], self.before[stay]
         if len(stay):
             self.state, self.numbers = self.state.take(stay), self.numbers.take(stay)
 

@@ -23,7 +23,7 @@ from .rows import Method
 _REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close
 _ROUGH = NewtonOptions(curved=False, tolerance=1e-6)
 _RIGID = NewtonOptions(curved=False)
-_ELASTIC = NewtonOptions(contraction=0.9)
+_ELASTIC = NewtonOptions(contraction=0.9, rebound=0.25, reach=0.5)
 
 
 @dataclass(frozen=True)
