@@ -35,6 +35,28 @@ def test_exact_is_the_equilibrium_of_the_bending_hexapod() -> None:
     assert found.energy < 1e-6
 
 
+def test_the_hexapods_legs_bend_under_their_weight() -> None:
+    """Strain energy at nominal is half bending; legs 1e4 times stiffer across put the TCP elsewhere, by 1e-11 m.
+
+    16 springs a beam leave (1/16)^2 / 4 of the bending energy.
+    """
+    simulator, machine = truth("hexapod7"), model("hexapod7")
+    readings = simulator.inverse(poses_of("hexapod7", 2))
+    found, true = at(machine, readings, Request(forces=True)), simulator.forward(readings)
+    assert found.energy == pytest.approx(true.energy, rel=1e-3)
+    assert (true.bending > 0.3 * true.energy).all()
+    area = np.pi / 4 * (30**2 - 20**2)
+    beams = [
+        f'"{beam}{{i}}": {{each: {{i: [1, 2, 3, 4, 5, 6, 7]}}, section: null, material: null, EA: {210e3 * area},'
+        f" EI: 6.7e13, GJ: 6.7e13, mass: {7.85e-6 * area * length}}}"
+        for beam, length in (("lower", 300), ("upper", 200))
+    ]
+    unused = "sections: {strut: null}\nmaterials: {steel: null}"
+    stiff = model(overlay("hexapod7", f"{unused}\nbeams: {{{', '.join(beams)}}}"))
+    shift = np.linalg.norm(at(stiff, readings).values[:, :3] - found.values[:, :3], axis=1)
+    assert ((shift > 1e-12) & (shift < 1e-10)).all()
+
+
 @pytest.mark.parametrize("name", REDUNDANT)
 def test_linear_is_off_by_second_order(name: str) -> None:
     """Ten times the errors, a hundred times the deviation of the paper's one step; the next order adds to it."""

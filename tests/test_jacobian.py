@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pkmcal_cli.prediction import Request, Rows, predict
 from tests import structures
 from tests.kinds import PLANAR_KINDS, SPATIAL_KINDS
 from tests.measured import REDUNDANT, JacobianCheck, hangprinter, jacobian_check, readings_of, strained_values
-from tests.support import SHIPPED, model, overlay, truth
+from tests.support import SHIPPED, at, model, overlay, truth
 
 LIMIT = 1e-6
 
@@ -117,3 +118,16 @@ def test_ideal_carriage_in_force_control() -> None:
     machine = model(text)
     found = jacobian_check(text, machine.drawn_readings + np.array(KINDS["planar"][1]), strained_values(text, 0))
     passes(found, ("q1",))
+
+
+def test_a_column_of_forces_replaces_the_machines_force() -> None:
+    """Row by row: a given force acts as if declared, and the declared one has no influence there."""
+    changes = "parameters: {F: {nominal: 100, unit: N, range: 10}}\nactuators: {q3: {control: force, force: F}}"
+    machine, readings = model(overlay("triglide", changes)), readings_of("triglide")[:3]
+    given = np.full(readings.shape, np.nan)
+    given[1, 2] = 250.0
+    found = predict(machine, machine.nominal, Rows(readings, given), Request(parameters=("F",), forces=True))
+    assert found.forces[:, 2].tolist() == [100.0, 250.0, 100.0]
+    assert np.abs(found.jacobian[1]).max() == 0.0 < np.abs(found.jacobian[0]).min()
+    declared = at(machine, readings, Request(), F=250.0)
+    assert np.abs(found.values[1] - declared.values[1]).max() < 1e-14
