@@ -141,7 +141,7 @@ def _held_out(s: _Setting, fit: Fit) -> tuple[HeldOut | str, dict[str, str]]:
         return _validated(s, fit, scheme)
     if fit.status != "converged":
         return f"the fit has not succeeded ({fit.status})", {}
-    if scheme is not None and len(scheme) > _DIGITS:
+    if scheme is not None and not 0 < len(scheme) <= _DIGITS:
         raise UsageError("--holdout: no such number of folds", hint="for example --holdout 5")
     if scheme is None and not enough_rows(s.problem, fit.selected):
         return f"{len(s.problem)} rows for {len(fit.selected)} parameters: fewer than 3 rows a parameter", {}
