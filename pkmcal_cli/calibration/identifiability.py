@@ -22,7 +22,7 @@ NULL = 1e-10  # of the largest singular value
 UNSEEN = 0.01  # whitened, per range
 WEAK = 2.0  # range = 2 standard deviations of the prior
 _SHOWN = 0.005  # smaller coefficients are not worth a word
-_SHARE = 1e-6  # a parameter takes part in a null direction when its component exceeds this
+_SHARE = 1e-6  # a parameter takes part in a null direction when its component, of a largest 1, exceeds this
 _TRACE = 0.1  # ... and in one that is seen a little: smaller components add their prior to the uncertainty instead
 
 
@@ -55,18 +55,11 @@ class Directions:
         """Directions that a fit does not move."""
         return self.null | self.weak
 
-    @property
-    def trace(self) -> float:
-        """Components of null directions below this share of the largest are no part of them."""
-        exact = self.singular_values[self.null] <= NULL * self.singular_values[:1]
-        return _SHARE if exact.all() else _TRACE
-
     def null_vectors(self) -> Array:
-        """Null directions (k, p)."""
-        vectors = np.abs(self.vectors[self.null])
-        return np.where(
-            vectors > self.trace * vectors.max(axis=1, keepdims=True, initial=0.0), self.vectors[self.null], 0.0
-        )
+        """Null directions (k, p) in sparse form, each with largest component 1."""
+        exact = self.singular_values <= NULL * self.singular_values[:1]
+        parts = ((self.null & exact, _SHARE), (self.null & ~exact, _TRACE))
+        return np.vstack([sparse_basis(self.vectors[rows], trace) for rows, trace in parts])
 
     def undetermined(self) -> NDArray[np.bool_]:
         """Parameters (p,) with a share in a null direction."""
@@ -132,7 +125,7 @@ def combinations(found: Directions) -> tuple[Combination, ...]:
     """Null directions in sparse form, grouped by the parameters they share; then the weak ones."""
     out = []
     if found.null.any():
-        basis = sparse_basis(found.null_vectors(), found.trace)
+        basis = found.null_vectors()
         for group in _connected(basis):
             out.append(_null_combination(found, basis[group]))
     for k in np.nonzero(found.weak)[0]:
@@ -144,18 +137,20 @@ def combinations(found: Directions) -> tuple[Combination, ...]:
     return tuple(out)
 
 
-def sparse_basis(basis: Array, trace: float = 0.0) -> Array:
+def sparse_basis(basis: Array, trace: float = _SHARE) -> Array:
     """A basis (k, p) of the same space in reduced echelon form with pivots, each row scaled to largest 1.
 
     Components up to `trace` are set to zero.
     """
+    if not len(basis):
+        return basis
     _, _, upper = lu(basis[:, _pivot_order(basis)])
     order = _pivot_order(basis)
     k = len(basis)
-    reduced = np.linalg.solve(upper[:, :k], upper) if k else upper
+    reduced = np.linalg.solve(upper[:, :k], upper)
     out = np.zeros_like(basis)
     out[:, order] = reduced
-    out[np.abs(out) < max(trace, 1e-7)] = 0.0
+    out[np.abs(out) < trace] = 0.0
     largest = np.take_along_axis(out, np.abs(out).argmax(axis=1)[:, None], axis=1)
     return np.asarray(out / largest)
 
