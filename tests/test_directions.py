@@ -1,0 +1,79 @@
+"""Directions of small Jacobians by hand: what is null, weak, shared, and what of it is determined."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.identifiability import Directions, combinations, directions, sparse_basis
+
+
+def found_in(rows: list[list[float]], ranges: list[float] | None = None) -> Directions:
+    jacobian = np.array(rows, dtype=float)
+    names = tuple("abcdefgh"[: jacobian.shape[1]])
+    return directions(jacobian, names, np.ones(len(names)) if ranges is None else np.array(ranges))
+
+
+def test_variances_by_hand() -> None:
+    """1/s^2, and the prior's 1/4 where that is less; independent parameters, s = 10, 1."""
+    found = found_in([[10, 0], [0, 1], [0, 0]])
+    assert found.weak.tolist() == [False, True]
+    assert found.covariance() == pytest.approx(np.diag([0.01, 0.25]))
+    assert found_in([[10, 0], [0, 2.001]]).weak.tolist() == [False, False]
+    assert found_in([[1, 0], [0, 0.1]], [10, 20]).covariance() == pytest.approx(np.diag([1, 100]))
+
+
+def test_null_by_ratio_or_by_reach() -> None:
+    assert found_in([[1e12, 0], [0, 10]]).null.tolist() == [False, True]
+    assert found_in([[10, 0], [0, 0.009]]).null.tolist() == [False, True]
+    assert found_in([[10, 0], [0, 0.011]]).null.tolist() == [False, False]
+    assert found_in([[0, 0]]).null.all()
+    assert found_in([[3, 4]]).null.tolist() == [False, True]
+
+
+def test_small_shares_of_a_dim_direction_keep_their_interval() -> None:
+    """A component of 5 % of a direction that is seen a little: its prior is in the uncertainty, 0.05 / 2 ranges."""
+    turn = np.array([[np.cos(0.05), np.sin(0.05)], [-np.sin(0.05), np.cos(0.05)]])
+    found = directions(np.diag([100.0, 0.005]) @ turn, ("a", "b"), np.ones(2))
+    assert found.undetermined().tolist() == [False, True]
+    assert np.sqrt(found.covariance()[0, 0]) == pytest.approx(np.hypot(0.01, 0.5 * np.sin(0.05)), rel=1e-2)
+    exact = directions(np.diag([100.0, 0.0]) @ turn, ("a", "b"), np.ones(2))
+    assert exact.undetermined().all()
+
+
+def test_groups_of_null_directions() -> None:
+    """a + b and c + 2 d are seen, e is not at all, f is."""
+    found = found_in([[9, 9, 0, 0, 0, 0], [0, 0, 8, 16, 0, 0], [0, 0, 0, 0, 0, 7]])
+    null = {c.names: c for c in combinations(found)}
+    assert null.keys() == {("a", "b"), ("c", "d"), ("e",)}
+    assert null["a", "b"].determined == pytest.approx(np.array([[1, 1]]))
+    assert null["c", "d"].determined == pytest.approx(np.array([[1, 2]]))
+    assert null["e",].text == "e has no influence"
+    assert np.isnan(found.covariance()[:5]).all()
+    assert found.covariance()[5, 5] == pytest.approx(1 / 49)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_determined_sums_do_not_feel_null_directions(seed: int) -> None:
+    """Random null spaces: what is determined is at right angles to what is not, and spans the rest."""
+    rng = np.random.default_rng(seed)
+    ranges = 10.0 ** rng.uniform(-5, 1, 6)
+    jacobian = (100 * rng.normal(size=(9, 4)) @ rng.normal(size=(4, 6))) / ranges
+    found = directions(jacobian, tuple("abcdef"), ranges)
+    (combination,) = combinations(found)
+    index = ["abcdef".index(n) for n in combination.names]
+    unseen = found.vectors[found.null][:, index] * ranges[index]
+    scaled = combination.determined * ranges[index]
+    assert np.linalg.matrix_rank(scaled / np.abs(scaled).max(axis=1, keepdims=True)) == len(index) - 2
+    shares = (combination.determined @ unseen.T) / np.linalg.norm(scaled, axis=1)[:, None]
+    assert np.abs(shares).max() < 1e-9
+
+
+def test_sparse_basis_spans_the_same() -> None:
+    rng = np.random.default_rng(0)
+    basis = rng.normal(size=(2, 5))
+    sparse = sparse_basis(basis)
+    assert np.linalg.matrix_rank(np.vstack([basis, sparse]), tol=1e-9) == 2
+    assert (sparse == 0).sum() >= 2
+    assert np.abs(sparse).max(axis=1) == pytest.approx([1, 1])
+    assert sparse_basis(np.zeros((0, 3))).shape == (0, 3)
