@@ -99,7 +99,9 @@ def _immobile(found: Mobility) -> bool:
 def _mobility_text(machine: Machine, found: Mobility) -> str:
     """What the drives do not hold, or hold twice."""
     if found.uncontrolled:
-        return f"nothing holds the {', '.join(found.uncontrolled)}"
+        times = {name: found.uncontrolled.count(name) for name in found.uncontrolled}
+        moved = (name if n == 1 else f"{name} ({count(n, 'motion')})" for name, n in times.items())
+        return f"nothing holds the {', '.join(moved)}"
     unmarked = [n for n, a in machine.actuators.items() if not a.redundant and a.control == "position"]
     named = (
         f"not marked redundant ({', '.join(unmarked)})" if unmarked else "(all redundant or force-controlled)"

@@ -1,0 +1,155 @@
+"""`pkmcal check`: what the machine is, every fault in machine and data, exit codes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pkmcal_cli.loading import load_machine
+from pkmcal_cli.sense import RESERVED
+from tests.command import HANGPRINTER, MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, run
+
+HERE = Path(__file__).parent
+MECHANISM = sorted(path.stem for path in (HERE / "bad" / "mechanism").glob("*.expected"))
+SHIPPED = sorted(p.stem for p in MACHINES.glob("*.yaml") if "." not in p.stem)
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", MECHANISM)
+def test_faulty_mechanisms_say_exactly_what_is_wrong(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Machine files in tests/bad/mechanism with the message beside each; a first line `exit N` is the exit code."""
+    monkeypatch.chdir(HERE / "bad" / "mechanism")
+    code, _, expected = Path(f"{name}.expected").read_text().partition("\n")
+    done = run("check", f"{name}.yaml", "-q")
+    assert done.err == expected
+    assert code == f"exit {done.code}"
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_machines_have_no_faults(name: str) -> None:
+    done = run("check", MACHINES / f"{name}.yaml", "--json")
+    assert done.code == 0 and done.json["ok"] and done.json["faults"] == [] == done.json["warnings"], done.err
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_data_have_no_faults(name: str) -> None:
+    tables = sorted(MACHINES.glob(f"{name}_*.csv")) or [MACHINES / f"{name}.csv"]
+    done = run("check", MACHINES / f"{name}.yaml", *tables, "--json")
+    assert done.code == 0 and done.json["measurements"]["n_values"] > 100, done.err
+    assert len(done.json["measurements"]["sessions"]) == len(tables)
+
+
+def test_what_a_machine_is_is_told() -> None:
+    done = run("check", SCISSORS, "--json")
+    result = done.json
+    assert (result["degrees_of_freedom"], result["actuators"], result["degree_of_redundancy"]) == (2, 4, 2)
+    assert result["bodies"] == 5 and result["elements"] == {"beams": 0, "bars": 5, "ropes": 0, "joints": 0}
+    assert result["channels"] == ["x", "y"] and result["self_stress"] == 0
+    l1 = next(p for p in result["parameters"] if p["name"] == "l1")
+    assert l1 == {"name": "l1", "nominal": 950.0, "range": 0.1, "unit": "mm", "identify": False}
+    for text in ("planar, 5 bodies, 5 bars", "2 degrees of freedom, 4 actuators: 2 times redundant", "not identified"):
+        assert text in done.err
+
+
+def test_free_motions_and_self_stress_are_told() -> None:
+    done = run("check", MACHINES / "delta4.yaml", "--json")
+    assert done.json["self_stress"] > 0 and "that no drive causes" in done.err
+    Path("m.yaml").write_text(
+        "units: {length: mm}\nspace: spatial\nground: {o: [0, 0, 0]}\n"
+        "nodes: {n: [0, 0, 100]}\nbodies: {p: {at: [0, 0, 100], points: {c: [0, 0, 50]}}}\n"
+        "bars: {b: {between: [o, n], length: {drive: q, offset: 100}}}\n"
+        "joints: {s: {between: [n, p], type: spherical}}\nactuators: {q: {extends: b}}\n"
+    )
+    found = run("check", "m.yaml")
+    assert found.code == 1, "named, not silently held"
+
+
+def test_drives_are_told_with_their_role() -> None:
+    done = run("check", HANGPRINTER)
+    assert "redundant, force-controlled" in done.err and "Actuators at the drawing" in done.err
+
+
+def test_every_fault_in_a_table_is_one_of_check() -> None:
+    Path("m.csv").write_text("q1,q2,q3,x,y\n1,2,abc,4,5\n1,2,3,4\n")
+    done = run("check", TRIGLIDE, "m.csv", "--json")
+    assert done.code == 1 and not done.json["ok"]
+    assert [(f["file"], f["line"]) for f in done.json["faults"]] == [("m.csv", 2), ("m.csv", 3)]
+    assert done.json["measurements"]["n_rows"] is None
+    assert "degrees of freedom" in done.err, "the machine is told all the same"
+
+
+def test_rows_out_of_reach_and_gross_mistakes_are_faults() -> None:
+    lines = Path(TRIGLIDE_DATA).read_text().splitlines()
+    Path("m.csv").write_text("\n".join([lines[0].replace("x [mm],y [mm]", "y [mm],x [mm]"), *lines[1:50]]) + "\n")
+    done = run("check", TRIGLIDE, "m.csv", "--json")
+    assert done.code == 1 and "`x` looks like `y`" in done.json["faults"][0]["message"]
+    Path("far.csv").write_text("id,q1,q2,q3,x,y\nk1,117,9603,947,360,275\nk2,117,603,947,360,275\n")
+    far = run("check", TRIGLIDE, "far.csv", "--json")
+    assert far.code == 1
+    assert "far.csv:2: error[row]: row `k1`: out of reach: the mechanism does not close" in far.err
+    assert [(f["line"], f["code"]) for f in far.json["faults"]] == [(2, "row")]
+
+
+def test_at_most_fifty_faults_are_told_and_all_counted() -> None:
+    Path("far.csv").write_text("q1,q2,q3,x,y\n" + "117,9603,947,360,275\n" * 80)
+    done = run("check", TRIGLIDE, "far.csv", "--json")
+    assert done.json["n_faults"] >= 80 and len(done.json["faults"]) == 50
+    assert "more faults" in done.err
+
+
+def test_readings_beyond_all_measure_and_none_at_all() -> None:
+    Path("huge.csv").write_text("q1,q2,q3,x,y\n116.33,603.67,946.83,1e300,275\n")
+    done = run("check", TRIGLIDE, "huge.csv")
+    assert done.code == 1 and "huge.csv:2: error[row]: the reading of `x` is beyond all measure" in done.err
+    assert run("calibrate", TRIGLIDE, "huge.csv").code == 3
+    Path("empty.csv").write_text("q1,q2,q3,x,y\n116.33,603.67,946.83,,\n")
+    for command, code in (("check", 1), ("calibrate", 3)):
+        none = run(command, TRIGLIDE, "empty.csv")
+        assert none.code == code and "nothing was measured: the cells of all channels are empty" in none.err
+
+
+def test_faults_in_the_machine_come_as_json_too() -> None:
+    Path("m.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\nbars: {}\nbarss: 3\n")
+    done = run("check", "m.yaml", "--json")
+    assert done.code == 1 and done.json["n_faults"] == len(done.json["faults"]) >= 2
+    fault = next(f for f in done.json["faults"] if f["code"] == "unknown-key")
+    assert (fault["file"], fault["line"], fault["column"]) == ("m.yaml", 4, 1)
+    assert fault["help"] == "did you mean `bars`?"
+
+
+def test_what_cannot_be_read_has_not_been_checked() -> None:
+    Path("folder").mkdir()
+    for name in ("nope.yaml", "folder"):
+        assert run("check", name).code == 3
+        assert run("check", TRIGLIDE, name).code == 3
+    near = run("check", TRIGLIDE, "none.csv")
+    assert near.out == "" and "none.csv:1: error[file]: the file does not exist" in near.err
+
+
+def test_quiet_shows_faults_only() -> None:
+    assert run("check", TRIGLIDE, "-q").err == ""
+    Path("m.yaml").write_text(Path(TRIGLIDE).read_text().replace(", redundant: true", ""))
+    assert run("check", "m.yaml", "-q").err.startswith("m.yaml:")
+
+
+def test_warnings_do_not_count() -> None:
+    Path("m.yaml").write_text(Path(TRIGLIDE).read_text().replace("nominal: 50000, range", "nominal: 5e9, range", 1))
+    done = run("check", "m.yaml", "--json")
+    assert done.code == 0 and done.json["warnings"] and "warning[magnitude]" in done.err
+
+
+def test_names_of_columns_that_every_table_may_have_are_reserved() -> None:
+    from pkmcal_cli.columns import columns_of
+
+    plain = {c.name for c in columns_of(load_machine(TRIGLIDE).machine) if c.role in ("label", "covariate")}
+    assert {name for name in plain if "." not in name} == RESERVED
+    text = Path(TRIGLIDE).read_text()
+    for name in sorted(RESERVED):
+        Path("m.yaml").write_text(text.replace("  q1: {moves", f"  {name}: {{moves"))
+        done = run("check", "m.yaml")
+        assert done.code == 1 and f"column `{name}` has a meaning of its own in every table" in done.err
