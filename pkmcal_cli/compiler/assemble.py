@@ -8,7 +8,7 @@ import numpy as np
 
 from ..elements import Load
 from ..equilibrium.kinematics import State, advance, arm_vectors, drawn_state, input_jacobian
-from ..equilibrium.mobility import null_space, pivots, rank, strain_rows
+from ..equilibrium.mobility import StrainRows, null_space, pivots, rank, strain_rows
 from ..equilibrium.system import DriveState, LinkMap, System, build_system
 from ..layout import DriveKind, Layout
 from ..rotation import Array
@@ -53,16 +53,6 @@ class Mobility:
     nearby: int  # degrees of freedom near the drawing; another number means a special position
 
 
-def machine_length(layout: Layout) -> float:
-    """Size of the machine: the largest distance between points of the drawing, m."""
-    from ..equilibrium.kinematics import arm_vectors, link_vectors
-
-    slots = layout.slots.constants[None]
-    state = drawn_state(layout, slots, 1, 0)
-    links = link_vectors(layout, arm_vectors(layout, slots, state))[0]
-    return float(np.sqrt((links**2).sum(-1)).max(initial=1e-3))
-
-
 def all_drives(layout: Layout, state: DriveState, loaded: bool = False) -> System:
     """The system with every drive in one state."""
     return build_system(layout, (state,) * len(layout.drives), loaded)
@@ -79,26 +69,38 @@ def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
     driven = {d.target[0] for d in layout.drives if d.kind is DriveKind.TRAVEL}
     ease = np.array([_CHEAP if int(k) in driven else 1.0 for k in system.free])
     unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
+    rows = strain_rows(system, slots, state, length)
     for _ in range(50):
-        rows = strain_rows(system, slots, state, length)
-        if not len(rows.values):
-            break
         lost = np.nonzero(~np.isfinite(rows.jacobian).all(axis=1))[0]
         if len(lost):
             raise BadDrawing(rows.names[lost[0]][0])
+        if not len(rows.values):
+            break
         step = -np.linalg.lstsq(rows.jacobian * ease, rows.values, rcond=1e-13)[0] * ease
         step *= min(1.0, 0.3 / max(float(np.abs(step).max(initial=0.0)), 1e-300))
-        full = np.concatenate([step * unit, np.zeros(system.constraints)])
-        state = advance(system, state, full[None], 1.0)
-        if np.abs(step).max(initial=0.0) < 1e-14:
+        moved = _closer(system, slots, state, rows, step * unit, length)
+        if moved is None:
             break
-    rows = strain_rows(system, slots, state, length)
+        state, rows = moved
     gaps = [
         Gap(element, strain, float(v) * (length if strain in ("elongation", "x", "y", "z") else 1.0))
         for (element, strain), v in zip(rows.names, rows.values, strict=True)
         if abs(v) > 1e-9
     ]
     return state, sorted(gaps, key=lambda g: -abs(g.value))
+
+
+def _closer(
+    system: System, slots: Array, state: State, rows: StrainRows, step: Array, length: float
+) -> tuple[State, StrainRows] | None:
+    """The state after the step (n,), halved until the strains shrink; None when they do not any more."""
+    full = np.concatenate([step, np.zeros(system.constraints)])[None]
+    for halvings in range(12):
+        trial = advance(system, state, full * 0.5**halvings, 1.0)
+        now = strain_rows(system, slots, trial, length)
+        if now.values @ now.values < rows.values @ rows.values:
+            return trial, now
+    return None
 
 
 def drawing_of(layout: Layout, state: State) -> Drawing:
@@ -232,7 +234,6 @@ __all__ = [
     "coordinate_name",
     "drawing_of",
     "free_motions",
-    "machine_length",
     "mobility",
     "pivots",
     "split_motions",

@@ -25,6 +25,7 @@ from .numbers import is_zero, vector
 from .structure import Drawing, Structure
 from .weights import add_loads
 
+_SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -39,11 +40,11 @@ class Compiled:
 
 def compile_machine(machine: Machine) -> Compiled:
     """The model of a machine. Faults of the mechanism are in `mobility` and `gaps`; `check` reports them."""
-    layout, _, _ = _draft(machine, Drawing())
-    length = asm.machine_length(layout)
-    state, gaps = asm.assemble(layout, length)
-    drawing = asm.drawing_of(layout, state)
-    layout, drives, sensors = _draft(machine, drawing)
+    first = _draft(machine, Drawing())
+    length = first.length
+    state, gaps = asm.assemble(first.layout, length)
+    made = _draft(machine, asm.drawing_of(first.layout, state))
+    layout, drives, sensors = made.layout, made.drives, made.sensors
     held_names: tuple[str, ...] = ()
     basis, system = asm.free_motions(layout, length)
     read = tuple(s.rotation for s in sensors if any(c.startswith("r") for c in s.sensor.reads))
@@ -64,7 +65,17 @@ class _PlacedSensor:
     rotation: int
 
 
-def _draft(machine: Machine, drawing: Drawing) -> tuple[Layout, list[PlacedDrive], list[_PlacedSensor]]:
+@dataclass(frozen=True)
+class _Draft:
+    """One pass over a machine; `length`: its size, m."""
+
+    layout: Layout
+    drives: list[PlacedDrive]
+    sensors: list[_PlacedSensor]
+    length: float
+
+
+def _draft(machine: Machine, drawing: Drawing) -> _Draft:
     """One pass over the machine."""
     builder = LayoutBuilder(machine.space == "planar", nominal=machine.nominal_values())
     structure = Structure(machine, drawing, builder)
@@ -82,7 +93,15 @@ def _draft(machine: Machine, drawing: Drawing) -> tuple[Layout, list[PlacedDrive
         last = next(reversed([*machine.bodies, *machine.nodes]))
         builder.reading_point("tcp", structure.port(last))
     _aim_at_tcp(structure, sensors)
-    return builder.build([(d.drive, d.element, d.strain) for d in drives]), drives, sensors
+    layout = builder.build([(d.drive, d.element, d.strain) for d in drives])
+    return _Draft(layout, drives, sensors, _size(structure))
+
+
+def _size(structure: Structure) -> float:
+    """Size of the machine, wherever it stands: diagonal of the box around its points in the drawing, m."""
+    places = np.array([structure.position(point) for point in structure.points.values()])
+    diagonal = np.ptp(places, axis=0)
+    return max(float(np.sqrt(diagonal @ diagonal)), _SMALLEST)
 
 
 def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:

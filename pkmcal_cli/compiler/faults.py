@@ -103,9 +103,7 @@ def _mobility_text(machine: Machine, found: Mobility) -> str:
         moved = (name if n == 1 else f"{name} ({count(n, 'motion')})" for name, n in times.items())
         return f"nothing holds the {', '.join(moved)}"
     unmarked = [n for n, a in machine.actuators.items() if not a.redundant and a.control == "position"]
-    named = (
-        f"not marked redundant ({', '.join(unmarked)})" if unmarked else "(all redundant or force-controlled)"
-    )
+    named = f"not marked redundant ({', '.join(unmarked)})" if unmarked else "(all redundant or force-controlled)"
     drives = f"the drives {named}"
     open_, twice = found.undetermined, found.overdetermined
     if open_ and twice > 0:

@@ -30,8 +30,11 @@ def predict(
     """Predicted readings of all rows at parameter values (P,), SI; `start`: states of an earlier prediction.
 
     Works in chunks, so memory is bounded but for the results. Rows that cannot be solved get a status, never numbers.
+    Raises ValueError for derivatives of any method but `exact`: they hold at equilibrium only.
     """
     request = request or Request()
+    if request.method != "exact" and (request.parameters is not None or request.by_drive):
+        raise ValueError(f"derivatives are those of the equilibrium: no derivatives with method {request.method}")
     base = model.layout.slots.values(model.by_name(values))
     chain = Chain.of(model, values, request)
     parts = []
