@@ -108,7 +108,7 @@ def shipped(name: str) -> Plan:
     """The plan of a shipped measurement file; the hangprinter's: 30 poses that every machine of its prior reaches."""
     machine = model(name)
     if name == "hangprinter":
-        place = generate.spread(30, [-0.25, -0.25, 0.05], [0.25, 0.25, 1.0])
+        place = generate.spread(30, [-0.25, -0.25, 0.3], [0.25, 0.25, 1.1])
         positions = drive_positions(machine, np.pad(place, ((0, 0), (0, 3)))).readings
     else:
         positions = generate.campaigns()[name].set_values()

@@ -53,7 +53,7 @@ def replicate_groups(problem: Problem) -> NDArray[np.intp]:
     Readings within one thousandth of their spread are the same pose.
     """
     readings = problem.rows.readings
-    used = ~np.isnan(readings).all(axis=0)
+    used = ~np.isnan(readings).any(axis=0)
     table = readings[:, used]
     spread = np.ptp(table, axis=0) if len(table) else np.ones(table.shape[1])
     keys = np.round(table / np.where(spread > 0, spread * 1e-3, 1.0)).astype(np.int64)

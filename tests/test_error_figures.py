@@ -1,0 +1,93 @@
+"""Error figures against sums by hand: points, turns, readings of drives, line and leg lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.errors_before_after import error_figures, length_residuals
+from pkmcal_cli.calibration.residual import Problem, evaluate
+from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.rotation import Array
+from tests.campaigns import shipped
+from tests.hangprinter_cases import measured
+from tests.support import model, poses_of, truth
+
+UM = 1e-6
+
+
+def off_by(name: str, positions: Array, errors: Array) -> Problem:
+    """A nominal machine that reads its predictions plus errors (N, C); nan: not measured."""
+    machine = model(name)
+    readings = predict(machine, machine.nominal, Rows.at(positions)).values + errors
+    return Problem(machine, Rows.at(positions), readings, np.full(errors.shape, 1.0), 0 * positions, ~np.isnan(errors))
+
+
+def test_points() -> None:
+    """Errors (3, 4), (0, -2), (6, 8) um: 5, 2 and 10 um of a point."""
+    problem = off_by("triglide", shipped("triglide").positions[:3], np.array([[3, 4], [0, -2], [6, 8]]) * UM)
+    found = error_figures(problem, evaluate(problem, problem.model.nominal))
+    assert found.keys() == {"position"}
+    position = found["position"]
+    assert position.criterion == pytest.approx((25 + 4 + 100) * UM**2, rel=1e-9)
+    assert position.rms == pytest.approx(np.sqrt(129 / 3) * UM, rel=1e-9)
+    assert position.largest == pytest.approx(10 * UM, rel=1e-9)
+    assert position.count == 3
+    assert position.dimension == "length"
+
+
+def test_a_point_half_measured_counts_with_what_was_measured() -> None:
+    errors = np.array([[3, np.nan], [0, -2], [np.nan, np.nan]]) * UM
+    problem = off_by("triglide", shipped("triglide").positions[:3], errors)
+    position = error_figures(problem, evaluate(problem, problem.model.nominal))["position"]
+    assert position.count == 2
+    assert position.criterion == pytest.approx(13 * UM**2, rel=1e-9)
+    assert position.rms == pytest.approx(np.sqrt(13 / 2) * UM, rel=1e-9)
+    assert position.largest == pytest.approx(3 * UM, rel=1e-9)
+
+
+def test_turns_have_figures_of_their_own() -> None:
+    errors = np.zeros((2, 6))
+    errors[0] = [1 * UM, 2 * UM, 2 * UM, 2e-6, 3e-6, 6e-6]
+    positions = truth("hexapod7").inverse(poses_of("hexapod7", 2))  # type: ignore[attr-defined]
+    problem = off_by("hexapod7", positions, errors)
+    found = error_figures(problem, evaluate(problem, problem.model.nominal))
+    assert found.keys() == {"position", "orientation"}
+    assert found["position"].rms == pytest.approx(np.sqrt(9 / 2) * UM, rel=1e-6)
+    assert found["orientation"].largest == pytest.approx(7e-6, rel=1e-6)
+    assert found["orientation"].criterion == pytest.approx(49e-12, rel=1e-6)
+    assert found["orientation"].dimension == "angle"
+
+
+def test_drives_and_lines_of_the_hangprinter() -> None:
+    """A line asks for |anchor - point| - |anchor|, its spool has wound radius x ratio x angle; in rows with a pose."""
+    problem, table = measured("2021-12-16")
+    nominal = evaluate(problem, problem.model.nominal)
+    found = error_figures(problem, nominal)
+    assert found.keys() == {"position", "drive", "length"}
+    anchors = problem.model.nominal[:12].reshape(4, 3)
+    place = problem.readings[:, :3]
+    seen = ~np.isnan(place).any(axis=1)
+    asked = np.linalg.norm(anchors - place[:, None], axis=2) - np.linalg.norm(anchors, axis=1)
+    turned = np.column_stack([np.asarray(table.actuators)[:, :3], problem.readings[:, 3]])
+    wound = 0.075 * turned * np.array([20 / 255 / 2] * 3 + [20 / 255 / 4])
+    by_hand = (wound - asked)[seen]
+    assert length_residuals(problem, problem.model.nominal)[seen] == pytest.approx(by_hand, abs=1e-9)
+    assert found["length"].count == by_hand.size
+    assert found["length"].rms == pytest.approx(np.sqrt((by_hand**2).mean()), rel=1e-6)
+    assert found["length"].largest == pytest.approx(np.abs(by_hand).max(), rel=1e-6)
+    residual = nominal.residual[:, 3]
+    assert found["drive"].rms == pytest.approx(np.sqrt((residual**2).mean()), rel=1e-9)
+    assert found["drive"].dimension == "angle"
+
+
+def test_lengths_of_a_telescopic_leg() -> None:
+    """The Biglide's leg from (360, 650) to the TCP: l3 + q3 against the distance to the measured point."""
+    positions = shipped("biglide").positions[::9]
+    errors = np.random.default_rng(0).normal(size=(len(positions), 2)) * 1e-4
+    problem = off_by("biglide", positions, errors)
+    asked = np.linalg.norm(problem.readings - [0.36, 0.65], axis=1)
+    by_hand = 0.3 + positions[:, 2] - asked
+    found = error_figures(problem, evaluate(problem, problem.model.nominal))["length"]
+    assert length_residuals(problem, problem.model.nominal)[:, 0] == pytest.approx(by_hand, abs=1e-12)
+    assert found.criterion == pytest.approx((by_hand**2).sum(), rel=1e-9)

@@ -1,0 +1,214 @@
+"""Held-out error: who is held out with whom, that nothing leaks, and that noise gives what theory says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.errors_before_after import error_figures
+from pkmcal_cli.calibration.holdout import (
+    cross_validate,
+    enough_rows,
+    fold_labels,
+    replicate_groups,
+    validate,
+)
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.residual import Problem, evaluate, linearise, problem_of
+from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.machine_yaml import read_machine
+from pkmcal_cli.measurement_set import Measurements
+from pkmcal_cli.measurements import read_measurements
+from pkmcal_cli.rotation import Array
+from tests.campaigns import by_engine, shipped
+from tests.command import run
+from tests.hangprinter_cases import SESSIONS
+from tests.support import MACHINES, model
+
+NAME = "triglide-nonredundant"
+
+
+def table(*files: str, machine: str = NAME) -> tuple[Problem, Measurements]:
+    """Shipped files as a problem."""
+    found = read_measurements([MACHINES / f for f in files], read_machine(MACHINES / f"{machine}.yaml"))
+    return problem_of(model(machine), found), found
+
+
+def campaign(rows: Array, seed: int = 0) -> Problem:
+    """Rows of the two-legged Triglide, measured with noise."""
+    plan, rng = shipped(NAME).take(rows), np.random.default_rng(seed)
+    return plan.measured(plan.drawn(rng), rng)
+
+
+# who is held out with whom --------------------------------------------------------------------------------------------
+
+
+def test_repeated_poses_stay_together() -> None:
+    """Twelve poses, each measured four times in another order every time, set values alike to 1 um."""
+    rng = np.random.default_rng(0)
+    rows = np.concatenate([rng.permutation(12) for _ in range(4)])
+    problem = campaign(np.arange(0, 228, 19))
+    positions = problem.rows.readings[rows] + rng.uniform(-5e-7, 5e-7, (48, 2))
+    problem = replace(problem.take(rows), rows=replace(problem.rows.take(rows), readings=positions))
+    groups = replicate_groups(problem)
+    assert len(np.unique(groups)) == 12
+    for pose in range(12):
+        assert len(np.unique(groups[rows == pose])) == 1
+    _, measured = table(f"{NAME}.csv")
+    for folds in (2, 5, 12):
+        labels, words = fold_labels(str(folds), problem, measured)
+        assert len(np.unique(labels)) == folds
+        assert "repeated poses kept together" in words
+        for pose in range(12):
+            assert len(np.unique(labels[rows == pose])) == 1
+    with pytest.raises(ValueError, match="13 folds"):
+        fold_labels("13", problem, measured)
+    with pytest.raises(ValueError, match="1 folds"):
+        fold_labels("1", problem, measured)
+
+
+def test_folds_are_of_like_size() -> None:
+    """A few neighbours on the fine grid of 231 are as near as repeated poses, and go together."""
+    problem, measured = table(f"{NAME}.csv")
+    labels, _ = fold_labels("5", problem, measured)
+    counts = np.bincount(labels)
+    assert counts.sum() == 231
+    assert counts.max() - counts.min() <= 4
+
+
+def test_by_session() -> None:
+    files = [f"hangprinter_{s}.csv" for s in SESSIONS]
+    problem, measured = table(*files, machine="hangprinter")
+    labels, words = fold_labels("session", problem, measured)
+    assert labels.tolist() == [0] * 25 + [1] * 44
+    assert words == "by session, 2 sessions"
+    one = table(files[0], machine="hangprinter")
+    with pytest.raises(ValueError, match="only one session"):
+        fold_labels("session", *one)
+
+
+def test_by_cells() -> None:
+    """The grid of 6 by 10 positions falls in 4 by 4 cells, which do not overlap."""
+    problem, measured = table("biglide.csv", machine="biglide")
+    labels, words = fold_labels("cells", problem, measured)
+    assert words == "by workspace cell, 16 cells"
+    places = [problem.readings[labels == k] for k in range(16)]
+    boxes = [(p.min(axis=0), p.max(axis=0)) for p in places]
+    for k, (low, high) in enumerate(boxes):
+        for other_low, other_high in boxes[:k]:
+            assert (high < other_low).any() or (other_high < low).any()
+
+
+def test_rows_for_a_held_out_error_by_default() -> None:
+    problem = campaign(np.arange(18))
+    assert enough_rows(problem, shipped(NAME).selected)
+    assert not enough_rows(problem.take(np.arange(17)), shipped(NAME).selected)
+
+
+# nothing leaks --------------------------------------------------------------------------------------------------------
+
+
+def test_figures_are_those_of_fits_without_the_fold() -> None:
+    """Each fold predicted by a fit from nominal of the other rows only; gross errors in it change no parameter."""
+    problem = campaign(np.arange(0, 230, 10))
+    spoilt = problem.readings.copy()
+    spoilt[::5] += 1e-3
+    problem = replace(problem, readings=spoilt)
+    names = shipped(NAME).selected
+    labels = np.arange(len(problem)) % 5
+    held = cross_validate(problem, identify(problem, names), labels, "by hand")
+    squares = []
+    for k in range(5):
+        fit = identify(problem.take(np.nonzero(labels != k)[0]), names)
+        part = problem.take(np.nonzero(labels == k)[0])
+        squares.append((evaluate(part, fit.values).residual ** 2).sum(axis=1))
+    by_hand = np.concatenate(squares)
+    after = held.after["position"]
+    assert held.folds == 5
+    assert held.failed == 0
+    assert after.criterion == pytest.approx(by_hand.sum(), rel=1e-9)
+    assert after.rms == pytest.approx(np.sqrt(by_hand.mean()), rel=1e-9)
+    assert after.largest == pytest.approx(np.sqrt(by_hand.max()), rel=1e-9)
+    assert after.count == len(problem)
+
+
+def test_what_a_fold_does_not_determine_stays_nominal() -> None:
+    """Only the held-out rows see k1 (the others have no weight): what is predicted for them is the nominal machine."""
+    plan = shipped("triglide")
+    plan = by_engine(replace(plan, positions=plan.positions[::10] + np.array([0, 0, 3e-4])))  # the third drive pulls
+    machine, count = plan.model, len(plan.positions)
+    k1 = machine.names.index("k1")
+    values = machine.nominal
+    values[k1] *= 1.1
+    late = np.arange(count) >= 16
+    sigma = np.where(late, 1e-7, 1.0)[:, None] * np.ones(2)
+    problem = plan.problem(plan.simulate(values), sigma=sigma)
+    fit = identify(problem, ("k1",))
+    assert fit.values[k1] == pytest.approx(values[k1], rel=1e-6)
+    held = cross_validate(problem, fit, late.astype(np.intp), "by hand")
+    nominal = (evaluate(problem, machine.nominal).residual[late] ** 2).sum()
+    assert held.after["position"].criterion == pytest.approx(nominal, rel=1e-6)
+
+
+def test_another_file() -> None:
+    problem, _ = table("hangprinter_2021-12-16.csv", machine="hangprinter")
+    other, _ = table("hangprinter_2022-04-12.csv", machine="hangprinter")
+    fit = identify(problem, select(problem.model, "auto,R_low,R_high"))
+    held = validate(other, fit, "rows of another file")
+    assert held.folds == 1
+    assert held.before["length"].rms == pytest.approx(7.81e-3, rel=1e-3)
+    assert held.after["length"].rms == error_figures(other, evaluate(other, fit.values))["length"].rms
+    assert held.after["length"].rms > error_figures(problem, fit.after)["length"].rms
+
+
+def test_the_command_holds_out(tmp_path: Path) -> None:
+    """Folds by default, none with fewer than three rows a parameter, and the reason for it."""
+    machine, data = MACHINES / f"{NAME}.yaml", MACHINES / f"{NAME}.csv"
+    heldout = run("calibrate", machine, data, "--json").json["heldout"]
+    assert heldout["rms_before"] > heldout["rms_after"] > 0
+    assert heldout["scheme"].startswith("5 folds")
+    few = tmp_path / "few.csv"
+    few.write_text("\n".join(data.read_text().splitlines()[:18]) + "\n")
+    heldout = run("calibrate", machine, few, "--json").json["heldout"]
+    assert heldout["rms_after"] is None
+    assert "17 rows for 6 parameters" in heldout["reason"]
+    heldout = run("calibrate", machine, few, "--holdout", str(data), "--json").json["heldout"]
+    assert heldout["rms_after"] > 0
+    assert run("calibrate", machine, few, "--holdout", "session").code == 2
+
+
+# what theory says -----------------------------------------------------------------------------------------------------
+
+
+def test_held_out_error_of_noise() -> None:
+    """24 points, six parameters, all seen: the linear model gives the expected square exactly.
+
+    30 campaigns of 48 values scatter by sqrt(2/1440) = 4 % in the square, 2 % in the rms. The rule of thumb
+    sigma sqrt(1 + p/n), n values in a fold's fit, leaves out that held-out points may lie outside the others.
+    """
+    rows, folds, count = np.arange(4, 231, 10)[:24], 4, 30
+    plan = shipped(NAME).take(rows)
+    plan = replace(plan, sigma=np.full(2, 1e-7))
+    labels = np.arange(len(rows)) % folds
+    held, fitted = [], []
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        problem = plan.measured(plan.drawn(rng), rng)
+        fit = identify(problem, plan.selected)
+        assert not fit.found.held.any()
+        held.append(cross_validate(problem, fit, labels, "").after["position"].criterion)
+        fitted.append(error_figures(problem, fit.after)["position"].criterion)
+    near = linearise(problem, evaluate(problem, plan.model.nominal, plan.selected)).jacobian.reshape(len(rows), 2, -1)
+    expected = 0.0
+    for k in range(folds):
+        out = near[labels == k].reshape(-1, 6)
+        used = near[labels != k].reshape(-1, 6)
+        expected += len(out) + np.trace(out @ np.linalg.solve(used.T @ used, out.T))
+    n = 2 * len(rows)
+    assert np.mean(held) / plan.sigma[0] ** 2 == pytest.approx(expected, rel=4 * np.sqrt(2 / (count * n)))
+    assert np.mean(fitted) / plan.sigma[0] ** 2 == pytest.approx(n - 6, rel=4 * np.sqrt(2 / (count * n)))
+    thumb = plan.sigma[0] * np.sqrt(2 * (1 + 6 / (n * (1 - 1 / folds))))
+    assert np.sqrt(np.mean(held) / len(rows)) == pytest.approx(thumb, rel=0.1)
