@@ -13,6 +13,8 @@ import typer
 
 from . import __version__, commands
 
+_STOPPED = 130
+
 app = typer.Typer(
     name="pkmcal",
     help="Calibrate parallel kinematic machines: geometry and elasticity from measurements.",
@@ -60,13 +62,15 @@ def run(arguments: list[str]) -> int:
     if not os.environ.get("PKMCAL_DEBUG"):
         warnings.simplefilter("ignore")  # a row without a solution is told in our own words
     try:
-        code = app(arguments, prog_name="pkmcal", standalone_mode=False) or 0
+        code = int(app(arguments, prog_name="pkmcal", standalone_mode=False) or 0)
         _flush()
-        return int(code)
+        if code == _STOPPED:
+            _tell("stopped")
+        return code
     except (KeyboardInterrupt, typer.Abort):
         _leave_stdout()
         _tell("stopped")
-        return 130
+        return _STOPPED
     except SystemExit:  # typer's answer to a reader that has gone
         _leave_stdout()
         return 4
@@ -79,6 +83,8 @@ def _failed(error: Exception) -> int:
     """Tell an error; its exit code."""
     from .errors import OutputError, PkmcalError
 
+    if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
+        error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
     if isinstance(error.__cause__, BrokenPipeError):
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if isinstance(error, PkmcalError):

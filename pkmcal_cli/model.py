@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 from .equilibrium.branch import Mode, drawn_mode
 from .equilibrium.kinematics import drawn_state
 from .equilibrium.system import DriveState, System, build_system
-from .layout import Layout
+from .layout import GROUND, Layout
 from .rotation import Array
 
 
@@ -121,3 +121,14 @@ class Model:
         """Assembly mode of the substructure at the drawing."""
         state = drawn_state(self.layout, self.drawn_slots, 1, self.rigid.constraints)
         return drawn_mode(self.rigid, self.drawn_slots, state, self.length)
+
+
+def tcp_model(model: Model) -> Model:
+    """The model with all coordinates of the TCP as channels, whatever its sensors read."""
+    point, rotation = model.tcp
+    axes = 2 if model.layout.planar else 3
+    channels = [Channel(c, "position", point, k, np.nan, "m", "length") for k, c in enumerate("xyz"[:axes])]
+    if rotation != GROUND:
+        turns = [2] if model.layout.planar else [0, 1, 2]
+        channels += [Channel(f"r{'xyz'[k]}", "orientation", rotation, k, np.nan, "rad", "angle") for k in turns]
+    return replace(model, channels=tuple(channels))

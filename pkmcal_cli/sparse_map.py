@@ -42,10 +42,13 @@ class SparseMap:
 
     def __call__(self, x: Array) -> Array:
         """The image (height, N) of x (columns, N), real or complex."""
-        if x.shape[1] == 1 and not np.iscomplexobj(x):
-            weights = self.coefficient * x[self.source, 0]
-            return np.bincount(self.target, weights, self.height).astype(float)[:, None]
-        return np.asarray(self._matrix @ x)
+        if x.shape[1] > 1:
+            return np.asarray(self._matrix @ x)
+        weights = self.coefficient * x[self.source, 0]
+        out = np.bincount(self.target, weights.real, self.height).astype(float)
+        if np.iscomplexobj(weights):
+            out = out + 1j * np.bincount(self.target, weights.imag, self.height)
+        return np.asarray(out[:, None])
 
 
 @dataclass(frozen=True)

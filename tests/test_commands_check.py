@@ -153,3 +153,18 @@ def test_names_of_columns_that_every_table_may_have_are_reserved() -> None:
         Path("m.yaml").write_text(text.replace("  q1: {moves", f"  {name}: {{moves"))
         done = run("check", "m.yaml")
         assert done.code == 1 and f"column `{name}` has a meaning of its own in every table" in done.err
+
+
+def test_a_small_gap_of_the_drawing_is_told_and_no_fault() -> None:
+    text = Path(TRIGLIDE).read_text()
+    text = text.replace("nodes: {tcp: [360, 275]}", "ground: {a: [0, 0], b: [400, 0], c: [200, -300]}\n"
+                        "nodes: {top: [200, 600], tcp: [360, 275]}")  # fmt: skip
+    text = text.replace("bars:\n", "bars:\n  left: {between: [a, top], length: 632, k: k1}\n"
+                        "  right: {between: [b, top], k: k1}\n  brace: {between: [c, top], k: k1}\n")  # fmt: skip
+    Path("m.yaml").write_text(text)
+    done = run("check", "m.yaml", "--json")
+    assert done.code == 0 and done.json["self_stress"] == 1
+    assert {g["element"] for g in done.json["gaps"]} == {"left", "right", "brace"}
+    assert "warning[drawing]: the drawing does not close: `left` is off by 0." in done.err
+    Path("m.yaml").write_text(text.replace("length: 632", "length: 732"))
+    assert run("check", "m.yaml").code == 1

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..layout import GROUND
-from ..model import Channel, Model
+from ..model import Model, tcp_model
 from ..prediction import Prediction, Request, Rows, predict
 from ..rotation import Array
 
@@ -31,17 +30,6 @@ class Sensitivity:
     position: Array  # (N, P)
     orientation: Array  # (N, P)
     prediction: Prediction
-
-
-def tcp_model(model: Model) -> Model:
-    """The model with all coordinates of the TCP as channels, whatever its sensors read."""
-    point, rotation = model.tcp
-    axes = 2 if model.layout.planar else 3
-    channels = [Channel(c, "position", point, k, np.nan, "m", "length") for k, c in enumerate("xyz"[:axes])]
-    if rotation != GROUND:
-        turns = [2] if model.layout.planar else [0, 1, 2]
-        channels += [Channel(f"r{'xyz'[k]}", "orientation", rotation, k, np.nan, "rad", "angle") for k in turns]
-    return replace(model, channels=tuple(channels))
 
 
 def sensitivity(model: Model, values: Array, rows: Rows, selected: tuple[str, ...]) -> Sensitivity:
