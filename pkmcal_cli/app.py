@@ -76,10 +76,10 @@ def run(arguments: list[str]) -> int:
         return 4
     except Exception as error:
         _leave_stdout()
-        return _failed(error)
+        return _failed(error, arguments)
 
 
-def _failed(error: Exception) -> int:
+def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
     from .errors import OutputError, PkmcalError
 
@@ -93,7 +93,7 @@ def _failed(error: Exception) -> int:
     if isinstance(error, MemoryError):
         _tell("error[memory]: not enough memory\nhelp: fewer rows or positions at once")
         return PkmcalError.exit_code
-    return _usage_or_internal(error)
+    return _usage_or_internal(error, arguments)
 
 
 def _open_streams() -> None:
@@ -109,7 +109,7 @@ def _open_streams() -> None:
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")
 
 
-def _usage_or_internal(error: Exception) -> int:
+def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
     """Errors of the command line's syntax exit with 2; anything unforeseen with 70."""
     from .errors import PkmcalError, UsageError
 
@@ -123,8 +123,8 @@ def _usage_or_internal(error: Exception) -> int:
     if type(error).__name__ == "NoArgsIsHelpError":
         _tell(str(message()))
     else:
-        context = getattr(error, "ctx", None)
-        command = context.command_path if context is not None else "pkmcal"
+        known = {command.name for command in app.registered_commands}
+        command = " ".join(["pkmcal", *(a for a in arguments[:1] if a in known)])
         _tell(UsageError(str(message()).strip().rstrip("."), hint=f"`{command} --help`").text())
     return UsageError.exit_code
 

@@ -1,0 +1,125 @@
+"""The JSON interface: docs/json.md says what is there, no more and no less."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, ROOT, TRIGLIDE, TRIGLIDE_DATA, run
+
+# maps whose keys are names, with the word that stands for them
+NAMED = {
+    "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND", "heldout.after": "KIND",
+    "undetermined[].parameters": "NAME", "undetermined[].determined[].coefficients": "NAME",
+}  # fmt: skip
+
+
+def documented() -> dict[str, set[str]]:
+    """Keys by command."""
+    out: dict[str, set[str]] = {}
+    for section in (ROOT / "docs" / "json.md").read_text().split("\n## ")[1:]:
+        out[section.split()[0]] = set(re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE))
+    return out
+
+
+def paths(value: Any, path: str = "") -> Iterator[str]:
+    """Paths of all leaves; an empty list or map is a leaf where nothing says more."""
+    if isinstance(value, dict):
+        for key, child in value.items():
+            name = NAMED.get(path, key)
+            yield from paths(child, f"{path}.{name}" if path else name)
+    elif isinstance(value, list):
+        for child in value:
+            yield from paths(child, f"{path}[]")
+        if not value:
+            yield f"{path}[]"
+    else:
+        yield path
+
+
+def covers(path: str, known: set[str]) -> bool:
+    """Whether a path is documented; null and empty lists may stand for something that has parts."""
+    return path in known or any(k.startswith((f"{path}.", f"{path}[")) for k in known)
+
+
+def commands(folder: Path) -> dict[str, list[list[str]]]:
+    """Runs that together show every key."""
+    (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
+    (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
+    (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
+    gap = Path(TRIGLIDE).read_text().replace("nominal: 50000, range", "nominal: 5e9, range", 1)
+    gap = gap.replace("nodes: {", "ground: {a: [0, 0], b: [400, 0], c: [200, -300]}\nnodes: {top: [200, 600], ")
+    braces = "\n".join(
+        f"  brace{c}: {{between: [{c}, top], k: k1, length: {n}}}" for c, n in zip("abc", (632, 632, 900), strict=True)
+    )
+    (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
+    pin = MACHINES / "delta4.yaml"
+    return {
+        "check": [["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"]],
+        "simulate": [[TRIGLIDE, "far.csv", "-o", "out.csv"]],
+        "sensitivity": [[TRIGLIDE]],
+        "observability": [[TRIGLIDE, "one.csv"]],
+        "calibrate": [
+            [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, TRIGLIDE_DATA],
+            [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"],
+        ],
+    }  # fmt: skip
+
+
+FREE = """
+units: {length: mm, force: N}
+space: spatial
+guides: {rail: {along: z}}
+ground: {o: [0, 0, 500]}
+bodies: {cart: {on: rail, at: 100, points: {p: [0, 0, 10]}}, rod: {at: [0, 0, 110], points: {foot: [0, 0, 0]}}}
+joints: {ball: {between: [p, foot], type: spherical}}
+actuators: {q: {moves: cart}}
+sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
+"""
+
+
+@pytest.mark.parametrize("command", ["check", "simulate", "sensitivity", "observability", "calibrate"])
+def test_the_documented_keys_are_those_that_are_there(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "free.yaml").write_text(FREE)
+    known, found = documented()[command], set()
+    for arguments in commands(tmp_path)[command]:
+        done = run(command, *arguments, "--json", "-q")
+        assert done.code in (0, 1), done.err
+        found |= set(paths(done.json))
+    assert {p for p in found if not covers(p, known)} == set()
+    assert known - found == set()
+
+
+def test_every_row_of_the_documentation_says_what_or_repeats() -> None:
+    text = (ROOT / "docs" / "json.md").read_text()
+    for line in re.findall(r"^\| `.*$", text, flags=re.MULTILINE):
+        assert line.count("|") == 3, line
+
+
+def test_keys_that_the_interface_promises_by_name() -> None:
+    known = documented()
+    parameter = ("name", "nominal", "value", "std", "unit", "identified", "reason")
+    plain = ("status", "n_rows", "chi2_per_dof", "condition_number")
+    kinds = [f"{when}.KIND.{k}" for when in ("before", "after") for k in ("rms", "max", "criterion", "unit")]
+    held = ("heldout.rms_before", "heldout.rms_after", "heldout.scheme")
+    assert {*plain, *held, *kinds, *(f"parameters[].{k}" for k in parameter)} <= known["calibrate"]
+    numbers = {
+        "condition_number",
+        "condition_number_whitened",
+        "rank",
+        "singular_values[]",
+        "O1",
+        "O2",
+        "O3",
+        "O4",
+        "O5",
+    }
+    assert {*numbers, "parameters[].name", "parameters[].std"} <= known["observability"]
+    assert {f"parameters[].{k}" for k in ("name", "position", "orientation", "unit")} <= known["sensitivity"]
