@@ -116,7 +116,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> Paramete
     known = {p.name: p for p in parameters}
     section = source.root.child("parameters") if isinstance(source.root.value, dict) else None
     if section is None or not isinstance(section.value, dict):
-        hint = "a parameter file has a map `parameters:`; `pkmcal calibrate -o` writes one"
+        hint = "a parameter file has a map `parameters:`; `pkmcal calibrate -o FILE` writes one"
         raise BadInput([tree.fault("parameters", "no map `parameters` in this file", (), hint)])
     _unknown_keys(tree, source.root, (), _SECTIONS, faults)
     values = {}
@@ -152,26 +152,28 @@ def _entry_value(
     """One entry in SI, or None and a fault."""
     path: tuple[str | int, ...] = ("parameters", name)
     unit_text, raw = parameter.unit, node.value
+    unit_path = path
     if isinstance(raw, dict):
         _unknown_keys(tree, node, ("parameters", name), _ENTRY, faults)
         value_node, unit_node = raw.get("value"), raw.get("unit")
         if value_node is None:
             faults.add(tree.fault("missing-key", f"`{name}` has no `value`", path, "value: a number", at_key=True))
             return None
-        raw, path = value_node.value, (*path, "value")
+        named = unit_node is not None and not isinstance(value_node.value, str)
+        raw, path, unit_path = value_node.value, (*path, "value"), (*path, "unit" if named else "value")
         unit_text = str(unit_node.value) if unit_node is not None else unit_text
     try:
         number, unit = _number_and_unit(raw, unit_text)
     except UnitError as error:
-        faults.add(tree.fault("unit", error.what, path, error.hint))
+        faults.add(tree.fault("unit", error.what, unit_path, error.hint))
         return None
     except (ValueError, OverflowError):
         what = f"`{name}` wants a finite number or a text with a unit"
         faults.add(tree.fault("value", what, path, 'for example 12.5 or "12.5 mm"'))
         return None
     if not unit.dimension.fits(parse_unit(parameter.unit or "1").dimension):
-        what = f"`{unit.text}` is a unit of {unit.dimension}, `{name}` is a {parameter.dimension}"
-        faults.add(tree.fault("unit", what, path, f"a value in {parameter.unit or 'no unit'}"))
+        what = f"`{unit.text}` is a unit of {unit.dimension}, not of {parameter.dimension}"
+        faults.add(tree.fault("unit", what, unit_path, f"`{name}` is given in {parameter.unit or 'no unit'}"))
         return None
     return unit.to_si(number)
 
