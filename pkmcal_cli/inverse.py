@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from .equilibrium.assembly import balance
 from .equilibrium.kinematics import State, drawn_state
-from .equilibrium.mobility import rank, strain_rows
 from .equilibrium.newton import Effort, NewtonOptions, follow
 from .equilibrium.status import RowStatus
-from .equilibrium.system import DriveState, System, build_system
+from .equilibrium.system import System
 from .layout import DriveKind
 from .model import Model
-from .prediction import Rows, drawing_slots, row_chunks, stage_slots
+from .prediction import row_chunks
 from .rotation import Array, log
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -32,20 +31,7 @@ class DrivePositions:
 
 def independent_coordinates(model: Model) -> tuple[str, ...]:
     """TCP coordinates that the mechanism moves independently, in the order x ... rz."""
-    released = (DriveState.RELEASED,) * len(model.layout.drives)
-    slots = drawing_slots(model)
-    chosen: tuple[str, ...] = ()
-    available = [d for group in model.layout.aims for d in group.element.strains]
-    best = 0
-    for direction in ("", *available):
-        aim = (*chosen, direction) if direction else ()
-        system = build_system(model.layout, released, False, aim)
-        rows = strain_rows(system, slots, drawn_state(model.layout, slots, 1, system.constraints), model.length)
-        now = rank(rows.jacobian)
-        if direction and now > best:
-            chosen = aim
-        best = max(best, now)
-    return chosen
+    return model.independent_coordinates
 
 
 def drive_positions(model: Model, poses: Array, values: Array | None = None) -> DrivePositions:
@@ -54,18 +40,17 @@ def drive_positions(model: Model, poses: Array, values: Array | None = None) -> 
     At parameter values (P,), by default the nominal ones. All drives are free, so the redundant ones are
     strain-free; each takes up what the pose asks.
     """
-    values = model.nominal if values is None else values
-    aimed = independent_coordinates(model)
-    system = build_system(model.layout, (DriveState.RELEASED,) * len(model.layout.drives), False, aimed)
-    parts = [_chunk(model, system, poses[rows], values) for rows in row_chunks(system, len(poses))]
-    return DrivePositions(np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), aimed)
+    base = model.layout.slots.values(model.by_name(model.nominal if values is None else values))
+    system = model.inverse
+    parts = [_chunk(model, system, poses[rows], base) for rows in row_chunks(system, len(poses))]
+    readings, status = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return DrivePositions(readings, status, model.independent_coordinates)
 
 
-def _chunk(model: Model, system: System, poses: Array, values: Array) -> tuple[Array, NDArray[np.int_]]:
+def _chunk(model: Model, system: System, poses: Array, base: Array) -> tuple[Array, NDArray[np.int_]]:
     layout = model.layout
-    begin = _aimed(model, drawing_slots(model), model.tcp_drawn[None])
-    zero = Rows.at(np.zeros((len(poses), len(layout.drives))))
-    target = _aimed(model, stage_slots(model, values, zero), np.where(np.isnan(poses), model.tcp_drawn, poses))
+    begin = _aimed(model, model.drawn_slots, model.tcp_drawn[None])
+    target = _aimed(model, base[None], np.where(np.isnan(poses), model.tcp_drawn, poses))
     state = drawn_state(layout, begin, len(poses), system.constraints)
     options = NewtonOptions(curved=False)
     state, status, _ = follow(system, begin, target, state, model.length, options, Effort())
@@ -77,7 +62,8 @@ def _chunk(model: Model, system: System, poses: Array, values: Array) -> tuple[A
 
 def _aimed(model: Model, slots: Array, poses: Array) -> Array:
     """Slots with the TCP's pose (N, 6) set."""
-    out = np.repeat(slots, len(poses), axis=0) if len(slots) == 1 else slots.copy()
+    out: Array = np.empty((len(poses), slots.shape[1]), order="F")
+    out[:] = slots
     place, *turn = model.layout.aims
     count = len(place.element.strains)
     out[:, place.rest] = poses[:, :count]

@@ -147,6 +147,11 @@ class Layout:
         """Arms that another rotation than the base carries."""
         return np.nonzero(self.arms.rotation != GROUND)[0]
 
+    @cached_property
+    def frames(self) -> Index:
+        """Rotations that slots prescribe by a rotation vector."""
+        return np.nonzero((self.rotations.kind == Turn.FIXED) & (self.rotations.slots[:, 0] >= 0))[0]
+
     @property
     def moved_blocks(self) -> tuple[Block, Block]:
         """Rotations (B, 3, 3) and arms (A, 3): the stacked array out of which links and triads are made."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from .equilibrium.branch import Mode, drawn_mode
 from .equilibrium.kinematics import drawn_state
+from .equilibrium.mobility import rank, strain_rows
 from .equilibrium.system import DriveState, System, build_system
 from .layout import GROUND, Layout
 from .rotation import Array
@@ -106,6 +107,29 @@ class Model:
     def released(self) -> System:
         """All drives released, no loads: the mechanism's own freedom."""
         return build_system(self.layout, (DriveState.RELEASED,) * len(self.layout.drives), loaded=False)
+
+    @cached_property
+    def independent_coordinates(self) -> tuple[str, ...]:
+        """TCP coordinates that the mechanism moves independently, in the order x ... rz."""
+        chosen: tuple[str, ...] = ()
+        best = 0
+        for direction in ("", *(d for group in self.layout.aims for d in group.element.strains)):
+            aim = (*chosen, direction) if direction else ()
+            system = self._aimed(aim)
+            state = drawn_state(self.layout, self.drawn_slots, 1, system.constraints)
+            now = rank(strain_rows(system, self.drawn_slots, state, self.length).jacobian)
+            if direction and now > best:
+                chosen = aim
+            best = max(best, now)
+        return chosen
+
+    @cached_property
+    def inverse(self) -> System:
+        """All drives released, the TCP held at its independent coordinates: inverse positions."""
+        return self._aimed(self.independent_coordinates)
+
+    def _aimed(self, aim: tuple[str, ...]) -> System:
+        return build_system(self.layout, (DriveState.RELEASED,) * len(self.layout.drives), False, aim)
 
     @cached_property
     def drawn_slots(self) -> Array:

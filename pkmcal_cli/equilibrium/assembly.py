@@ -126,10 +126,10 @@ def stresses_of(
     system: System, group: GroupMap, numbers: GroupNumbers, e: Array, state: State, loose: Loose | None
 ) -> Array:
     """Stress of every strain: S e + s0, or the multiplier of a constraint, (N, E, m)."""
-    shape = np.broadcast_shapes(e.shape, (len(state), 1, 1))
-    stress = np.zeros(shape, dtype=e.dtype, order="F")
-    if numbers.stiffness is not None:
-        np.einsum("nekl,nel->nek", numbers.stiffness, e, out=stress)
+    if numbers.stiffness is None:
+        stress = np.zeros(e.shape, dtype=e.dtype, order="F")
+    else:
+        stress = numbers.stress(e)
         if loose is not None:
             stress *= ~loose[:, :, None]
     if numbers.prestress is not None:
@@ -189,8 +189,7 @@ def _add_own(
     if numbers.stiffness is None:
         own[...] = 0.0
     else:
-        pulled = np.einsum("nekl,nelj->nekj", numbers.stiffness, b)
-        np.einsum("neki,nekj->neij", b, pulled, out=own)
+        np.einsum("neki,nekj->neij", b, numbers.stress(b), out=own)
         if loose is not None:
             own *= ~loose[:, :, None, None]
     element, inputs = group.group.element, group.inputs

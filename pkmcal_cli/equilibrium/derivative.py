@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..elements import Element
-from ..layout import Turn
-from ..rotation import Array, cross, left_jacobian, log
+from ..rotation import Array, cross, left_jacobian
 from ..sparse_map import pick, rows_last
-from .assembly import group_view, stresses_of
-from .given import Given, given
+from .assembly import View, group_view, stresses_of
+from .given import Given, GroupNumbers, given
 from .kinematics import State, advance, turned_arms, views
 from .newton import Slack
 from .system import System
@@ -30,7 +29,6 @@ class _Sums:
     """What is collected for all slots; kind real or complex as the state, the row index fastest in memory."""
 
     arms: Array  # (N, A, 3)
-    views: Array  # (entries, N)
     force: Array  # (N, links, 3) forces on links
     moment: dict[int, Array]  # (N, 3) moments on the rotations that slots set
     slots: Array  # (N, S) gradient
@@ -38,12 +36,10 @@ class _Sums:
 
 def _start(system: System, numbers: Given, state: State) -> _Sums:
     layout, rows = system.layout, len(state)
-    arms = turned_arms(layout, numbers.bodies, state)
     kind = np.result_type(state.travel, state.rotation)
     steered = np.nonzero(layout.rotations.slots[:, 0] >= 0)[0]
     return _Sums(
-        arms,
-        views(system, state, arms),
+        turned_arms(layout, numbers.bodies, state),
         np.zeros((rows, len(layout.arms.start), 3), dtype=kind, order="F"),
         {int(r): np.zeros((rows, 3), dtype=kind, order="F") for r in steered},
         np.zeros((rows, len(layout.slots.constants)), dtype=kind, order="F"),
@@ -57,17 +53,27 @@ def lagrangian_gradient(system: System, slots: Array | Given, state: State, slac
     """
     numbers = slots if isinstance(slots, Given) else given(system, slots)
     sums = _start(system, numbers, state)
+    stacked = views(system, state, sums.arms)
     for index, group in enumerate(system.groups):
         loose = slack[index] if slack is not None and group.group.rope.any() else None
-        _add_group(system, index, numbers, state, sums, loose)
-    _arm_slots(system, state, sums)
+        view = group_view(system, index, stacked)
+        _add_group(system, index, numbers.groups[index], state, view, sums, loose)
+    _arm_slots(system, numbers, state, sums)
     return sums.slots
 
 
-def _add_group(system: System, index: int, numbers: Given, state: State, sums: _Sums, loose: Array | None) -> None:
+def _add_group(
+    system: System,
+    index: int,
+    mine: GroupNumbers,
+    state: State,
+    view: View,
+    sums: _Sums,
+    loose: Array | None,
+) -> None:
     """One group's forces, and its gradients with respect to stiffness, rest and prestress."""
-    group, mine = system.groups[index], numbers.groups[index]
-    spec, view = group.group, group_view(system, index, sums.views)
+    group = system.groups[index]
+    spec = group.group
     e, b = spec.element.evaluate(view.delta, view.ti, view.tj, mine.rest)
     stress = stresses_of(system, group, mine, e, state, loose)
     _pull(sums, system, index, np.einsum("nek,neki->nei", stress, b))
@@ -105,7 +111,7 @@ def point_gradient(system: System, slots: Array | Given, state: State, forces: A
     numbers = slots if isinstance(slots, Given) else given(system, slots)
     sums = _start(system, numbers, state)
     sums.force[:, system.layout.points] = forces
-    _arm_slots(system, state, sums)
+    _arm_slots(system, numbers, state, sums)
     return sums.slots
 
 
@@ -114,12 +120,12 @@ def strain_gradient(system: System, slots: Array | Given, state: State, target: 
     numbers = slots if isinstance(slots, Given) else given(system, slots)
     sums = _start(system, numbers, state)
     index, e, m = target
-    view, element = group_view(system, index, sums.views), system.groups[index].group.element
+    view, element = group_view(system, index, views(system, state, sums.arms)), system.groups[index].group.element
     _, b = element.evaluate(view.delta, view.ti, view.tj, numbers.groups[index].rest)
     only = np.zeros((*b.shape[:2], b.shape[3]), order="F")
     only[:, e] = b[:, e, m]
     _pull(sums, system, index, only)
-    _arm_slots(system, state, sums)
+    _arm_slots(system, numbers, state, sums)
     return sums.slots
 
 
@@ -132,19 +138,20 @@ def _pull(sums: _Sums, system: System, index: int, pull: Array) -> None:
             moment += pull[:, group.rotation[side] == r, inputs].sum(axis=1)
 
 
-def _arm_slots(system: System, state: State, sums: _Sums) -> None:
+def _arm_slots(system: System, numbers: Given, state: State, sums: _Sums) -> None:
     """Chain link forces and port moments to offsets, prescribed travels, frames and driven angles."""
     layout = system.layout
     table, rotations = layout.arms, layout.rotations
     pull = pick(sums.force, table.link)  # (N, A, 3)
     local = np.einsum("naij,nai->naj", pick(state.rotation, table.rotation), pull)
     sums.slots += system.maps.arm_slots(rows_last(local)).T
+    frames = layout.frames.tolist()
     for r, moment in sums.moment.items():
         mine = np.nonzero(table.rotation == r)[0]
         moment += cross(pick(sums.arms, mine), pick(pull, mine)).sum(axis=1)
-        if rotations.kind[r] == Turn.FIXED:
-            vector = log(state.rotation[:, r].real @ rotations.drawn[r].T)
-            turned = np.einsum("nij,ni->nj", left_jacobian(vector), moment)
+        if r in frames:
+            turn = left_jacobian(numbers.frames[:, frames.index(r)])
+            turned = np.einsum("nij,ni->nj", turn, moment)
             for k in range(3):
                 sums.slots[:, rotations.slots[r, k]] += turned[:, k]
         elif system.place[layout.rotation_dofs[r]] < 0:
@@ -152,15 +159,16 @@ def _arm_slots(system: System, state: State, sums: _Sums) -> None:
 
 
 def adjoint_derivative(
-    system: System, slots: Array, state: State, slack: Slack | None, multipliers: Array, scale: float
+    system: System, slots: Array | Given, state: State, slack: Slack | None, multipliers: Array, scale: float
 ) -> Array:
     """l^T dg/dslots for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
-    channels, numbers = [], given(system, slots)
-    for c in range(multipliers.shape[1]):
+    numbers, layout = slots if isinstance(slots, Given) else given(system, slots), system.layout
+    rows, count = multipliers.shape[:2]
+    out: Array = np.empty((rows, count, len(layout.slots.constants)), order="F")
+    for c in range(count):
         stepped = advance(system, state, 1j * _STEP * multipliers[:, c], scale)
-        channels.append(lagrangian_gradient(system, numbers, stepped, slack).imag / _STEP)
-    out = np.stack(channels, axis=1)
-    layout = system.layout
+        out[:, c] = lagrangian_gradient(system, numbers, stepped, slack).imag
+    out /= _STEP
     if system.loaded and len(layout.force_dofs):
         where = system.place[layout.force_dofs]
         for k in np.nonzero(where >= 0)[0]:

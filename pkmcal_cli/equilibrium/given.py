@@ -21,33 +21,52 @@ class GroupNumbers:
 
     rest: Array  # (1 or N, E, m)
     stiffness: Array | None  # (1 or N, E, m, m), zero where a strain is rigid or released
+    coupled: tuple[tuple[int, int], ...]  # strains k, l that any stiffness couples, k = l included
     prestress: Array | None  # (1 or N, E, m)
 
     def take(self, rows: Index) -> GroupNumbers:
         """Those of some rows."""
-        some = [None if x is None else _rows(x, rows) for x in (self.stiffness, self.prestress)]
-        return GroupNumbers(_rows(self.rest, rows), *some)
+        stiffness, prestress = (None if x is None else _rows(x, rows) for x in (self.stiffness, self.prestress))
+        return GroupNumbers(_rows(self.rest, rows), stiffness, self.coupled, prestress)
+
+    def stress(self, x: Array) -> Array:
+        """Stiffness times x (N, E, m) or (N, E, m, I), skipping what is zero in all elements."""
+        out = np.zeros(x.shape, dtype=x.dtype, order="F")
+        assert self.stiffness is not None
+        for k, l in self.coupled:
+            s = self.stiffness[..., k, l]
+            out[:, :, k] += (s if x.ndim == 3 else s[..., None]) * x[:, :, l]
+        return out
 
 
 @dataclass(frozen=True)
 class Given:
-    """Constant parts of the arms (1 or N, A, 3), numbers of the groups, constant forces (1 or N, W)."""
+    """What slots say about a system."""
 
-    bodies: Array
+    bodies: Array  # (1 or N, A, 3) constant parts of the arms
+    frames: Array  # (1 or N, F, 3) rotation vectors of frames
     groups: tuple[GroupNumbers, ...]
-    forces: Array
+    forces: Array  # (1 or N, W) constant forces
 
     def take(self, rows: Index) -> Given:
         """What is given for some rows."""
         groups = tuple(g.take(rows) for g in self.groups)
-        return Given(_rows(self.bodies, rows), groups, _rows(self.forces, rows))
+        bodies, frames, forces = (_rows(x, rows) for x in (self.bodies, self.frames, self.forces))
+        return Given(bodies, frames, groups, forces)
 
 
 def given(system: System, slots: Array) -> Given:
     """What `slots` (1 or N, S) say about a system."""
     layout = system.layout
     groups = tuple(group_numbers(system, group, slots) for group in system.groups)
-    return Given(arm_bodies(layout, slots), groups, common(slots[:, layout.force_slots]))
+    forces = common(slots[:, layout.force_slots])
+    return Given(arm_bodies(layout, slots), frame_vectors(layout, slots), groups, forces)
+
+
+def frame_vectors(layout: Layout, slots: Array) -> Array:
+    """Rotation vectors of frames, (1 or N, F, 3)."""
+    where = layout.rotations.slots[layout.frames]
+    return _shaped(common(slots[:, where.ravel()]), *where.shape)
 
 
 def arm_bodies(layout: Layout, slots: Array) -> Array:
@@ -61,11 +80,13 @@ def group_numbers(system: System, group: GroupMap, slots: Array) -> GroupNumbers
     """Numbers of one group."""
     spec = group.group
     rest = common(slots[:, spec.rest])
-    stiffness = np.asfortranarray(stiffness_matrices(system, group, slots)) if group.yields else None
+    stiffness = stiffness_matrices(system, group, slots) if group.yields else None
+    coupled = np.asarray(False if stiffness is None else stiffness.any(axis=(0, 1)))
     prestress = None
     if system.loaded and slots[:, spec.prestress].any():
         prestress = group.stressed * _shaped(common(slots[:, spec.prestress]), *spec.shape)
-    return GroupNumbers(_shaped(rest, *spec.shape), stiffness, prestress)
+    pairs = tuple((int(k), int(l)) for k, l in np.argwhere(coupled))
+    return GroupNumbers(_shaped(rest, *spec.shape), stiffness, pairs, prestress)
 
 
 def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
@@ -75,8 +96,12 @@ def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
     numbers = _shaped(common(slots[:, group.group.stiffness]), count, len(patterns))
     if group.group.element.per_length:
         numbers = numbers / _shaped(common(slots[:, group.group.rest]), count, width)[..., :1]
-    full = np.einsum("nep,pkl->nekl", numbers, patterns)
-    return np.asarray(full * (group.elastic[:, :, None] * group.elastic[:, None, :]))
+    acting = group.elastic[:, :, None] * group.elastic[:, None, :]
+    full: Array = np.zeros((len(numbers), count, width, width), order="F")
+    used = np.asarray(numbers.any(axis=(0, 1)))  # most couplings of joints are zero
+    for p, k, l in zip(*np.nonzero(patterns * used[:, None, None]), strict=True):
+        full[..., k, l] += numbers[..., p] * (patterns[p, k, l] * acting[:, k, l])
+    return full
 
 
 def typical_stiffness(system: System, slots: Array) -> float:

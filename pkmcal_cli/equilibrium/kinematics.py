@@ -9,7 +9,7 @@ import numpy as np
 from ..layout import DriveKind, Index, Layout, Turn
 from ..rotation import Array, exp, skew, times
 from ..sparse_map import Block, pick, rows_last, take_rows
-from .given import arm_bodies, common
+from .given import arm_bodies, frame_vectors
 from .links import LinkMap
 from .system import System
 
@@ -59,10 +59,9 @@ def place_prescribed(
     """Set what slots prescribe: frames and, unless `frames_only`, the travels and angles not among `free`."""
     rotations = layout.rotations
     rotation = state.rotation.copy(order="K")
-    frames = np.nonzero((rotations.kind == Turn.FIXED) & (rotations.slots[:, 0] >= 0))[0]
-    if len(frames):
-        vectors = common(slots[:, rotations.slots[frames].ravel()]).reshape(-1, len(frames), 3)
-        rotation[:, frames] = times(exp(np.asfortranarray(vectors)), rotations.drawn[frames])
+    if len(layout.frames):
+        turns = exp(frame_vectors(layout, slots))
+        rotation[:, layout.frames] = times(turns, rotations.drawn[layout.frames])
     travel = state.travel.copy(order="K")
     if not frames_only:
         unknown = set() if free is None else set(free.tolist())

@@ -11,8 +11,8 @@ from ..layout import Drive, DriveKind, Group
 from ..rotation import Array, log, log_jacobian
 from .assembly import group_view
 from .derivative import point_gradient, strain_gradient
-from .given import group_numbers
-from .kinematics import State, arm_vectors, input_jacobian, link_vectors, views
+from .given import given, group_numbers
+from .kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
 from .system import System
 
 
@@ -40,8 +40,8 @@ def read_channels(
     system: System, slots: Array, state: State, channels: tuple[Channel, ...], gains: Array, derivatives: bool
 ) -> Readings:
     """Readings of all channels; `gains` (A,) slot numbers of the drives' gains."""
-    layout = system.layout
-    arms = arm_vectors(layout, slots, state)
+    layout, numbers = system.layout, given(system, slots)
+    arms = turned_arms(layout, numbers.bodies, state)
     points = link_vectors(layout, arms)[:, layout.points]
     values = np.empty((len(state), len(channels)))
     gradient = np.zeros((len(state), len(channels), system.size)) if derivatives else None
@@ -55,7 +55,7 @@ def read_channels(
                 _scatter_row(gradient[:, c], system.points.unknowns[channel.index], local)
                 force = np.zeros_like(points)
                 force[:, channel.index, channel.component] = 1.0
-                direct[:, c] = point_gradient(system, slots, state, force)
+                direct[:, c] = point_gradient(system, numbers, state, force)
         elif channel.quantity == "orientation":
             turned = log(state.rotation[:, channel.index] @ layout.rotations.drawn[channel.index].T)
             values[:, c] = turned[:, channel.component]

@@ -53,7 +53,7 @@ def _slot_jacobian(solution: Solution, readings: Readings) -> Array:
     assert now.tangent is not None
     adjoint = solve_rows(np.swapaxes(now.tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
-    out = readings.slots - adjoint_derivative(system, slots, state, slack, adjoint, scale)
+    out = readings.slots - adjoint_derivative(system, solution.numbers, state, slack, adjoint, scale)
     out[solution.failed] = np.nan
     return np.asarray(out)
 

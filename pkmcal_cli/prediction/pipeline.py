@@ -15,7 +15,7 @@ from .rows import Prediction, Request, Rows
 from .solving import solve
 from .stages import Chain, commanded_slots
 
-_CHUNK_BYTES = 4e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
+_CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
 _FEWEST = 32  # rows of a chunk, or the calls cost more than the arithmetic
 
 

@@ -1,0 +1,1 @@
+"""Speed of the engine, as ratios measured side by side; `python -m benchmarks.run`."""

@@ -1,0 +1,125 @@
+"""Complete predictions of hexapod7, in elastic steps, and how the time of the Triglide grows with its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pkmcal_cli.compiler import compile_machine
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.inverse import drive_positions
+from pkmcal_cli.machine_yaml import read_machine
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Prediction, Request, Rows, predict, row_chunks, stage_slots
+from pkmcal_cli.rotation import Array
+
+from .frames import elastic_step
+from .steps import against_bare
+from .timing import Line, Times, side_by_side
+
+MACHINES = Path(__file__).resolve().parents[1] / "machines"
+_ERROR = 1e-4  # m, of every parameter
+
+
+@dataclass(frozen=True)
+class Task:
+    """Rows of a machine whose parameters are off nominal."""
+
+    model: Model
+    values: Array
+    rows: Rows
+
+
+def model(name: str) -> Model:
+    """A shipped machine."""
+    return compile_machine(read_machine(MACHINES / f"{name}.yaml")).model
+
+
+def hexapod(count: int) -> Task:
+    """hexapod7 with errors up to 0.1 mm, at poses spread over its workspace."""
+    made, random = model("hexapod7"), np.random.default_rng(0)
+    poses = made.tcp_drawn + np.hstack(
+        [random.uniform(-0.08, 0.08, (count, 3)), random.uniform(-0.15, 0.15, (count, 3))]
+    )
+    found = drive_positions(made, poses)
+    assert not found.status.any()
+    values = made.nominal + random.uniform(-_ERROR, _ERROR, len(made.nominal))
+    return Task(made, values, Rows.at(found.readings))
+
+
+def hexapod_lines(rounds: int, count: int = 1000) -> list[Line]:
+    """Step, complete prediction, prediction from the previous iterate, Jacobian."""
+    task = hexapod(count)
+    made, rows, system = task.model, task.rows, task.model.exact
+    iterates = _iterates(task)
+    slots, state = stage_slots(made, task.values, rows), iterates[-1].state
+    parts = [(slots[chunk], state.take(chunk)) for chunk in row_chunks(system, count)]
+    names = made.names[:10]
+    cases = {
+        "step": lambda: [elastic_step(system, *part) for part in parts],
+        "complete": lambda: predict(made, task.values, rows),
+        "jacobian": lambda: predict(made, task.values, rows, Request(parameters=names)),
+        "first": lambda: predict(made, task.values, rows, start=iterates[0].state),
+        "later": lambda: predict(made, task.values, rows, start=iterates[1].state),
+    }
+    times = side_by_side(cases, rounds)
+    first, later = (predict(made, task.values, rows, start=it.state).steps / count for it in iterates[:2])
+    bare = against_bare("hexapod7", system, slots, state, rounds)
+    return [bare, *_hexapod_table(times, iterates[-1].steps / count, first, later)]
+
+
+def _iterates(task: Task) -> list[Prediction]:
+    """Predictions at nominal parameters, 1 um from the solution of the fit, and at it."""
+    made, random = task.model, np.random.default_rng(1)
+    near = task.values + random.uniform(-1e-6, 1e-6, len(task.values))
+    return [predict(made, values, task.rows) for values in (made.nominal, near, task.values)]
+
+
+def _hexapod_table(times: Times, complete: float, first: float, later: float) -> list[Line]:
+    added = times.ratio("jacobian", "complete") - 1
+    per_row = f"{1e3 * times.median('complete'):.0f} ms for 1000 rows"
+    return [
+        Line(
+            "complete `exact` prediction from the drawing : step",
+            times.ratio("complete", "step"),
+            12,
+            note=f"{complete:.1f} iterations a row, {per_row}",
+        ),
+        Line(
+            "prediction from the first iterate of a fit (nominal, 0.1 mm away) : step",
+            times.ratio("first", "step"),
+            3,
+            note=f"{first:.1f} iterations a row",
+        ),
+        Line(
+            "prediction from a later iterate (1 um away) : step",
+            times.ratio("later", "step"),
+            3,
+            note=f"{later:.1f} iterations a row",
+        ),
+        Line("Jacobian of 10 parameters, added : complete prediction", added, 1.5),
+    ]
+
+
+def triglide_lines(counts: tuple[int, ...]) -> list[Line]:
+    """Time a row of the Triglide for growing numbers of rows."""
+    made, random = model("triglide"), np.random.default_rng(0)
+    poses = np.full((max(counts), 6), np.nan)
+    poses[:, 0], poses[:, 1] = random.uniform(0.2, 0.7, len(poses)), random.uniform(0.17, 0.38, len(poses))
+    readings = drive_positions(made, poses).readings
+    values = made.nominal + 1e-4 * np.array([p.dimension == "length" for p in made.parameters])
+
+    def run(count: int) -> State:
+        return predict(made, values, Rows.at(readings[:count])).state
+
+    times = side_by_side({str(count): partial(run, count) for count in counts}, 3)
+    per_row = [1e6 * times.median(str(count)) / count for count in counts]
+    lines = [
+        Line(f"`exact` prediction of the Triglide, {count} rows", value, unit="us a row")
+        for count, value in zip(counts, per_row, strict=True)
+    ]
+    spread = times.ratio(str(counts[-1]), str(counts[0])) * counts[0] / counts[-1]
+    return [*lines, Line(f"time a row, {counts[-1]} rows : {counts[0]} rows", spread, 1.2, note="linear: 1")]

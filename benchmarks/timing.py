@@ -1,0 +1,77 @@
+"""Times measured side by side: every round runs every case once, so that a slow spell of the computer hits all.
+
+Times are the processor's, of one thread: what other programs take from a busy computer would hit long cases more
+than short ones, and so falsify their ratio.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+Cases = Mapping[str, Callable[[], object]]
+
+
+@dataclass(frozen=True)
+class Times:
+    """Times of the rounds, s, by case."""
+
+    rounds: dict[str, list[float]]
+
+    def median(self, case: str) -> float:
+        """Median time of a case, s."""
+        return float(np.median(self.rounds[case]))
+
+    def ratio(self, case: str, unit: str) -> float:
+        """Median over the rounds of the ratio of two cases of the same round."""
+        pairs = zip(self.rounds[case], self.rounds[unit], strict=True)
+        return float(np.median([mine / other for mine, other in pairs]))
+
+
+def children_time() -> float:
+    """Processor time of all programs that were started and have ended, s."""
+    used = os.times()
+    return used.children_user + used.children_system
+
+
+def side_by_side(cases: Cases, rounds: int, clock: Callable[[], float] = time.process_time) -> Times:
+    """Run all cases once to warm up, then `rounds` times by turns."""
+    for run in cases.values():
+        run()
+    times: dict[str, list[float]] = {name: [] for name in cases}
+    for _ in range(rounds):
+        for name, run in cases.items():
+            begin = clock()
+            run()
+            times[name].append(clock() - begin)
+    return Times(times)
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the table; `limit`: the largest number allowed, or the smallest where `least`."""
+
+    what: str
+    measured: float
+    limit: float | None = None
+    least: bool = False
+    unit: str = "x"
+    note: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the requirement is met; None where there is none."""
+        if self.limit is None:
+            return None
+        return self.measured >= self.limit if self.least else self.measured <= self.limit
+
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """What, measured, required, met, note."""
+        unit = "" if self.unit == "x" else f" {self.unit}"
+        required = "" if self.limit is None else f"{'>=' if self.least else '<='} {self.limit:g}{unit}"
+        met = {None: "", True: "yes", False: "**no**"}[self.met]
+        return self.what, f"{self.measured:.3g}{unit}", required, met, self.note
