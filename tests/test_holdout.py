@@ -195,11 +195,11 @@ class NoiseHeldOut:
 
 
 @cache
-def noise_against_theory(count: int = 30, folds: int = 4) -> NoiseHeldOut:
-    """24 points of the two-legged Triglide, six parameters, all seen."""
-    plan = shipped(NAME).take(np.arange(0, 231, 10))
+def noise_against_theory(count: int = 25, folds: int = 6) -> NoiseHeldOut:
+    """36 points of the two-legged Triglide, six parameters, all seen."""
+    plan = shipped(NAME).take(np.random.default_rng(0).permutation(231)[:36])
     plan = replace(plan, sigma=np.full(2, 1e-7))
-    labels, n = np.arange(24) % folds, 48
+    labels, n = np.arange(36) % folds, 72
     held, fitted = [], []
     for seed in range(count):
         rng = np.random.default_rng(seed)
@@ -208,7 +208,7 @@ def noise_against_theory(count: int = 30, folds: int = 4) -> NoiseHeldOut:
         assert not fit.found.held.any()
         held.append(cross_validate(problem, fit, labels, "").after["position"].criterion)
         fitted.append(error_figures(problem, fit.after)["position"].criterion)
-    near = linearise(problem, evaluate(problem, plan.model.nominal, plan.selected)).jacobian.reshape(24, 2, -1)
+    near = linearise(problem, evaluate(problem, plan.model.nominal, plan.selected)).jacobian.reshape(36, 2, -1)
     expected = 0.0
     for k in range(folds):
         out, used = near[labels == k].reshape(-1, 6), near[labels != k].reshape(-1, 6)
@@ -222,10 +222,10 @@ def noise_against_theory(count: int = 30, folds: int = 4) -> NoiseHeldOut:
 def test_held_out_error_of_noise() -> None:
     """The linear model gives the expected square exactly: larger than that of noise, and the fit's is smaller.
 
-    Within four standard deviations of chance (4 % in the square). The rule of thumb sigma sqrt(1 + p/n), n values in a
-    fold's fit, leaves out that held-out points may lie outside the others.
+    Within four standard deviations of chance (3 % in the square). The rule of thumb sigma sqrt(1 + p/n), n values in a
+    fold's fit, leaves out that held-out points may lie outside the others: some per cent here.
     """
     found = noise_against_theory()
     assert found.over_theory == pytest.approx(1, abs=4 * found.scatter)
     assert found.fitted_over_theory == pytest.approx(1, abs=4 * found.scatter)
-    assert found.over_thumb == pytest.approx(1, abs=0.1)
+    assert found.over_thumb == pytest.approx(1, abs=2 * found.scatter + 0.02)
