@@ -242,3 +242,17 @@ def test_json_of_a_combination() -> None:
     assert shown["determined"][0]["value"] == pytest.approx(240.2, abs=1e-6)  # type: ignore[index]
     assert json.loads(json.dumps(shown)) == shown
     assert replace(combination, kind="weak").text.endswith("are barely told apart")
+
+
+def test_sums_of_lengths_and_angles_are_of_values_as_shown() -> None:
+    """A turn of the guide in degrees, a length in mm, at one pose: the coefficients are in mm and mm per degree."""
+    machine = model("triglide-nonredundant")
+    q = drive_positions(machine, np.array([[0.36, 0.275, 0, 0, 0, 0]])).readings
+    fit = identify(measured(machine, q, {"l1": 4e-5, "gamma": 1e-3}), ("l1", "xb1r", "gamma"))
+    (combination,) = combinations(fit.found)
+    shown = dict(zip(fit.selected, (fit.values[machine.names.index(n)] for n in fit.selected), strict=True))
+    values = {"l1": shown["l1"] * 1e3, "xb1r": shown["xb1r"] * 1e3, "gamma": np.degrees(shown["gamma"])}
+    for coefficients, value, std, unit in determined_sums(machine, combination, fit):
+        assert unit == "mm"
+        assert sum(c * values[n] for n, c in coefficients.items()) == pytest.approx(value, rel=1e-12)
+        assert std > 0

@@ -134,7 +134,10 @@ def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> di
 
 
 def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[str, float], float, float, str]]:
-    """Coefficients, value and standard uncertainty, in the unit of the first parameter, of what is determined."""
+    """Coefficients, value and standard uncertainty, in the unit of the first parameter, of what is determined.
+
+    The coefficients are those of the parameters' values in their own units.
+    """
     covariance = fit.found.determined_covariance()
     where = [fit.selected.index(n) for n in c.names]
     out = []
@@ -145,7 +148,8 @@ def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[s
         weights[where] = row
         values = fit.values[[model.names.index(n) for n in fit.selected]]
         std = math.sqrt(max(float(weights @ covariance @ weights), 0.0))
-        named = {n: float(v) for n, v in zip(c.names, row, strict=True) if abs(v) > 1e-9}
+        scales = [parameter_unit(model, n).scale / unit.scale for n in c.names]
+        named = {n: float(v * k) for n, v, k in zip(c.names, row, scales, strict=True) if abs(v) > 1e-9}
         out.append((named, unit.from_si(float(weights @ values)), std / unit.scale, unit.text))
     return out
 
