@@ -81,12 +81,15 @@ def run(arguments: list[str]) -> int:
 
 def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
-    from .errors import OutputError, PkmcalError
+    from .errors import BadInput, OutputError, PkmcalError
 
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
     if isinstance(error.__cause__, BrokenPipeError):
         return OutputError.exit_code  # the reader has gone: nobody wants to know
+    if type(error).__name__ == "LinAlgError":
+        hint = "are stiffnesses, lengths and readings in the right units?"
+        error = BadInput.single(f"such numbers cannot be computed with: {error}", None, hint, "numbers")
     if isinstance(error, PkmcalError):
         _tell(error.text())
         return error.exit_code
