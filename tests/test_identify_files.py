@@ -17,6 +17,7 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.rotation import Array
+from tests.command import run as command
 from tests.support import MACHINES, model
 
 NAMES = ("l1", "l2", "xb1", "xb2", "y1", "y2")
@@ -153,6 +154,20 @@ def test_verdicts_and_exit_codes(
     monkeypatch.setattr("pkmcal_cli.workflow.calibrate.identify", hurried)
     assert run(command) == 1
     assert json.loads(capsys.readouterr().out)["status"] == "not_converged"
+
+
+def test_a_start_at_which_rows_cannot_be_predicted(tmp_path: Path) -> None:
+    """The hangprinter's anchors 300 mm off: found; errors before are unknown, and it is told why."""
+    start = tmp_path / "far.yaml"
+    start.write_text("parameters:\n  Ax: {value: 300, unit: mm}\n  Cz: {value: 150, unit: mm}\n")
+    files = [MACHINES / "hangprinter.yaml", MACHINES / "hangprinter_2021-12-16.csv"]
+    done = command("calibrate", *files, "-p", start, "--select", "auto,R_*", "--json")
+    assert done.code == 0
+    assert done.json["status"] == "converged"
+    assert done.json["before"]["position"]["rms"] is None
+    assert done.json["after"]["length"]["rms"] == pytest.approx(1.14, rel=0.03)
+    assert "rows cannot be predicted at the start" in done.err
+    assert "nan" not in done.err
 
 
 TURNTABLE = """

@@ -105,6 +105,9 @@ class CalibrationReport:
             "criterion before", "after",
         )  # fmt: skip
         to.table("Error", headers, rows)
+        lost = int((~self.fit.before.prediction.solved).sum())
+        if lost:
+            to.say(f"no error before: {lost} of {self.n_rows} rows cannot be predicted at the start")
         if isinstance(self.held_out, str):
             to.say(f"no held-out error: {self.held_out}")
         else:
@@ -133,7 +136,7 @@ class CalibrationReport:
 
 
 def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
-    return f"{figures.criterion / scale**2:.4g} {unit}^2"
+    return "-" if np.isnan(figures.criterion) else f"{figures.criterion / scale**2:.4g} {unit}^2"
 
 
 def _correlations(model: Model, fit: Fit) -> tuple[tuple[str, ...], list[list[float]]]:

@@ -37,7 +37,9 @@ def short(value: float) -> str:
 
 
 def readable(value: float, unit: Unit) -> str:
-    """A length or angle (SI) in the file's unit, or in um or urad where that reads better."""
+    """A length or angle (SI) in the file's unit, or in um or urad where that reads better; a dash for nan."""
+    if math.isnan(value):
+        return "-"
     small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
     if small is not None and 0 < abs(value) < small[1]:
         unit = parse_unit(small[0])
