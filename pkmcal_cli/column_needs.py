@@ -49,9 +49,7 @@ class Needs:
 
     def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
         """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""
-        placing = [
-            name for name, actuator in self.machine.actuators.items() if actuator.control == "position"
-        ]
+        placing = [name for name, actuator in self.machine.actuators.items() if actuator.control == "position"]
         given = [name for name in placing if (b := self.found.get((name, "actuator"))) and self._filled(b)]
         targets = [b for b in self.targets() if self._filled(b)]
         by_actuators = bool(given) or require != "poses" or not targets
@@ -110,9 +108,7 @@ class Needs:
         channels = [c for c in self.columns.values() if c.role == "channel"]
         if not any((c.name, "channel") in self.found for c in channels):
             names = ", ".join(f"`{c.header}`" for c in channels)
-            what = (
-                f"nothing measured: the table has none of {names}" if names else "the machine has no sensor"
-            )
+            what = f"nothing measured: the table has none of {names}" if names else "the machine has no sensor"
             self._missing(what, *channels)
 
     def _no_pose(self, placing: Sequence[str]) -> None:

@@ -12,9 +12,7 @@ from pkmcal_cli.units import UnitError, parse_unit
 Convert = Callable[[str], float]
 """From the text of a cell to its value; raises ValueError for a text that is no value."""
 
-_THOUSANDS = re.compile(
-    r"[+-]?[0-9]{1,3}(?:([.,' \u2019\u00a0\u202f])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?"
-)
+_THOUSANDS = re.compile(r"[+-]?[0-9]{1,3}(?:([.,' \u2019\u00a0\u202f])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
 _MISSING = {"na", "n/a", "#n/a", "nan", "null", "none", "-", "--", "---", "?", "missing", "#value!", "#ref!"}
 _MINUS = "\u2212\u2013"  # minus sign, en dash
 _INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|1\.#inf|∞)", re.IGNORECASE)

@@ -118,9 +118,7 @@ def find_binary(head: bytes) -> Flaw | None:
         if head.startswith(magic):
             return Flaw("csv-binary", f"this is {kind}, not a table in text form", hint)
     if b"\0" in head and not head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return Flaw(
-            "csv-binary", "this is a binary file, not a table in text form", "save it as CSV in UTF-8"
-        )
+        return Flaw("csv-binary", "this is a binary file, not a table in text form", "save it as CSV in UTF-8")
     return None
 
 
@@ -220,9 +218,7 @@ def _choose(header: str, rows: Sequence[str], separators: Sequence[str]) -> _Tri
     return best
 
 
-def _decide(
-    number: int, lines: Sequence[str], separators: Sequence[str], comments: Sequence[str]
-) -> Format | Flaw:
+def _decide(number: int, lines: Sequence[str], separators: Sequence[str], comments: Sequence[str]) -> Format | Flaw:
     """The format, given the line number of the header."""
     rows = [line for line in lines[number:] if line.strip()]
     trial = _choose(lines[number - 1], rows, separators)

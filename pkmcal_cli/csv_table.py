@@ -163,9 +163,7 @@ def default_kinds(header: Sequence[HeaderCell]) -> list[Kind]:
     return ["text" if cell.name in TEXT_COLUMNS else "number" for cell in header]
 
 
-def read_table(
-    source: Path | str, kinds: Callable[[Sequence[HeaderCell]], Sequence[Kind]] = default_kinds
-) -> Table:
+def read_table(source: Path | str, kinds: Callable[[Sequence[HeaderCell]], Sequence[Kind]] = default_kinds) -> Table:
     """A whole table; `kinds` tells what each column of the header holds. Raises BadInput with all faults."""
     with open_table(source) as reader:
         log = FaultLog(reader.name, reader.format.separator)

@@ -24,27 +24,20 @@ _ROWS = 1 << 14
 class TableWriter:
     """An open table that rows are appended to."""
 
-    def __init__(
-        self, file: TextIO, units: Sequence[Unit | None], digits: int | None, names: Sequence[str]
-    ) -> None:
+    def __init__(self, file: TextIO, units: Sequence[Unit | None], digits: int | None, names: Sequence[str]) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._units, self._digits, self._names = units, digits, names
 
     def header(self) -> None:
         """The names, with units: "x [mm]"."""
-        cells = [
-            f"{name} [{unit.text}]" if unit else name
-            for name, unit in zip(self._names, self._units, strict=True)
-        ]
+        cells = [f"{name} [{unit.text}]" if unit else name for name, unit in zip(self._names, self._units, strict=True)]
         self._writer.writerow(cells)
 
     def write(self, columns: Sequence[Values]) -> None:
         """Append rows: one array (n,) a column, numbers in SI. Raises OutputError for an infinite number."""
         count = len(columns[0]) if columns else 0
         for start in range(0, count, _ROWS):
-            cells = [
-                self._cells(index, column[start : start + _ROWS]) for index, column in enumerate(columns)
-            ]
+            cells = [self._cells(index, column[start : start + _ROWS]) for index, column in enumerate(columns)]
             self._writer.writerows(zip(*cells, strict=True))
 
     def _cells(self, index: int, values: Values) -> list[Any]:

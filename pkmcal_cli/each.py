@@ -66,9 +66,7 @@ class Expansion:
                 made[key] = SourceNode(new.value, new.where, where, new.text, new.quoted)
         return SourceNode(made, node.where, node.key)
 
-    def _environments(
-        self, name: str, child: SourceNode, where: Location, env: Environment
-    ) -> list[Environment]:
+    def _environments(self, name: str, child: SourceNode, where: Location, env: Environment) -> list[Environment]:
         """The variables' values of every repetition; the given ones where there is no `each`."""
         each = child.value.get(KEY) if isinstance(child.value, dict) else None
         if each is None:

@@ -148,9 +148,7 @@ def _check_number(node: ast.Constant, text: str) -> None:
 
 def _check_call(node: ast.Call, text: str, depth: int) -> None:
     if not isinstance(node.func, ast.Name):
-        raise ExpressionError(
-            f"`{source_of(node.func, text)}` cannot be called", node.col_offset, "write `*`"
-        )
+        raise ExpressionError(f"`{source_of(node.func, text)}` cannot be called", node.col_offset, "write `*`")
     name = node.func.id
     if name not in FUNCTIONS:
         hint = did_you_mean(name, FUNCTIONS, "functions: " + ", ".join(FUNCTIONS))

@@ -70,9 +70,7 @@ class Entity(BaseModel):
         raise fault("type", f"a map is wanted here, not {kind_of(raw)}", _MAP)
 
     @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         made = handler(schema)
         if cls.shorthand is None:
             return made
@@ -166,9 +164,7 @@ class Shape:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_before_validator_function(self.read, handler(source))
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         counts = {*self.planar, *self.spatial}
         item = {"type": ["number", "string"]}
         listed = {
@@ -203,9 +199,7 @@ class AxisLetterOr(Shape):
         either = core_schema.tagged_union_schema(kinds, discriminator=_letter_or_vector)
         return core_schema.with_info_before_validator_function(self.read, either)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         letters = {"enum": ["x", "y", "z", "-x", "-y", "-z"]}
         return {"anyOf": [letters, super().__get_pydantic_json_schema__(schema, handler)]}
 

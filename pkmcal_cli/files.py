@@ -38,9 +38,7 @@ def open_input(source: Path | str) -> Iterator[BinaryIO]:
     """
     with contextlib.ExitStack() as stack:
         try:
-            file: BinaryIO = (
-                sys.stdin.buffer if is_stream(source) else stack.enter_context(open(source, "rb"))
-            )
+            file: BinaryIO = sys.stdin.buffer if is_stream(source) else stack.enter_context(open(source, "rb"))
             if is_stream(source) or not file.seekable():
                 spool = stack.enter_context(tempfile.TemporaryFile())
                 shutil.copyfileobj(file, spool, _BLOCK)

@@ -152,7 +152,5 @@ class Sensor(Entity):
     at: str = Field(description="Body, body's point or node that is measured")
     offset: Point = Field(default=(), description="Tool offset in the body's axes; default 0")
     reads: Reads = Field(description="Channels [x, y, z, rx, ry, rz], or {channel: column}")
-    sigma: SigmaByChannel = Field(
-        description="A value, or by channel: {x: ..., position: ..., orientation: ...}"
-    )
+    sigma: SigmaByChannel = Field(description="A value, or by channel: {x: ..., position: ..., orientation: ...}")
     frame: Literal["machine"] = Field(description="Where it measures: machine (no default)")

@@ -3,48 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .elements import Element
 from .layout import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
+from .ports import Link, Number, Point, Port, arms_of
 from .rotation import Array
 from .slots import Formula, SlotTable
-
-Number = float | Formula
-
-
-@dataclass(frozen=True)
-class Point:
-    """A sum of arms: offsets (sign, number) and travels (number, axis) by the rotation that carries them."""
-
-    offsets: tuple[tuple[int, float, int], ...] = ()  # (rotation, sign, offset)
-    travels: tuple[tuple[int, int, tuple[float, float, float]], ...] = ()  # (rotation, travel, axis)
-
-    def __add__(self, other: Point) -> Point:
-        return Point(self.offsets + other.offsets, self.travels + other.travels)
-
-
-@dataclass(frozen=True)
-class Port:
-    """A point and the rotation of the body that it belongs to."""
-
-    point: Point
-    rotation: int
-
-
-@dataclass(frozen=True)
-class _Link:
-    element: Element | None
-    name: str
-    ports: tuple[Port, Port]
-    triads: tuple[Array, Array]
-    rest: tuple[Number, ...]
-    stiffness: tuple[Number, ...]
-    prestress: tuple[Number, ...]
-    rigid: tuple[bool, ...]
-    rope: bool
 
 
 @dataclass
@@ -58,9 +25,9 @@ class LayoutBuilder:
     rotations: list[tuple[Turn, Array, Array, tuple[int, int, int], str]] = field(default_factory=list)
     travels: list[tuple[int, float, bool, str]] = field(default_factory=list)
     offsets: list[tuple[int, int, int]] = field(default_factory=list)
-    links: list[_Link] = field(default_factory=list)
-    points: list[_Link] = field(default_factory=list)
-    aims: list[_Link] = field(default_factory=list)
+    links: list[Link] = field(default_factory=list)
+    points: list[Link] = field(default_factory=list)
+    aims: list[Link] = field(default_factory=list)
     forces: list[tuple[str, int, int]] = field(default_factory=list)  # (travel | rotation, number, slot)
     nominal: dict[str, float] = field(default_factory=dict)
 
@@ -95,9 +62,7 @@ class LayoutBuilder:
         """A new rotation; `slots`: its rotation vector (FIXED) or angle (AXIS, driven)."""
         where = (*slots, -1, -1, -1)[:3]
         axis = np.array([0.0, 0.0, 1.0]) if axis is None else np.asarray(axis, dtype=float)
-        self.rotations.append(
-            (kind, axis, np.eye(3) if drawn is None else drawn, (where[0], where[1], where[2]), name)
-        )
+        self.rotations.append((kind, axis, np.eye(3) if drawn is None else drawn, (where[0], where[1], where[2]), name))
         return len(self.rotations) - 1
 
     def travel(self, drawn: float, name: str, slot: int = -1, free: bool = True) -> int:
@@ -136,9 +101,7 @@ class LayoutBuilder:
         """An element between two ports."""
         frames = triads or (np.eye(3), np.eye(3))
         loads = tuple(prestress or (0.0,) * len(element.strains))
-        self.links.append(
-            _Link(element, name, ports, frames, tuple(rest), tuple(stiffness), loads, tuple(rigid), rope)
-        )
+        self.links.append(Link(element, name, ports, frames, tuple(rest), tuple(stiffness), loads, tuple(rigid), rope))
 
     def aim(self, element: Element, name: str, ports: tuple[Port, Port]) -> None:
         """Constraints that hold port j at a pose given by slots; they act in inverse positions only."""
@@ -146,12 +109,12 @@ class LayoutBuilder:
         frames = (np.eye(3), np.eye(3))
         numbers = (0.0,) * len(element.patterns)
         zeros, rigid = (0.0,) * count, (True,) * count
-        self.aims.append(_Link(element, name, ports, frames, zeros, numbers, zeros, rigid, False))
+        self.aims.append(Link(element, name, ports, frames, zeros, numbers, zeros, rigid, False))
 
     def reading_point(self, name: str, port: Port) -> int:
         """A point that sensors read; returns its number among the points."""
         self.points.append(
-            _Link(None, name, (Port(Point(), GROUND), port), (np.eye(3), np.eye(3)), (), (), (), (), False)
+            Link(None, name, (Port(Point(), GROUND), port), (np.eye(3), np.eye(3)), (), (), (), (), False)
         )
         return len(self.points) - 1
 
@@ -163,7 +126,7 @@ class LayoutBuilder:
         """The frozen layout. `drives`: a drive with the element and strain names of a STRAIN target."""
         ordered = self._groups()
         groups: list[Group] = []
-        sequence: list[_Link] = []
+        sequence: list[Link] = []
         for element, links in ordered:
             start = len(sequence)
             sequence += links
@@ -176,24 +139,6 @@ class LayoutBuilder:
         first_point = len(sequence)
         sequence += self.points
         arms = self._arms(sequence)
-        kinds = np.array([int(r[0]) for r in self.rotations])
-        turning = Rotations(
-            kinds,
-            np.array([r[1] for r in self.rotations]),
-            np.array([r[2] for r in self.rotations]),
-            np.array([r[3] for r in self.rotations], dtype=np.intp),
-            tuple(r[4] for r in self.rotations),
-        )
-        widths = np.array([0, 3, 1])[kinds]
-        first = len(self.travels) + np.cumsum(widths) - widths
-        dofs, force_slots = [], []
-        for kind, number, slot in self.forces:
-            dofs.append(
-                number
-                if kind == "travel"
-                else int(first[number // 3]) + (number % 3 if widths[number // 3] == 3 else 0)
-            )
-            force_slots.append(slot)
         return Layout(
             self.planar,
             SlotTable(np.array(self.constants), tuple(self.formulas), tuple(self.labels)),
@@ -201,25 +146,25 @@ class LayoutBuilder:
             np.array([t[1] for t in self.travels]),
             np.array([t[2] for t in self.travels], dtype=bool),
             tuple(t[3] for t in self.travels),
-            turning,
+            self._turning(),
             arms,
             tuple(groups),
             tuple(aims),
             np.arange(first_point, len(sequence)),
-            np.array(dofs, dtype=np.intp),
-            np.array(force_slots, dtype=np.intp),
+            np.array(self._forced_dofs(), dtype=np.intp),
+            np.array([slot for _, _, slot in self.forces], dtype=np.intp),
             tuple(_located(drive, element, strain, groups) for drive, element, strain in drives),
             tuple(held),
         )
 
-    def _groups(self) -> list[tuple[Element, list[_Link]]]:
-        out: dict[Element, list[_Link]] = {}
+    def _groups(self) -> list[tuple[Element, list[Link]]]:
+        out: dict[Element, list[Link]] = {}
         for link in self.links:
             assert link.element is not None
             out.setdefault(link.element, []).append(link)
         return list(out.items())
 
-    def _group(self, element: Element, links: list[_Link], where: slice) -> Group:
+    def _group(self, element: Element, links: list[Link], where: slice) -> Group:
         def block(kind: str, values: list[tuple[Number, ...]], names: Sequence[str]) -> slice:
             start = len(self.constants)
             for link, row in zip(links, values, strict=True):
@@ -241,12 +186,31 @@ class LayoutBuilder:
             np.array([link.rope for link in links], dtype=bool),
         )
 
-    def _arms(self, sequence: list[_Link]) -> Arms:
+    def _turning(self) -> Rotations:
+        return Rotations(
+            np.array([int(r[0]) for r in self.rotations]),
+            np.array([r[1] for r in self.rotations]),
+            np.array([r[2] for r in self.rotations]),
+            np.array([r[3] for r in self.rotations], dtype=np.intp),
+            tuple(r[4] for r in self.rotations),
+        )
+
+    def _forced_dofs(self) -> list[int]:
+        """Coordinates on which constant forces act: travels first, then the rotations' own."""
+        widths = np.array([0, 3, 1])[[int(r[0]) for r in self.rotations]]
+        first = len(self.travels) + np.cumsum(widths) - widths
+        dofs = []
+        for kind, number, _ in self.forces:
+            turn, axis = divmod(number, 3)
+            dofs.append(number if kind == "travel" else int(first[turn]) + (axis if widths[turn] == 3 else 0))
+        return dofs
+
+    def _arms(self, sequence: list[Link]) -> Arms:
         rows: list[tuple[int, int, list[tuple[float, int]], list[tuple[int, Array]]]] = []
         start = []
         for number, link in enumerate(sequence):
             start.append(len(rows))
-            rows += [(number, r, offsets, travels) for r, offsets, travels in _arms_of(link)]
+            rows += [(number, r, offsets, travels) for r, offsets, travels in arms_of(link)]
         width = max(len(row[2]) for row in rows)
         offset = np.zeros((len(rows), width), dtype=np.intp)
         sign = np.zeros((len(rows), width))
@@ -267,40 +231,15 @@ class LayoutBuilder:
         )
 
 
-def _arms_of(link: _Link) -> list[tuple[int, list[tuple[float, int]], list[tuple[int, Array]]]]:
-    """Arms of port j minus port i by rotation; what both share cancels."""
-    offsets: dict[tuple[int, int], float] = {}
-    travels: dict[tuple[int, int], Array] = {}
-    for factor, port in ((-1.0, link.ports[0]), (1.0, link.ports[1])):
-        for r, sign, index in port.point.offsets:
-            offsets[r, index] = offsets.get((r, index), 0.0) + factor * sign
-        for r, t, axis in port.point.travels:
-            travels[r, t] = travels.get((r, t), np.zeros(3)) + factor * np.array(axis)
-    rotations = sorted({r for r, _ in offsets} | {r for r, _ in travels}) or [GROUND]
-    out = []
-    for r in rotations:
-        mine = [(sign, index) for (q, index), sign in offsets.items() if q == r and sign] or [(0.0, 0)]
-        moved = [(t, axis) for (q, t), axis in travels.items() if q == r and axis.any()]
-        if mine != [(0.0, 0)] or moved or len(rotations) == 1:
-            out.append((r, mine, moved))
-    return out or [(GROUND, [(0.0, 0)], [])]
-
-
 def _located(drive: Drive, element: str, strain: str, groups: Sequence[Group]) -> Drive:
     """A STRAIN drive with its target and slots filled in."""
     if drive.kind is not DriveKind.STRAIN:
         return drive
-    from dataclasses import replace
-
     for g, group in enumerate(groups):
         if element in group.names and strain in group.element.strains:
             e, m = group.names.index(element), group.element.strains.index(strain)
             at = e * len(group.element.strains) + m
-            return replace(
-                drive,
-                target=(g, e, m),
-                slot=group.rest.start + at,
-                force_slot=group.prestress.start + at,
-                rigid=bool(group.rigid[e, m]),
-            )
+            slot, force_slot = group.rest.start + at, group.prestress.start + at
+            rigid = bool(group.rigid[e, m])
+            return replace(drive, target=(g, e, m), slot=slot, force_slot=force_slot, rigid=rigid)
     raise KeyError(f"drive {drive.name}: no element {element} with strain {strain}")

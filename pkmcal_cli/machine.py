@@ -31,9 +31,7 @@ class Machine(Entity):
     extends: str | None = Field(default=None, description="Machine file that this one overlays")
     units: Units = Field(default=Units(), description="Units of bare numbers")
     space: Space = Field(description="planar or spatial")
-    gravity: Gravity = Field(
-        default=(), description="Acceleration in base axes, m/s^2: [0, -9.81]; default none"
-    )
+    gravity: Gravity = Field(default=(), description="Acceleration in base axes, m/s^2: [0, -9.81]; default none")
     own_weight: bool = Field(default=True, description="Whether masses weigh (with gravity)")
     ranges: Ranges = Field(default=Ranges(), description="Default ranges of parameters by dimension")
     parameters: dict[Name, Parameter] = Field(default={}, description="Numbers that can be identified")

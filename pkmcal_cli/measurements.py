@@ -29,9 +29,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-def read_measurements(
-    paths: Sequence[Path | str], machine: Machine, require: Require = "measured"
-) -> Measurements:
+def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Require = "measured") -> Measurements:
     """All rows of measurement files (`-`: stdin), each file a session unless it has a column `session`.
 
     `require` says what the rows must have: "actuators" their readings; "poses" these or TCP coordinates;

@@ -102,9 +102,7 @@ class Joint(Entity):
 
     between: Two = Field(description="The two points that it joins")
     type: JointType = Field(description="Which motions are free")
-    axis: Axis | None = Field(
-        default=None, description="Axis in the drawing's base axes: x, y, z or a vector"
-    )
+    axis: Axis | None = Field(default=None, description="Axis in the drawing's base axes: x, y, z or a vector")
     axes: tuple[Axis, Axis] | None = Field(
         default=None, description="Universal: the axes carried by the first and the second point"
     )

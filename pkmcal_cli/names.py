@@ -129,11 +129,7 @@ class NameCheck:
             self._fault("name", what, path, "give one of them another name")
         if known or name in self.excused:
             return
-        names = [
-            each
-            for section in sections
-            for each in (*getattr(self.machine, section), *self.aside.names(section))
-        ]
+        names = [each for section in sections for each in (*getattr(self.machine, section), *self.aside.names(section))]
         self._fault("unknown-name", f"unknown {kinds} `{name}`", path, self._hint(name, names, kinds))
 
     def _point(self, name: str, path: Path) -> None:

@@ -66,9 +66,7 @@ class ParameterResolver:
         unit = nominal.unit if isinstance(nominal, Draft) and nominal.unit else bare
         return "" if unit.text == "1" else unit.text
 
-    def _number(
-        self, draft: Draft | float | str, dimension: Dimension, bare: Unit, path: Path
-    ) -> float | None:
+    def _number(self, draft: Draft | float | str, dimension: Dimension, bare: Unit, path: Path) -> float | None:
         """The SI value of a draft of numbers only, or None after a fault."""
         if not isinstance(draft, Draft):
             return float(draft)
@@ -109,9 +107,7 @@ class ParameterResolver:
         self.faults.add(self.source.fault("range", what, path, hint, 0, True))
         return math.nan
 
-    def _bounds(
-        self, parameter: Parameter, dimension: Dimension, bare: Unit, path: Path
-    ) -> tuple[float, float] | None:
+    def _bounds(self, parameter: Parameter, dimension: Dimension, bare: Unit, path: Path) -> tuple[float, float] | None:
         if parameter.bounds is None:
             return None
         where = (*path, "bounds")

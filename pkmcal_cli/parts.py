@@ -69,9 +69,7 @@ class Ranges(Entity):
     angle: Angle | None = Field(default=None, description="Range of every angle, e.g. 1e-4 rad")
     scale: Number | None = Field(default=None, description="Range of every plain number, e.g. 1e-3")
     stiffness: LinearStiffness | None = Field(default=None, description="Range of force/length")
-    rotational_stiffness: RotationalStiffness | None = Field(
-        default=None, description="Range of torque/angle"
-    )
+    rotational_stiffness: RotationalStiffness | None = Field(default=None, description="Range of torque/angle")
     coupling_stiffness: MixedCoupling | None = Field(default=None, description="Range of force/angle")
     bending_stiffness: BendingStiffness | None = Field(default=None, description="Range of EI and GJ")
     modulus: Modulus | None = Field(default=None, description="Range of E and G")

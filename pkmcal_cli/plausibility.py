@@ -200,9 +200,7 @@ def _excess(value: float, limits: FloatArray) -> float:
     return float(max(limits[0] - value, value - limits[1]))
 
 
-def _inside(
-    readings: FloatArray, limits: FloatArray, i: int, names: Sequence[str], units: Sequence[Unit]
-) -> str:
+def _inside(readings: FloatArray, limits: FloatArray, i: int, names: Sequence[str], units: Sequence[Unit]) -> str:
     """What would bring all readings of an actuator inside its limits, so that they fill some of them."""
     values = readings[:, i]
 

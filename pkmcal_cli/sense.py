@@ -39,9 +39,7 @@ class SenseCheck:
         for kind in ("bars", "ropes"):
             for name, bar in getattr(machine, kind).items():
                 if bar.EA is not None and bar.k is not None:
-                    self._fault(
-                        "give `EA` or `k`, not both", (kind, name, "k"), "delete one of them", at_key=True
-                    )
+                    self._fault("give `EA` or `k`, not both", (kind, name, "k"), "delete one of them", at_key=True)
         for name, joint in machine.joints.items():
             self._check_joint(("joints", name), joint.type, joint)
             self._check_stiffness(("joints", name, "stiffness"), joint.stiffness)
@@ -99,9 +97,7 @@ class SenseCheck:
     def _check_beam(self, path: Path, beam: Beam) -> None:
         if (beam.section is None) != (beam.material is None):
             has, lacks = ("section", "material") if beam.section else ("material", "section")
-            self._fault(
-                f"a beam with `{has}` needs `{lacks}`", (*path, has), f"add `{lacks}: NAME`", at_key=True
-            )
+            self._fault(f"a beam with `{has}` needs `{lacks}`", (*path, has), f"add `{lacks}: NAME`", at_key=True)
         for key in ("EA", "EI", "EIy", "EIz", "GJ"):
             if getattr(beam, key) is None:
                 continue
@@ -110,9 +106,7 @@ class SenseCheck:
                 what = f"`{key}` follows from section and material"
                 self._fault(what, (*path, key), hint, at_key=True)
             elif beam.EI is not None and key in ("EIy", "EIz"):
-                self._fault(
-                    f"give `EI` or `{key}`, not both", (*path, key), "delete one of them", at_key=True
-                )
+                self._fault(f"give `EI` or `{key}`, not both", (*path, key), "delete one of them", at_key=True)
             elif self.planar and key in ("EIy", "GJ"):
                 what = f"`{key}` means nothing in the plane"
                 self._fault(what, (*path, key), "the plane knows `EA` and `EI`", at_key=True)

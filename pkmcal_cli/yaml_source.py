@@ -127,9 +127,7 @@ class _Builder:
             what = f"not valid YAML: {error.problem or error.context}"
             if error.context and error.context_mark:
                 what += f" ({error.context} begun in line {error.context_mark.line + 1})"
-            raise self.fault(
-                "yaml", what, where, _yaml_hint(self.lines, where, error.problem or "")
-            ) from None
+            raise self.fault("yaml", what, where, _yaml_hint(self.lines, where, error.problem or "")) from None
         except yaml.reader.ReaderError as error:
             head = text[: error.position]
             where = Location(self.file, head.count("\n") + 1, len(head) - head.rfind("\n"))
@@ -264,9 +262,7 @@ class _Open:
             self.put_pair(value, self.key, child, builder)
             self.key = None
 
-    def put_pair(
-        self, value: dict[str, SourceNode], key: SourceNode, child: SourceNode, builder: _Builder
-    ) -> None:
+    def put_pair(self, value: dict[str, SourceNode], key: SourceNode, child: SourceNode, builder: _Builder) -> None:
         name = key.text or ""
         child.key = key.where
         first = value.get(name)

@@ -100,9 +100,7 @@ def test_any_text_gives_a_table_or_faults(text: str, tmp_path_factory: pytest.Te
 
 @settings(max_examples=200, deadline=None)
 @given(
-    rows=st.lists(
-        st.tuples(st.floats(-1e3, 1e3), st.floats(-1e-6, 1e-6), st.integers(-9, 9)), min_size=1, max_size=8
-    ),
+    rows=st.lists(st.tuples(st.floats(-1e3, 1e3), st.floats(-1e-6, 1e-6), st.integers(-9, 9)), min_size=1, max_size=8),
     decimal=st.sampled_from(".,"),
     separator=st.sampled_from(",;\t| "),
 )

@@ -27,9 +27,7 @@ def test_damaged_machines_are_read_or_refused(tmp_path: Path, data: st.DataObjec
         at = rng.randrange(len(text))
         cut = rng.choice([0, 1, 1, 5])
         text = (
-            text[:at]
-            + rng.choice(["", "x", "{", "]", ": ", ",", "-", "9", "\n", "'", "null", "*"])
-            + text[at + cut :]
+            text[:at] + rng.choice(["", "x", "{", "]", ": ", ",", "-", "9", "\n", "'", "null", "*"]) + text[at + cut :]
         )
     try:
         machine = read(tmp_path, text)
@@ -40,9 +38,7 @@ def test_damaged_machines_are_read_or_refused(tmp_path: Path, data: st.DataObjec
 
 
 _JUNK = st.recursive(
-    st.one_of(
-        st.none(), st.booleans(), st.integers(-9, 9), st.sampled_from(["x", "tcp", "l1", "1 mm", "{i}", ""])
-    ),
+    st.one_of(st.none(), st.booleans(), st.integers(-9, 9), st.sampled_from(["x", "tcp", "l1", "1 mm", "{i}", ""])),
     lambda inner: st.one_of(
         st.lists(inner, max_size=3),
         st.dictionaries(st.sampled_from(["at", "each", "i", "k", "x"]), inner, max_size=3),
@@ -53,9 +49,7 @@ _JUNK = st.recursive(
 
 @given(st.sampled_from(list(Machine.model_fields)), _JUNK, st.sampled_from(["planar", "spatial"]))
 @FUZZ
-def test_junk_in_any_section_is_refused_or_read(
-    tmp_path: Path, section: str, junk: object, space: str
-) -> None:
+def test_junk_in_any_section_is_refused_or_read(tmp_path: Path, section: str, junk: object, space: str) -> None:
     for value in (junk, {"a": junk}, {"a{i}": {"each": {"i": [1]}, "at": junk, "between": junk}}):
         text = json.dumps({"space": space, section: value})
         try:

@@ -26,9 +26,7 @@ BAD = sorted(path.stem for path in (HERE / "bad").glob("*.expected") if path.wit
 def bar_with(entry: str, head: str = "") -> str:
     """The smallest machine: one bar between ground and a node."""
     points = "ground: {o: [0, 0]}\nnodes: {n: [9, 0]}"
-    return (
-        f"units: {{length: mm}}\nspace: planar\n{head}\n{points}\nbars: {{b: {{between: [o, n], {entry}}}}}\n"
-    )
+    return f"units: {{length: mm}}\nspace: planar\n{head}\n{points}\nbars: {{b: {{between: [o, n], {entry}}}}}\n"
 
 
 def test_the_triglide_is_resolved() -> None:
@@ -60,9 +58,7 @@ def test_defaults_depend_on_the_space(tmp_path: Path) -> None:
     assert [q.value({}) for q in machine.gravity] == [0, 0]
     assert len(machine.frames["base"].at) == 2 and len(machine.bodies["c1"].turn) == 1
     text = "space: spatial\nbodies: {b: {at: [0, 0, 0], fixed: true}}\nground: {o: [0, 0, 0]}\n"
-    text += (
-        "joints: {j: {between: [o, b], type: revolute, axis: -y}}\nloads: {f: {at: b, force: [0, 0, 1]}}\n"
-    )
+    text += "joints: {j: {between: [o, b], type: revolute, axis: -y}}\nloads: {f: {at: b, force: [0, 0, 1]}}\n"
     spatial = read(tmp_path, text)
     assert len(spatial.gravity) == len(spatial.bodies["b"].turn) == len(spatial.bodies["b"].centre) == 3
     assert spatial.bodies["b"].fixed == ("x", "y", "z", "rx", "ry", "rz")
@@ -165,9 +161,7 @@ def test_a_parameter_used_as_two_things(tmp_path: Path) -> None:
 
 def test_a_range_is_needed(tmp_path: Path) -> None:
     head = "parameters: {l1: {nominal: 3, identify: false}}"
-    assert faults(tmp_path, bar_with("length: l1", head)) == [
-        "3:14 range: parameter `l1` (length) has no range"
-    ]
+    assert faults(tmp_path, bar_with("length: l1", head)) == ["3:14 range: parameter `l1` (length) has no range"]
 
 
 def test_drives_and_their_units(tmp_path: Path) -> None:
@@ -191,9 +185,7 @@ def test_drives_and_their_units(tmp_path: Path) -> None:
 
 
 def test_a_fault_does_not_hide_others(tmp_path: Path) -> None:
-    text = TRIGLIDE.replace("length: l1, k: k1", "lenght: l1, k: k9").replace(
-        "reads: [x, y]", "reads: [x, yy]"
-    )
+    text = TRIGLIDE.replace("length: l1, k: k1", "lenght: l1, k: k9").replace("reads: [x, y]", "reads: [x, yy]")
     text = text.replace("on: rail, at: 600", "on: rial, at: six")
     assert [line.split(" ", 1)[1] for line in faults(tmp_path, text)] == [
         "unused-name: parameter `k1` is used by nothing",
@@ -213,9 +205,7 @@ def test_reading_is_quick_and_light(tmp_path: Path) -> None:
         "import sys, pkmcal_cli.machine_yaml, pkmcal_cli.schema;"
         "print([m for m in ('numpy', 'scipy', 'pandas', 'typer', 'rich') if m in sys.modules])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE.parent
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE.parent)
     assert done.stdout.strip() == "[]"
 
 

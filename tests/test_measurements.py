@@ -122,13 +122,9 @@ def test_foreign_columns_forces_and_two_sensors(
 ) -> None:
     text = "motor_A;motor_B [rad];C;X_mm;Y_mm;probe.y;F\n90;1,5;;1;2;3;7\n180;1,5;-90;1;;;\n"
     found = read(spools(), text)
-    np.testing.assert_allclose(
-        found.actuators, [[np.pi / 2, 1.5, np.nan], [np.pi, 1.5, -np.pi / 2]], rtol=1e-15
-    )
+    np.testing.assert_allclose(found.actuators, [[np.pi / 2, 1.5, np.nan], [np.pi, 1.5, -np.pi / 2]], rtol=1e-15)
     assert found.channels == ("tracker.x", "tracker.y", "probe.y", "C")
-    np.testing.assert_allclose(
-        found.readings, [[1e-3, 2e-3, 3e-3, np.nan], [1e-3, np.nan, np.nan, -np.pi / 2]]
-    )
+    np.testing.assert_allclose(found.readings, [[1e-3, 2e-3, 3e-3, np.nan], [1e-3, np.nan, np.nan, -np.pi / 2]])
     np.testing.assert_allclose(found.forces[:, 2], [7, np.nan])
     assert np.isnan(found.forces[:, :2]).all()
     assert not found.has_targets  # two sensors: neither is the target
@@ -142,9 +138,7 @@ def test_a_force_without_a_constant_is_needed(
     with pytest.raises(BadInput) as caught:
         read(machine, "motor_A,motor_B,X_mm,f\n1,2,3,4\n", "motor_A,motor_B,X_mm,F\n1,2,3,\n")
     text = caught.value.text()
-    assert (
-        "s1.csv:1: error[csv-missing]: column `F` is missing: force of actuator C\nhelp: is it `f`?" in text
-    )
+    assert "s1.csv:1: error[csv-missing]: column `F` is missing: force of actuator C\nhelp: is it `f`?" in text
     assert "s2.csv:2:7: error[csv-empty-cell]: the cell of column `F` is empty" in text
 
 
@@ -177,9 +171,7 @@ def test_poses_by_coordinates_beside_a_foreign_sensor(
         ("x,q1\n1,\n" + "2,\n" * 40_000 + "3,4\n", "s1.csv:40003:3: error[csv-value]: `4` in column `q1`"),
     ],
 )
-def test_poses_that_are_none(
-    triglide: Machine, read: Callable[..., Measurements], content: str, expected: str
-) -> None:
+def test_poses_that_are_none(triglide: Machine, read: Callable[..., Measurements], content: str, expected: str) -> None:
     with pytest.raises(BadInput) as caught:
         read(triglide, content, require="poses")
     assert expected in caught.value.text()
@@ -269,17 +261,13 @@ def test_take_and_concatenate(triglide: Machine, read: Callable[..., Measurement
 
 @pytest.mark.parametrize("path", sorted(MACHINES.glob("*.csv")), ids=lambda p: p.stem)
 def test_shipped_files_are_read(path: Path) -> None:
-    machine = max(
-        (m for m in MACHINES.glob("*.yaml") if path.stem.startswith(m.stem)), key=lambda m: len(m.stem)
-    )
+    machine = max((m for m in MACHINES.glob("*.yaml") if path.stem.startswith(m.stem)), key=lambda m: len(m.stem))
     found = read_measurements([path], read_machine(machine))
     assert found.has_actuators and found.has_readings
     assert not np.isnan(found.actuators).any()
 
 
-def test_blocks_and_the_whole_are_the_same(
-    triglide: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blocks_and_the_whole_are_the_same(triglide: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     path = tmp_path / "big.csv"
     names = {c.name: c for c in columns_of(triglide)}

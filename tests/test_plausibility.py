@@ -17,9 +17,7 @@ UNITS = ("mm", "mm", "deg")
 def campaign(seed: int = 0, rows: int = 40) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Measured and predicted, SI: errors of 0.2 mm, a row without prediction, a cell without value."""
     rng = np.random.default_rng(seed)
-    predicted = np.column_stack(
-        [rng.uniform(0.0, 0.95, rows), rng.uniform(0.16, 0.39, rows), rng.normal(0, 0.1, rows)]
-    )
+    predicted = np.column_stack([rng.uniform(0.0, 0.95, rows), rng.uniform(0.16, 0.39, rows), rng.normal(0, 0.1, rows)])
     measured = predicted + rng.normal(0, 2e-4, predicted.shape)
     if rows > 3:
         predicted[rows // 2] = np.nan

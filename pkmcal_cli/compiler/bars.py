@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..elements import Bar, ElasticBar
-from ..layout_builder import Number, Port
 from ..machine import Bar as BarSpec
 from ..machine import Beam as BeamSpec
+from ..ports import Number, Port
 from .numbers import combined, number
 from .structure import Structure
 from .weights import Weight, halves

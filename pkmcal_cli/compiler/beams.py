@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..elements import Beam
-from ..layout_builder import Port
 from ..machine import Beam as BeamSpec
+from ..ports import Port
 from ..rotation import Array
 from .bars import rest_length
 from .joints import add_joint_link, elastic_rows, joint_rows, joint_triad

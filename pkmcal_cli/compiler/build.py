@@ -12,9 +12,10 @@ from ..equilibrium.kinematics import drawn_state
 from ..equilibrium.mobility import pivots, strain_rows
 from ..equilibrium.system import DriveState
 from ..layout import GROUND, DriveKind, Layout, Turn
-from ..layout_builder import LayoutBuilder, Point, Port
+from ..layout_builder import LayoutBuilder
 from ..machine import Machine, Sensor
 from ..model import Actuator, Channel, Model, ModelParameter
+from ..ports import Point, Port
 from ..rotation import Array
 from . import assemble as asm
 from .bars import add_bars

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..layout import Drive, DriveKind, Turn
-from ..layout_builder import Number, Port
 from ..machine import Actuator, axis_vector
+from ..ports import Number, Port
 from ..slots import Formula
 from .bars import rest_length
 from .joints import add_joint_link

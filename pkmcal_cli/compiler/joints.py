@@ -6,9 +6,9 @@ import numpy as np
 
 from ..elements import JOINTS, Joint
 from ..layout import Turn
-from ..layout_builder import Number, Port
 from ..machine import End, Stiffness, axis_vector
 from ..machine import Joint as JointSpec
+from ..ports import Number, Port
 from ..rotation import Array
 from .numbers import constant_vector, number, triad_about, triad_along, unit
 from .structure import Structure

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..layout_builder import Number
+from ..ports import Number
 from ..quantities import Quantity
 from ..rotation import Array
 from ..slots import Formula

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..layout_builder import Number
 from ..machine import Beam as BeamSpec
 from ..machine import Material, Section
+from ..ports import Number
 from ..quantities import Quantity
 from .numbers import combined, number
 from .structure import Structure

@@ -11,11 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..layout import GROUND, Turn
-from ..layout_builder import LayoutBuilder, Point, Port
+from ..layout_builder import LayoutBuilder
 from ..machine import Body, Guide, Joint, Machine, axis_vector
+from ..ports import Point, Port
 from ..quantities import Quantity
 from ..rotation import Array, exp
 from .numbers import constant_vector, is_zero, number, unit, vector
+from .tree import joint_tree
 
 
 @dataclass(frozen=True)
@@ -111,50 +113,12 @@ class Structure:
             self.rails[name] = self._rail(name, guide)
         for name, body in self.machine.bodies.items():
             self.owner |= dict.fromkeys(body.points, name)
-        for name, joint in self.machine.joints.items():
-            self._choose_child(name, joint)
+        self.placed_by |= joint_tree(self.machine, self.owner, self.nominal)
 
     def _rail(self, name: str, guide: Guide) -> Rail:
         origin, rotation = self.frames[guide.frame] if guide.frame else (Point(), GROUND)
         along = unit(constant_vector(axis_vector(guide.along, 3), self.nominal))
         return Rail(origin + self.builder.offset(rotation, vector(guide.at), f"{name}.at"), rotation, along)
-
-    def _choose_child(self, name: str, joint: Joint) -> None:
-        """A joint without elastic translations places a node (or else a body) that nothing else places."""
-        if joint.stiffness is not None and joint.type not in ("spherical", "universal", "revolute"):
-            return
-        if joint.stiffness is not None and any(
-            getattr(joint.stiffness, d) is not None for d in ("radial", "x", "y", "z")
-        ):
-            return
-        owners = [self.owner.get(end, end) for end in joint.between]
-        for side in sorted((1, 0), key=lambda s: owners[s] in self.machine.bodies):
-            child, parent = owners[side], owners[1 - side]
-            if self._can_be_placed(child) and not self._leads_to(parent, child) and self._aligned(joint, child, parent):
-                self.placed_by[child] = (name, side)
-                return
-
-    def _can_be_placed(self, name: str) -> bool:
-        if name in self.placed_by:
-            return False
-        if name in self.machine.nodes:
-            return not self.machine.nodes[name].fixed
-        body = self.machine.bodies.get(name)
-        return body is not None and body.on is None and not body.fixed
-
-    def _leads_to(self, name: str, target: str) -> bool:
-        while name != target and name in self.placed_by:
-            joint, side = self.placed_by[name]
-            end = self.machine.joints[joint].between[1 - side]
-            name = self.owner.get(end, end)
-        return name == target
-
-    def _aligned(self, joint: Joint, child: str, parent: str) -> bool:
-        """Joints that lock rotation share the parent's triad: a body must be drawn aligned with it."""
-        if joint.type not in ("fixed", "prismatic") or child not in self.machine.bodies:
-            return True
-        turns = [self.machine.bodies[n].turn if n in self.machine.bodies else () for n in (child, parent)]
-        return all(q.number(self.nominal) == 0.0 for turn in turns for q in turn)
 
     def point(self, name: str) -> Point:
         """The point of a node, ground point, body or body's point."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..elements import Load
 from ..layout import GROUND, Turn
-from ..layout_builder import Number, Point, Port
+from ..ports import Number, Point, Port
 from ..quantities import Quantity
 from .numbers import combined, is_zero, number, vector
 from .structure import Structure

@@ -246,9 +246,7 @@ class System:
         force: Array = self.chain_terms(z, tip_force)[2][:, self.drive]
         return force
 
-    def step(
-        self, position: Array, rotation: Array, z: Array, tip_force: Array
-    ) -> tuple[Array, Array, Array]:
+    def step(self, position: Array, rotation: Array, z: Array, tip_force: Array) -> tuple[Array, Array, Array]:
         """Newton step of the platform (6,), the joints (7, M) and the tip forces (7, 3)."""
         arm = self.body @ rotation.T
         motion = platform_motion(arm)

@@ -102,9 +102,7 @@ class State:
 
     def moved(self, step: Array) -> State:
         """State after a step (6 + A,): translation, rotation vector in base axes, travels."""
-        return State(
-            self.position + step[:3], rotation_matrix(step[3:6]) @ self.rotation, self.travel + step[6:]
-        )
+        return State(self.position + step[:3], rotation_matrix(step[3:6]) @ self.rotation, self.travel + step[6:])
 
 
 @dataclass(frozen=True)

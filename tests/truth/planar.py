@@ -56,10 +56,7 @@ def triglide(legs: int = 3) -> Machine:
         x, y = turned(-p["gamma"], tcp[:2])
         side = [-1, 1, 1]
         return np.array(
-            [
-                x - bx + side[i] * np.sqrt(p[f"l{i + 1}"] ** 2 - (y - by) ** 2)
-                for i, (bx, by) in enumerate(offsets(p))
-            ]
+            [x - bx + side[i] * np.sqrt(p[f"l{i + 1}"] ** 2 - (y - by) ** 2) for i, (bx, by) in enumerate(offsets(p))]
         )
 
     return Machine(
@@ -134,17 +131,13 @@ def scissors() -> Machine:
     """Four carriers on two guides along y, five rods, platform with pose x, y, phi."""
 
     def platform(p: Parameters) -> Array:
-        return np.array(
-            [[sx * p[f"xa{i}"], sy * p[f"ya{i}"]] for i, (sx, sy) in zip(_RODS, _A_SIGNS, strict=True)]
-        )
+        return np.array([[sx * p[f"xa{i}"], sy * p[f"ya{i}"]] for i, (sx, sy) in zip(_RODS, _A_SIGNS, strict=True)])
 
     def guides(p: Parameters) -> tuple[Array, Array, Array]:
         """Feet (5, 2), angles (5,) and joint offsets in the carrier (5, 2) of each rod's guide."""
         feet = np.array([[-p["d1"] if left else p["d2"], 0.0] for left in _LEFT])
         angles = np.array([p["g1"] if left else p["g2"] for left in _LEFT])
-        joints = np.array(
-            [[sx * p[f"xb{i}"], sy * p[f"yb{i}"]] for i, (sx, sy) in zip(_RODS, _B_SIGNS, strict=True)]
-        )
+        joints = np.array([[sx * p[f"xb{i}"], sy * p[f"yb{i}"]] for i, (sx, sy) in zip(_RODS, _B_SIGNS, strict=True)])
         return feet, angles, joints
 
     def rods(p: Parameters) -> Rods:
@@ -160,9 +153,7 @@ def scissors() -> Machine:
 
     def guess(q: Array, p: Parameters) -> Array:
         feet, angles, joints = guides(p)
-        centres = [
-            feet[r] + turned(angles[r], joints[r] + [0, q[_CARRIER[r]]]) - platform(p)[r] for r in (0, 3)
-        ]
+        centres = [feet[r] + turned(angles[r], joints[r] + [0, q[_CARRIER[r]]]) - platform(p)[r] for r in (0, 3)]
         return circles(centres[0], centres[1], p["l1"], p["l4"], -1)
 
     def inverse(tcp: Array, p: Parameters) -> Array:

@@ -26,9 +26,7 @@ REDUNDANT = [name for name in PINNED if name != "triglide-nonredundant"]
 def planted(machine: Machine, size: float = 1.0) -> dict[str, float]:
     """Parameters with errors, sd = size * range."""
     draw = np.random.default_rng(7).normal(size=len(machine.nominal))
-    return {
-        n: v + size * d * machine.ranges[n] for (n, v), d in zip(machine.nominal.items(), draw, strict=True)
-    }
+    return {n: v + size * d * machine.ranges[n] for (n, v), d in zip(machine.nominal.items(), draw, strict=True)}
 
 
 def test_three_springs_carry_a_force_as_their_stiffness_says() -> None:
@@ -55,9 +53,7 @@ def test_a_hanging_rod_stretches_by_force_over_stiffness() -> None:
 
 
 def test_a_slack_rope_pulls_nothing() -> None:
-    rods = Rods.of(
-        np.zeros((2, 3)), [[0, 0, 1], [0, 0, -1]], [-1, -1], [0.9, 1.2], [1e5, 1e5], rope=[True, True]
-    )
+    rods = Rods.of(np.zeros((2, 3)), [[0, 0, 1], [0, 0, -1]], [-1, -1], [0.9, 1.2], [1e5, 1e5], rope=[True, True])
     load = DeadForce(np.array([0, 0, -10.0]), np.zeros(3))
     found = pinned.minimise(rods, State.at([0.01, 0, 0.1], []), pinned.SPATIAL_POINT, [load])
     assert found.tension.astype(float) == pytest.approx([10, 0], abs=1e-9)

@@ -1,0 +1,182 @@
+"""Imports go one way; only the outer layers know the terminal; modules and functions stay small."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.command import ROOT, environment
+
+PACKAGE = ROOT / "pkmcal_cli"
+MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
+
+LAYERS: tuple[tuple[str, str], ...] = (
+    ("base", "analytic binding dimensions errors expressions files inference quantities rotation slots sparse_map"
+             " unit_text units words yaml_source yaml_tree"),
+    ("elements", "elements"),
+    ("machine", "each fields instruments machine machine_yaml magnitudes members names overlay parameter_values parts"
+                " resolve schema sense shape walk wanted"),
+    ("measurements", "column_binding column_needs columns csv_cells csv_parse csv_sniff csv_table csv_write"
+                     " measurement_set measurements plausibility"),
+    ("layout", "layout layout_builder ports"),
+    ("equilibrium", "equilibrium"),
+    ("model", "model"),
+    ("prediction", "compiler influence inverse loading parameter_file poses prediction"),
+    ("calibration", "calibration"),
+    ("report", "report"),
+    ("workflow", "workflow"),
+    ("commands", "__main__ app commands"),
+)  # fmt: skip
+"""From the innermost layer outwards; a module or folder may import its own layer and those before it."""
+
+MODULES = sorted(PACKAGE.rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+
+
+def name_of(file: Path) -> str:
+    parts = file.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+NAMES = {name_of(file) for file in MODULES}
+
+
+@cache
+def tree_of(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def statements(file: Path) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Import statements, also those inside functions; not those for type checkers only."""
+    for_types = {
+        id(inner)
+        for node in ast.walk(tree_of(file))
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree_of(file)):
+        if isinstance(node, ast.Import | ast.ImportFrom) and id(node) not in for_types:
+            yield node
+
+
+def inside(file: Path) -> set[str]:
+    """Names of this package's modules that a module imports."""
+    name = name_of(file)
+    package = name.split(".") if file.name == "__init__.py" else name.split(".")[:-1]
+    found = set()
+    for node in statements(file):
+        if isinstance(node, ast.Import):
+            assert not any(a.name.startswith("pkmcal_cli") for a in node.names), "write `from pkmcal_cli.x import y`"
+            continue
+        if node.level:
+            base = [*package[: len(package) - node.level + 1], *(node.module or "").split(".")]
+        elif (node.module or "").split(".")[0] == "pkmcal_cli":
+            base = (node.module or "").split(".")[1:]
+        else:
+            continue
+        path = ".".join(part for part in base if part)
+        for alias in node.names:
+            deep = f"{path}.{alias.name}".strip(".")
+            found.add(deep if deep in NAMES else path)
+    return found - {""}
+
+
+def outside(file: Path) -> set[str]:
+    """Other packages that a module imports."""
+    found = set()
+    for node in statements(file):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif not node.level and node.module:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def layer_of(name: str) -> int:
+    for number, (_, members) in enumerate(LAYERS):
+        if name.split(".")[0] in members.split():
+            return number
+    raise AssertionError(f"`{name}` has no layer: put it into LAYERS")
+
+
+@pytest.mark.parametrize("file", MODULES, ids=name_of)
+def test_imports_go_one_way(file: Path) -> None:
+    name = name_of(file)
+    if not name:
+        return
+    wrong = {other: LAYERS[layer_of(other)][0] for other in inside(file) if layer_of(other) > layer_of(name)}
+    assert wrong == {}, f"{name} ({LAYERS[layer_of(name)][0]}) imports outer layers"
+
+
+def test_there_are_no_cycles() -> None:
+    import graphlib
+
+    graph = {name_of(f): inside(f) - {name_of(f)} for f in MODULES}
+    assert list(graphlib.TopologicalSorter(graph).static_order())
+
+
+def test_members_of_a_family_do_not_know_each_other() -> None:
+    for file in (PACKAGE / "elements").glob("[a-z]*.py"):
+        assert inside(file) <= {"elements.base", "rotation"}, file.name
+
+
+def test_every_name_of_a_layer_exists() -> None:
+    first = {name.split(".")[0] for name in NAMES}
+    for _, members in LAYERS:
+        assert set(members.split()) <= first
+
+
+@pytest.mark.parametrize(("package", "places"), [("typer", ("app", "commands")), ("rich", ("report",))])
+def test_only_the_outer_layers_know_the_terminal(package: str, places: tuple[str, ...]) -> None:
+    users = {name_of(f) for f in MODULES if package in outside(f)}
+    assert users and {u.split(".")[0] for u in users} <= set(places)
+
+
+def test_nothing_but_the_declared_dependencies_is_imported() -> None:
+    declared = {"numpy", "scipy", "pandas", "yaml", "typer", "rich", "pydantic", "pydantic_core"}
+    found = set().union(*(outside(f) for f in MODULES)) - {"pkmcal_cli", "__future__"}
+    assert found - set(sys.stdlib_module_names) <= declared
+
+
+def test_importing_the_program_is_light() -> None:
+    heavy = ("numpy", "scipy", "pandas", "pydantic", "yaml", "rich", "pkmcal_cli.workflow")
+    code = f"import sys, pkmcal_cli.app; print([m for m in {heavy!r} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("file", [*MODULES, *TESTS], ids=lambda f: str(f.relative_to(ROOT)))
+def test_files_and_functions_are_small(file: Path) -> None:
+    lines = len(file.read_text(encoding="utf-8").splitlines())
+    assert lines <= MAX_LINES, f"{lines} lines"
+    most = MAX_DATA if "truth" in file.parts else MAX_FUNCTION  # descriptions of machines
+    long = {
+        node.name: size
+        for node in ast.walk(tree_of(file))
+        if isinstance(node, ast.FunctionDef) and (size := (node.end_lineno or 0) - node.lineno + 1) > most
+    }
+    assert long == {}
+
+
+@pytest.mark.parametrize("file", MODULES, ids=name_of)
+def test_public_things_say_what_they_are(file: Path) -> None:
+    """Modules, classes and functions without a leading underscore have a docstring."""
+    tree = tree_of(file)
+    nodes = [n for n in tree.body if isinstance(n, ast.ClassDef | ast.FunctionDef) and not n.name.startswith("_")]
+    silent = [n.name for n in nodes if ast.get_docstring(n) is None]
+    assert ast.get_docstring(tree) and silent == []
+
+
+def test_nothing_names_a_place_of_this_computer() -> None:
+    """No path of the machine on which something was written."""
+    for file in [*MODULES, *TESTS, *ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), ROOT / ".ci" / "run"]:
+        text = file.read_text(encoding="utf-8")
+        assert not any(place in text for place in ("/" + "work/", "/home" + "/", "/root" + "/")), file
