@@ -20,7 +20,7 @@ from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, drawn_state, place_prescribed
 from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.machine_yaml import read_machine
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.rotation import Array, exp
 

@@ -1,5 +1,5 @@
 """`python -m pkmcal_cli`."""
 
-from .app import main
+from pkmcal_cli.app import main
 
 main()

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .equilibrium.assembly import balance
-from .equilibrium.kinematics import State, drawn_state
-from .equilibrium.newton import Effort, NewtonOptions, follow
-from .equilibrium.status import RowStatus
-from .equilibrium.system import System
-from .layout import DriveKind
-from .model import Model
-from .prediction import row_chunks
-from .rotation import Array, log
+from pkmcal_cli.equilibrium.assembly import balance
+from pkmcal_cli.equilibrium.kinematics import State, drawn_state
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow
+from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.layout import DriveKind
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import row_chunks
+from pkmcal_cli.rotation import Array, log
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .elements import Element
-from .layout import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
-from .ports import Link, Number, Point, Port, arms_of
-from .rotation import Array
-from .slots import Formula, SlotTable
+from pkmcal_cli.elements import Element
+from pkmcal_cli.layout import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
+from pkmcal_cli.ports import Link, Number, Point, Port, arms_of
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.slots import Formula, SlotTable
 
 
 @dataclass

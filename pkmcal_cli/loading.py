@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .compiler import Compiled, compile_machine
-from .compiler.assemble import BadDrawing
-from .compiler.faults import drawing_fault, mechanism_faults, structure_faults
-from .errors import BadInput, Fault, FaultList, Location
-from .machine import Machine
-from .machine_yaml import read_machine
-from .model import Model
-from .rotation import Array
+from pkmcal_cli.compiler import Compiled, compile_machine
+from pkmcal_cli.compiler.assemble import BadDrawing
+from pkmcal_cli.compiler.faults import drawing_fault, mechanism_faults, structure_faults
+from pkmcal_cli.errors import BadInput, Fault, FaultList, Location
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.model import Model
+from pkmcal_cli.rotation import Array
 
 if TYPE_CHECKING:
-    from .measurement_set import Measurements
+    from pkmcal_cli.tables.measurement_set import Measurements
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Start:
 
 def load_parameters(model: Model, path: str | None) -> Start:
     """Nominal parameter values, or those of a parameter file. Raises BadInput."""
-    from .parameter_file import read_parameters
+    from pkmcal_cli.parameter_file import read_parameters
 
     values = model.nominal
     if path is None:
@@ -84,6 +84,6 @@ def load_parameters(model: Model, path: str | None) -> Start:
 
 def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:
     """Measured rows of one or several files. Raises BadInput."""
-    from .measurements import read_measurements
+    from pkmcal_cli.tables.measurements import read_measurements
 
     return read_measurements(list(paths), loaded.machine, "measured")

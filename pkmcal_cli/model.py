@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from .equilibrium.branch import Mode, drawn_mode
-from .equilibrium.kinematics import drawn_state
-from .equilibrium.mobility import rank, strain_rows
-from .equilibrium.system import DriveState, System, build_system
-from .layout import GROUND, Layout
-from .rotation import Array
+from pkmcal_cli.equilibrium.branch import Mode, drawn_mode
+from pkmcal_cli.equilibrium.kinematics import drawn_state
+from pkmcal_cli.equilibrium.mobility import rank, strain_rows
+from pkmcal_cli.equilibrium.system import DriveState, System, build_system
+from pkmcal_cli.layout import GROUND, Layout
+from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .errors import BadInput, FaultList, did_you_mean
-from .unit_text import Unit, UnitError, parse_unit, parse_value
-from .yaml_source import read_source
-from .yaml_tree import SourceMap, SourceNode
+from pkmcal_cli.errors import BadInput, FaultList, did_you_mean
+from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
+from pkmcal_cli.language.yaml_source import read_source
+from pkmcal_cli.language.yaml_tree import SourceMap, SourceNode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from .model import ModelParameter
+    from pkmcal_cli.model import ModelParameter
 
 
 _SECTIONS = ("provenance", "parameters", "correlations")

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .elements import Element
-from .layout import GROUND
-from .rotation import Array
-from .slots import Formula
+from pkmcal_cli.elements import Element
+from pkmcal_cli.layout import GROUND
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.slots import Formula
 
 Number = float | Formula
 

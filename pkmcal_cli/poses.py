@@ -11,14 +11,14 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import BadInput, Fault, Location, UsageError, did_you_mean
-from .inverse import DIRECTIONS, drive_positions, independent_coordinates
-from .loading import LoadedMachine
-from .measurement_set import Measurements
-from .measurements import MeasurementStream
-from .prediction import Rows
-from .rotation import Array
-from .unit_text import Unit, UnitError, parse_value
+from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
+from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
+from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
+from pkmcal_cli.loading import LoadedMachine
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.tables.measurements import MeasurementStream
 
 OUT_OF_REACH = "out of reach: no drive positions for this TCP pose"
 _BLOCK = 1 << 15  # rows of a block of poses

@@ -15,10 +15,10 @@ from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem, problem_of
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.compiler import compile_machine
-from pkmcal_cli.machine_yaml import read_machine
-from pkmcal_cli.measurement_set import Measurements
-from pkmcal_cli.measurements import read_measurements
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.tables.measurements import read_measurements
 from tests.support import MACHINES, overlay
 
 SESSIONS = ("2021-12-16", "2022-04-12")

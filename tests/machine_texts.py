@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pkmcal_cli.errors import BadInput
-from pkmcal_cli.machine import Machine
-from pkmcal_cli.machine_yaml import read_machine
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine_yaml import read_machine
 
 TRIGLIDE = (Path(__file__).parent / "data" / "triglide.yaml").read_text()
 

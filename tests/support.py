@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.compiler import Compiled, compile_machine
-from pkmcal_cli.machine_yaml import read_machine
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.rotation import Array

@@ -17,13 +17,10 @@ PACKAGE = ROOT / "pkmcal_cli"
 MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
 
 LAYERS: tuple[tuple[str, str], ...] = (
-    ("base", "analytic binding dimensions errors expressions files inference quantities rotation slots sparse_map"
-             " unit_text units words yaml_source yaml_tree"),
+    ("base", "errors files rotation slots sparse_map words"),
     ("elements", "elements"),
-    ("machine", "each fields instruments machine machine_yaml magnitudes members names overlay parameter_values parts"
-                " resolve schema sense shape walk wanted"),
-    ("measurements", "column_binding column_needs columns csv_cells csv_parse csv_sniff csv_table csv_write"
-                     " measurement_set measurements plausibility"),
+    ("language", "language"),
+    ("tables", "tables"),
     ("layout", "layout layout_builder ports"),
     ("equilibrium", "equilibrium"),
     ("model", "model"),

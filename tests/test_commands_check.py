@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from pkmcal_cli.language.sense import RESERVED
 from pkmcal_cli.loading import load_machine
-from pkmcal_cli.sense import RESERVED
 from tests.command import HANGPRINTER, MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, run
 
 HERE = Path(__file__).parent
@@ -144,7 +144,7 @@ def test_warnings_do_not_count() -> None:
 
 
 def test_names_of_columns_that_every_table_may_have_are_reserved() -> None:
-    from pkmcal_cli.columns import columns_of
+    from pkmcal_cli.tables.columns import columns_of
 
     plain = {c.name for c in columns_of(load_machine(TRIGLIDE).machine) if c.role in ("label", "covariate")}
     assert {name for name in plain if "." not in name} == RESERVED

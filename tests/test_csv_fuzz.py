@@ -9,11 +9,11 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from pkmcal_cli import csv_table
-from pkmcal_cli.csv_parse import FaultLog, Parser, Plan
-from pkmcal_cli.csv_sniff import Format, find_format, split_header
-from pkmcal_cli.csv_table import read_table, write_table
 from pkmcal_cli.errors import BadInput
+from pkmcal_cli.tables import csv_table
+from pkmcal_cli.tables.csv_parse import FaultLog, Parser, Plan
+from pkmcal_cli.tables.csv_sniff import Format, find_format, split_header
+from pkmcal_cli.tables.csv_table import read_table, write_table
 
 ODD = ["", " 1 ", "nan", "NA", "inf", "1_0", "1e5", "1E-3", ".5", "5.", "1e400", "0x1", "+1", "1,5", "-"]
 CELL = st.one_of(

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pkmcal_cli import csv_table
-from pkmcal_cli.csv_table import read_table, write_table
 from pkmcal_cli.errors import BadInput, OutputError
 from pkmcal_cli.files import check_target, sha256, write_text
+from pkmcal_cli.tables import csv_table
+from pkmcal_cli.tables.csv_table import read_table, write_table
 
 
 @settings(deadline=None)
@@ -165,7 +165,7 @@ def test_sha256(tmp_path: Path) -> None:
 
 def test_a_pipe_whose_reader_has_gone() -> None:
     code = (
-        "import numpy as np; from pkmcal_cli.csv_table import write_table\n"
+        "import numpy as np; from pkmcal_cli.tables.csv_table import write_table\n"
         "from pkmcal_cli.errors import OutputError\n"
         "try: write_table('-', [('x', 'mm', np.ones(200_000))])\n"
         "except OutputError as error: raise SystemExit(error.exit_code)\n"

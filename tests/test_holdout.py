@@ -20,10 +20,10 @@ from pkmcal_cli.calibration.holdout import (
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.residual import Problem, evaluate, linearise, problem_of
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.machine_yaml import read_machine
-from pkmcal_cli.measurement_set import Measurements
-from pkmcal_cli.measurements import read_measurements
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.tables.measurements import read_measurements
 from tests.campaigns import by_engine, shipped
 from tests.command import run
 from tests.hangprinter_cases import SESSIONS

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pkmcal_cli.errors import BadInput
-from pkmcal_cli.machine import Machine
+from pkmcal_cli.language.machine import Machine
 from tests.machine_texts import SPOOLS, TRIGLIDE, read
 
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from pkmcal_cli.errors import BadInput
-from pkmcal_cli.machine import Machine, axis_vector
-from pkmcal_cli.machine_yaml import read_machine
-from pkmcal_cli.walk import drafts, quantities
+from pkmcal_cli.language.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
+from pkmcal_cli.language.machine import Machine, axis_vector
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.language.walk import drafts, quantities
 from tests.machine_texts import TRIGLIDE, faults, read, warned
 
 HERE = Path(__file__).parent
@@ -202,7 +202,7 @@ def test_reading_is_quick_and_light(tmp_path: Path) -> None:
     best = min(_seconds(tmp_path) for _ in range(5))
     assert best < 0.03
     code = (
-        "import sys, pkmcal_cli.machine_yaml, pkmcal_cli.schema;"
+        "import sys, pkmcal_cli.language.machine_yaml, pkmcal_cli.language.schema;"
         "print([m for m in ('numpy', 'scipy', 'pandas', 'typer', 'rich') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE.parent)

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli import csv_table
-from pkmcal_cli.csv_table import write_table
 from pkmcal_cli.errors import BadInput
-from pkmcal_cli.machine import Machine
-from pkmcal_cli.machine_yaml import read_machine
-from pkmcal_cli.measurements import (
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.tables import csv_table
+from pkmcal_cli.tables.csv_table import write_table
+from pkmcal_cli.tables.measurements import (
     Measurements,
     MeasurementStream,
     columns_of,

@@ -11,10 +11,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pkmcal_cli.errors import BadInput
+from pkmcal_cli.language.unit_text import UNITS, parse_unit
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import ModelParameter
 from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, exact_value, read_parameters
-from pkmcal_cli.unit_text import UNITS, parse_unit
 from tests.command import MACHINES, TRIGLIDE, run
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pkmcal_cli.plausibility import find_gross_faults, find_limit_faults
+from pkmcal_cli.tables.plausibility import find_gross_faults, find_limit_faults
 
 NAMES = ("x", "y", "rz")
 UNITS = ("mm", "mm", "deg")

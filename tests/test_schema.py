@@ -9,9 +9,9 @@ from typing import Any
 import jsonschema
 import pytest
 
-from pkmcal_cli.machine import Machine
-from pkmcal_cli.schema import machine_schema
-from pkmcal_cli.yaml_source import read_source
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.schema import machine_schema
+from pkmcal_cli.language.yaml_source import read_source
 
 HERE = Path(__file__).parent
 FILES = [HERE / "data" / "triglide.yaml", *sorted((HERE.parent / "machines").glob("*.yaml"))]

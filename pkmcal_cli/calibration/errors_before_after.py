@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inverse import drive_positions
-from ..layout import Drive, DriveKind
-from ..model import Model
-from ..rotation import Array
-from .measured_pose import measured_poses
-from .residual import Evaluation, Problem
+from pkmcal_cli.calibration.measured_pose import measured_poses
+from pkmcal_cli.calibration.residual import Evaluation, Problem
+from pkmcal_cli.inverse import drive_positions
+from pkmcal_cli.layout import Drive, DriveKind
+from pkmcal_cli.model import Model
+from pkmcal_cli.rotation import Array
 
 KINDS = ("position", "orientation", "drive", "force", "length")
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..measurement_set import Measurements
-from ..rotation import Array
-from .errors_before_after import ErrorFigures, error_figures
-from .identify import Fit, identify
-from .residual import Evaluation, Problem, evaluate
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
+from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.residual import Evaluation, Problem, evaluate
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
 
 _CELLS = 4  # cells along each axis of the workspace
 ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..inverse import DIRECTIONS, drive_positions, independent_coordinates
-from ..model import Model
-from ..rotation import Array
-from .residual import Problem
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
+from pkmcal_cli.model import Model
+from pkmcal_cli.rotation import Array
 
 
 def poses_of(model: Model, readings: Array) -> Array:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rotation import Array
-from .identifiability import Combination, Directions, combinations, directions
-from .residual import Evaluation, Problem, evaluate, linearise
+from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations, directions
+from pkmcal_cli.calibration.residual import Evaluation, Problem, evaluate, linearise
+from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equilibrium.kinematics import State
-from ..measurement_set import Measurements
-from ..model import Model
-from ..prediction import Prediction, Request, Rows, predict
-from ..rotation import Array
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Prediction, Request, Rows, predict
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 
-from ..errors import UsageError, did_you_mean
-from ..model import Model
+from pkmcal_cli.errors import UsageError, did_you_mean
+from pkmcal_cli.model import Model
 
 
 def select(model: Model, text: str) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ._options import Force, Json, MachineFile, Parameters, Quiet, Select
+from pkmcal_cli.commands._options import Force, Json, MachineFile, Parameters, Quiet, Select
 
 
 def calibrate(
@@ -34,7 +34,7 @@ def calibrate(
 
     Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
     """
-    from ..workflow.calibrate import CalibrationRequest, run_calibration
+    from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
     request = CalibrationRequest(
         machine, tuple(measurements), output, select, holdout, parameters, max_rms, as_json, quiet, force

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ._options import Json, MachineFile, Quiet
+from pkmcal_cli.commands._options import Json, MachineFile, Quiet
 
 
 def check(
@@ -19,6 +19,6 @@ def check(
 
     Example: pkmcal check machines/triglide.yaml machines/triglide.csv
     """
-    from ..workflow.check import run_check
+    from pkmcal_cli.workflow.check import run_check
 
     raise typer.Exit(run_check(machine, tuple(measurements or ()), as_json, quiet))

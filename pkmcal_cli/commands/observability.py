@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from ._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
+from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
 
 
 def observability(
@@ -21,7 +21,7 @@ def observability(
 
     Example: pkmcal observability machines/triglide-nonredundant.yaml --grid "x=0:950:3,y=160:390:77"
     """
-    from ..workflow.analysis import AnalysisRequest, run_observability
+    from pkmcal_cli.workflow.analysis import AnalysisRequest, run_observability
 
     request = AnalysisRequest(machine, poses, grid, parameters, select, tuple(offset or ()), as_json, quiet)
     raise typer.Exit(run_observability(request))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ._options import Force
+from pkmcal_cli.commands._options import Force
 
 
 def schema(
@@ -22,8 +22,8 @@ def schema(
     """
     import json
 
-    from ..files import write_text
-    from ..schema import machine_schema
+    from pkmcal_cli.files import write_text
+    from pkmcal_cli.language.schema import machine_schema
 
     with write_text(output, force=force) as file:
         file.write(json.dumps(machine_schema(overlay), indent=2) + "\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from ._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
+from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
 
 
 def sensitivity(
@@ -21,7 +21,7 @@ def sensitivity(
 
     Example: pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
     """
-    from ..workflow.analysis import AnalysisRequest, run_sensitivity
+    from pkmcal_cli.workflow.analysis import AnalysisRequest, run_sensitivity
 
     request = AnalysisRequest(machine, poses, grid, parameters, select, tuple(offset or ()), as_json, quiet)
     raise typer.Exit(run_sensitivity(request))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet
+from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet
 
 
 def simulate(
@@ -32,7 +32,7 @@ def simulate(
 
     Example: pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
     """
-    from ..workflow.simulate import SimulationRequest, run_simulation
+    from pkmcal_cli.workflow.simulate import SimulationRequest, run_simulation
 
     request = SimulationRequest(
         machine, poses, grid, parameters, method, noise, seed, forces, output, as_json, quiet, force

@@ -1,5 +1,5 @@
 """The compiler: a machine file's declarations become the index arrays and slots of the engine."""
 
-from .build import Compiled, compile_machine
+from pkmcal_cli.compiler.build import Compiled, compile_machine
 
 __all__ = ["Compiled", "compile_machine"]

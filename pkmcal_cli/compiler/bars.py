@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..elements import Bar, ElasticBar
-from ..machine import Bar as BarSpec
-from ..machine import Beam as BeamSpec
-from ..ports import Number, Port
-from .numbers import combined, number
-from .structure import Structure
-from .weights import Weight, halves
+from pkmcal_cli.compiler.numbers import combined, number
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.compiler.weights import Weight, halves
+from pkmcal_cli.elements import Bar, ElasticBar
+from pkmcal_cli.language.machine import Bar as BarSpec
+from pkmcal_cli.language.machine import Beam as BeamSpec
+from pkmcal_cli.ports import Number, Port
 
 
 def add_bars(structure: Structure, leg_lengths: dict[str, Number]) -> list[Weight]:

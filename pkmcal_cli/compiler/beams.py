@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..elements import Beam
-from ..machine import Beam as BeamSpec
-from ..ports import Port
-from ..rotation import Array
-from .bars import rest_length
-from .joints import add_joint_link, elastic_rows, joint_rows, joint_triad
-from .numbers import combined, is_zero, triad_along
-from .sections import beam_mass, beam_stiffness
-from .structure import Structure
-from .weights import Weight, halves
+from pkmcal_cli.compiler.bars import rest_length
+from pkmcal_cli.compiler.joints import add_joint_link, elastic_rows, joint_rows, joint_triad
+from pkmcal_cli.compiler.numbers import combined, is_zero, triad_along
+from pkmcal_cli.compiler.sections import beam_mass, beam_stiffness
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.compiler.weights import Weight, halves
+from pkmcal_cli.elements import Beam
+from pkmcal_cli.language.machine import Beam as BeamSpec
+from pkmcal_cli.ports import Port
+from pkmcal_cli.rotation import Array
 
 
 def add_beams(structure: Structure) -> list[Weight]:

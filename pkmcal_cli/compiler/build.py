@@ -7,24 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..elements import Joint
-from ..equilibrium.kinematics import drawn_state
-from ..equilibrium.mobility import pivots, strain_rows
-from ..equilibrium.system import DriveState
-from ..layout import GROUND, DriveKind, Layout, Turn
-from ..layout_builder import LayoutBuilder
-from ..machine import Machine, Sensor
-from ..model import Actuator, Channel, Model, ModelParameter
-from ..ports import Point, Port
-from ..rotation import Array
-from . import assemble as asm
-from .bars import add_bars
-from .beams import add_beams
-from .drives import PlacedDrive, add_drive, leg_lengths
-from .joints import add_guides, add_joints
-from .numbers import is_zero, vector
-from .structure import Drawing, Structure
-from .weights import add_loads
+from pkmcal_cli.compiler import assemble as asm
+from pkmcal_cli.compiler.bars import add_bars
+from pkmcal_cli.compiler.beams import add_beams
+from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, leg_lengths
+from pkmcal_cli.compiler.joints import add_guides, add_joints
+from pkmcal_cli.compiler.numbers import is_zero, vector
+from pkmcal_cli.compiler.structure import Drawing, Structure
+from pkmcal_cli.compiler.weights import add_loads
+from pkmcal_cli.elements import Joint
+from pkmcal_cli.equilibrium.kinematics import drawn_state
+from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
+from pkmcal_cli.equilibrium.system import DriveState
+from pkmcal_cli.language.machine import Machine, Sensor
+from pkmcal_cli.layout import GROUND, DriveKind, Layout, Turn
+from pkmcal_cli.layout_builder import LayoutBuilder
+from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
+from pkmcal_cli.ports import Point, Port
+from pkmcal_cli.rotation import Array
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -228,7 +228,7 @@ def _drawn_readings(layout: Layout, actuators: tuple[Actuator, ...]) -> Array:
 
 
 def _tcp_drawn(layout: Layout, point: int) -> Array:
-    from ..equilibrium.kinematics import arm_vectors, link_vectors
+    from pkmcal_cli.equilibrium.kinematics import arm_vectors, link_vectors
 
     slots = layout.slots.constants[None]
     state = drawn_state(layout, slots, 1, 0)

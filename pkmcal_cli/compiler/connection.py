@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..machine import Machine
+from pkmcal_cli.language.machine import Machine
 
 _BASE = ""
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..layout import Drive, DriveKind, Turn
-from ..machine import Actuator, axis_vector
-from ..ports import Number, Port
-from ..slots import Formula
-from .bars import rest_length
-from .joints import add_joint_link
-from .numbers import combined, constant_vector, number, triad_about, triad_along, unit
-from .structure import Structure
+from pkmcal_cli.compiler.bars import rest_length
+from pkmcal_cli.compiler.joints import add_joint_link
+from pkmcal_cli.compiler.numbers import combined, constant_vector, number, triad_about, triad_along, unit
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.language.machine import Actuator, axis_vector
+from pkmcal_cli.layout import Drive, DriveKind, Turn
+from pkmcal_cli.ports import Number, Port
+from pkmcal_cli.slots import Formula
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..errors import Fault
-from ..machine import Machine
-from ..words import count
-from .assemble import BadDrawing, Gap, Mobility
-from .build import Compiled
-from .connection import loose_parts
+from pkmcal_cli.compiler.assemble import BadDrawing, Gap, Mobility
+from pkmcal_cli.compiler.build import Compiled
+from pkmcal_cli.compiler.connection import loose_parts
+from pkmcal_cli.errors import Fault
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.words import count
 
 GAP = 0.01  # a drawing that does not close by more than this share of the machine's size is a fault
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..elements import JOINTS, Joint
-from ..layout import Turn
-from ..machine import End, Stiffness, axis_vector
-from ..machine import Joint as JointSpec
-from ..ports import Number, Port
-from ..rotation import Array
-from .numbers import constant_vector, number, triad_about, triad_along, unit
-from .structure import Structure
+from pkmcal_cli.compiler.numbers import constant_vector, number, triad_about, triad_along, unit
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.elements import JOINTS, Joint
+from pkmcal_cli.language.machine import End, Stiffness, axis_vector
+from pkmcal_cli.language.machine import Joint as JointSpec
+from pkmcal_cli.layout import Turn
+from pkmcal_cli.ports import Number, Port
+from pkmcal_cli.rotation import Array
 
 _PLANAR_ROWS = ("x", "y", "rz", "angle")
 

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..ports import Number
-from ..quantities import Quantity
-from ..rotation import Array
-from ..slots import Formula
+from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.ports import Number
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.slots import Formula
 
 
 def number(quantity: Quantity | None, default: float = 0.0) -> Number:

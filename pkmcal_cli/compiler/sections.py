@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..machine import Beam as BeamSpec
-from ..machine import Material, Section
-from ..ports import Number
-from ..quantities import Quantity
-from .numbers import combined, number
-from .structure import Structure
+from pkmcal_cli.compiler.numbers import combined, number
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.language.machine import Beam as BeamSpec
+from pkmcal_cli.language.machine import Material, Section
+from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.ports import Number
 
 
 def beam_stiffness(structure: Structure, beam: BeamSpec, length: Number) -> list[Number | None]:

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..layout import GROUND, Turn
-from ..layout_builder import LayoutBuilder
-from ..machine import Body, Guide, Joint, Machine, axis_vector
-from ..ports import Point, Port
-from ..quantities import Quantity
-from ..rotation import Array, exp
-from .numbers import constant_vector, is_zero, number, unit, vector
-from .tree import joint_tree
+from pkmcal_cli.compiler.numbers import constant_vector, is_zero, number, unit, vector
+from pkmcal_cli.compiler.tree import joint_tree
+from pkmcal_cli.language.machine import Body, Guide, Joint, Machine, axis_vector
+from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.layout import GROUND, Turn
+from pkmcal_cli.layout_builder import LayoutBuilder
+from pkmcal_cli.ports import Point, Port
+from pkmcal_cli.rotation import Array, exp
 
 
 @dataclass(frozen=True)

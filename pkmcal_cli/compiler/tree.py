@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..machine import Joint, Machine
+from pkmcal_cli.language.machine import Joint, Machine
 
 Placed = tuple[str, int]
 """A joint, and which of its sides (0, 1) stands on the other."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..elements import Load
-from ..layout import GROUND, Turn
-from ..ports import Number, Point, Port
-from ..quantities import Quantity
-from .numbers import combined, is_zero, number, vector
-from .structure import Structure
+from pkmcal_cli.compiler.numbers import combined, is_zero, number, vector
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.elements import Load
+from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.layout import GROUND, Turn
+from pkmcal_cli.ports import Number, Point, Port
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..rotation import Array, cross, dot, skew
-from .base import (
+from pkmcal_cli.elements.base import (
     DELTA,
     THETA_I,
     THETA_J,
@@ -19,6 +18,7 @@ from .base import (
     transpose,
     turned,
 )
+from pkmcal_cli.rotation import Array, cross, dot, skew
 
 _BENDING = np.array([[4.0, 2.0], [2.0, 4.0]])  # EI/L times this: bending angles at i and j to end moments
 _ENDS = (THETA_I, THETA_J)

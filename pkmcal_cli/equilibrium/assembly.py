@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..elements.base import turned
-from ..rotation import Array, cross, dot
-from ..sparse_map import pick
-from .given import Given, GroupNumbers, given, stiffness_matrices, typical_stiffness
-from .kinematics import State, turned_arms, views
-from .links import Pairs
-from .maps import Blocks
-from .system import GroupMap, System
+from pkmcal_cli.elements.base import turned
+from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given, stiffness_matrices, typical_stiffness
+from pkmcal_cli.equilibrium.kinematics import State, turned_arms, views
+from pkmcal_cli.equilibrium.links import Pairs
+from pkmcal_cli.equilibrium.maps import Blocks
+from pkmcal_cli.equilibrium.system import GroupMap, System
+from pkmcal_cli.rotation import Array, cross, dot
+from pkmcal_cli.sparse_map import pick
 
 __all__ = ["Balance", "balance", "group_view", "stiffness_matrices", "stresses_of", "typical_stiffness"]
 

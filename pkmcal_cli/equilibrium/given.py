@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..layout import Index, Layout
-from ..rotation import Array
-from ..sparse_map import rows_last, take_rows
-from .system import GroupMap, System
+from pkmcal_cli.equilibrium.system import GroupMap, System
+from pkmcal_cli.layout import Index, Layout
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.sparse_map import rows_last, take_rows
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..layout import Index, Layout
-from ..rotation import Array
-from ..sparse_map import Block, Entries, SparseMap, Stack
+from pkmcal_cli.layout import Index, Layout
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.sparse_map import Block, Entries, SparseMap, Stack
 
 if TYPE_CHECKING:
-    from .system import GroupMap
+    from pkmcal_cli.equilibrium.system import GroupMap
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from ..layout import Drive, DriveKind, Group
-from ..rotation import Array, log, log_jacobian
-from .assembly import group_view
-from .derivative import point_gradient, strain_gradient
-from .given import given, group_numbers
-from .kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
-from .system import System
+from pkmcal_cli.equilibrium.assembly import group_view
+from pkmcal_cli.equilibrium.derivative import point_gradient, strain_gradient
+from pkmcal_cli.equilibrium.given import given, group_numbers
+from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
+from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.layout import Drive, DriveKind, Group
+from pkmcal_cli.rotation import Array, log, log_jacobian
 
 
 class Channel(Protocol):
@@ -90,7 +90,7 @@ def _rotation_gradient(system: System, state: State, r: int, row: Array, gradien
         if kind != 1 and slot >= 0 and where[0] < 0:
             direct[:, slot] = entries[:, 0]
     elif layout.rotations.slots[r, 0] >= 0:
-        from ..rotation import left_jacobian
+        from pkmcal_cli.rotation import left_jacobian
 
         vector = log(state.rotation[:, r] @ layout.rotations.drawn[r].T)
         direct[:, layout.rotations.slots[r]] = (row[:, None, :] @ left_jacobian(vector))[:, 0]

@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..layout import DriveKind, Group, Index, Layout, Turn
-from ..rotation import Array
-from .links import LinkMap, build_links
-from .maps import Maps, MapsBuilder, StrainMaps, ViewMaps
+from pkmcal_cli.equilibrium.links import LinkMap, build_links
+from pkmcal_cli.equilibrium.maps import Maps, MapsBuilder, StrainMaps, ViewMaps
+from pkmcal_cli.layout import DriveKind, Group, Index, Layout, Turn
+from pkmcal_cli.rotation import Array
 
 __all__ = ["DriveState", "GroupMap", "LinkMap", "System", "build_system"]
 

@@ -7,10 +7,10 @@ stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and 
 
 from __future__ import annotations
 
-from .pipeline import predict, row_chunks
-from .rows import Method, Prediction, Request, Rows
-from .solving import rigid_pose
-from .stages import drawing_slots, stage_slots
+from pkmcal_cli.prediction.pipeline import predict, row_chunks
+from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows
+from pkmcal_cli.prediction.solving import rigid_pose
+from pkmcal_cli.prediction.stages import drawing_slots, stage_slots
 
 __all__ = [
     "Method",

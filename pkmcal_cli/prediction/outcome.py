@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..equilibrium.assembly import balance, typical_stiffness
-from ..equilibrium.derivative import adjoint_derivative, lagrangian_gradient
-from ..equilibrium.newton import solve_rows
-from ..equilibrium.readings import Readings, forced_energy, read_channels
-from ..layout import DriveKind
-from ..model import Model
-from ..rotation import Array
-from .rows import Prediction, Request, Rows
-from .solving import Solution
-from .stages import Chain
+from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
+from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gradient
+from pkmcal_cli.equilibrium.newton import solve_rows
+from pkmcal_cli.equilibrium.readings import Readings, forced_energy, read_channels
+from pkmcal_cli.layout import DriveKind
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.rows import Prediction, Request, Rows
+from pkmcal_cli.prediction.solving import Solution
+from pkmcal_cli.prediction.stages import Chain
+from pkmcal_cli.rotation import Array
 
 
 def outcome(model: Model, solution: Solution, rows: Rows, request: Request, chain: Chain) -> Prediction:

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from ..equilibrium.kinematics import State
-from ..equilibrium.system import System
-from ..model import Model
-from ..rotation import Array
-from .outcome import outcome
-from .rows import Prediction, Request, Rows
-from .solving import solve
-from .stages import Chain, commanded_slots
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.outcome import outcome
+from pkmcal_cli.prediction.rows import Prediction, Request, Rows
+from pkmcal_cli.prediction.solving import solve
+from pkmcal_cli.prediction.stages import Chain, commanded_slots
+from pkmcal_cli.rotation import Array
 
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
 _FEWEST = 32  # rows of a chunk, or the calls cost more than the arithmetic

@@ -8,17 +8,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equilibrium.assembly import balance, typical_stiffness
-from ..equilibrium.branch import left_mode
-from ..equilibrium.given import Given, given
-from ..equilibrium.kinematics import State, advance, drawn_state, place_prescribed
-from ..equilibrium.newton import Effort, NewtonOptions, Slack, follow, newton, solve_rows
-from ..equilibrium.status import RowStatus
-from ..equilibrium.system import System
-from ..layout import DriveKind, Index
-from ..model import Model
-from ..rotation import Array
-from .rows import Method
+from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
+from pkmcal_cli.equilibrium.branch import left_mode
+from pkmcal_cli.equilibrium.given import Given, given
+from pkmcal_cli.equilibrium.kinematics import State, advance, drawn_state, place_prescribed
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, Slack, follow, newton, solve_rows
+from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.layout import DriveKind, Index
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.rows import Method
+from pkmcal_cli.rotation import Array
 
 _REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close
 _ROUGH = NewtonOptions(curved=False, tolerance=1e-6)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..layout import Index
-from ..model import Model
-from ..rotation import Array
-from .rows import Request, Rows
+from pkmcal_cli.layout import Index
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.rows import Request, Rows
+from pkmcal_cli.rotation import Array
 
 
 def stage_slots(model: Model, values: Array, rows: Rows) -> Array:

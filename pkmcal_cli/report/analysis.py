@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.identifiability import Combination
-from ..calibration.observability import Observability
-from ..calibration.sensitivity import Sensitivity
-from ..model import Model
-from ..units import FileUnits
-from .console import Reporter, bar
-from .numbers import finite, readable, short
-from .parameters import combination_json, parameter_unit
+from pkmcal_cli.calibration.identifiability import Combination
+from pkmcal_cli.calibration.observability import Observability
+from pkmcal_cli.calibration.sensitivity import Sensitivity
+from pkmcal_cli.language.units import FileUnits
+from pkmcal_cli.model import Model
+from pkmcal_cli.report.console import Reporter, bar
+from pkmcal_cli.report.numbers import finite, readable, short
+from pkmcal_cli.report.parameters import combination_json, parameter_unit
 
 
 def show_sensitivity(to: Reporter, model: Model, units: FileUnits, found: Sensitivity, rows: int) -> None:

@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration.errors_before_after import ErrorFigures, error_figures
-from ..calibration.holdout import HeldOut
-from ..calibration.identifiability import combinations
-from ..calibration.identify import Fit
-from ..calibration.residual import Problem
-from ..machine import Machine
-from ..model import Model
-from ..parameter_file import ParameterEntry, dump_parameters
-from .console import Reporter
-from .figures import figure_unit, figures_json
-from .numbers import finite, readable, uncertain
-from .parameters import combination_json, combination_text, parameter_rows
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
+from pkmcal_cli.calibration.holdout import HeldOut
+from pkmcal_cli.calibration.identifiability import combinations
+from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.model import Model
+from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.figures import figure_unit, figures_json
+from pkmcal_cli.report.numbers import finite, readable, uncertain
+from pkmcal_cli.report.parameters import combination_json, combination_text, parameter_rows
 
 
 class CalibrationReport:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from ..files import write_text
+from pkmcal_cli.files import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..calibration.errors_before_after import ErrorFigures
-from ..machine import Machine
-from ..unit_text import Unit
-from .numbers import finite
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.unit_text import Unit
+from pkmcal_cli.report.numbers import finite
 
 
 def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:

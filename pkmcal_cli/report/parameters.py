@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.identifiability import Combination, Directions, combinations
-from ..calibration.identify import Fit
-from ..model import Model
-from ..parameter_file import exact_value
-from ..unit_text import Unit, parse_unit
-from .numbers import finite, uncertain
+from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
+from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.parameter_file import exact_value
+from pkmcal_cli.report.numbers import finite, uncertain
 
 _PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
 _FEW = 4  # names or terms that are listed one by one

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from .. import __version__
+from pkmcal_cli import __version__
 
 
 def provenance(inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ..errors import UsageError
-from ..unit_text import Unit, UnitError, parse_value
+from pkmcal_cli.errors import UsageError
+from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
 
 
 def amount(option: str, text: str, own: Unit | None = None) -> tuple[float, Unit]:

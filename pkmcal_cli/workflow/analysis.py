@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.observability import observability
-from ..calibration.residual import design_problem, evaluate
-from ..calibration.selection import named
-from ..calibration.sensitivity import sensitivity
-from ..errors import BadInput, Location, UsageError, did_you_mean
-from ..loading import LoadedMachine, load_machine, load_parameters
-from ..model import Model
-from ..poses import Place, Poses, PoseSource, failed_rows
-from ..prediction import Prediction, Rows
-from ..report.analysis import observability_json, sensitivity_json, show_observability, show_sensitivity
-from ..report.console import Reporter, emit_json
-from ..rotation import Array
-from ..unit_text import parse_unit
-from .amounts import amount
-from .arguments import one_stdin, selection
+from pkmcal_cli.calibration.observability import observability
+from pkmcal_cli.calibration.residual import design_problem, evaluate
+from pkmcal_cli.calibration.selection import named
+from pkmcal_cli.calibration.sensitivity import sensitivity
+from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
+from pkmcal_cli.model import Model
+from pkmcal_cli.poses import Place, Poses, PoseSource, failed_rows
+from pkmcal_cli.prediction import Prediction, Rows
+from pkmcal_cli.report.analysis import observability_json, sensitivity_json, show_observability, show_sensitivity
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.workflow.arguments import one_stdin, selection
 
 
 @dataclass(frozen=True)

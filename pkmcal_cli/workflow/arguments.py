@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..calibration.selection import select
-from ..errors import UsageError
-from ..files import is_stream
-from ..model import Model
+from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.errors import UsageError
+from pkmcal_cli.files import is_stream
+from pkmcal_cli.model import Model
 
 
 def one_stdin(*inputs: str | None) -> None:

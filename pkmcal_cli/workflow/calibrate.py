@@ -7,22 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
-from ..calibration.identify import Fit, RowsFailed, identify
-from ..calibration.residual import Problem, problem_of
-from ..calibration.selection import named
-from ..errors import BadInput, UsageError
-from ..files import check_target, is_stream, write_text
-from ..loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from ..measurement_set import Measurements
-from ..poses import failed_rows, place_of
-from ..prediction import Prediction
-from ..report.calibration import CalibrationReport
-from ..report.console import Reporter, emit_json
-from ..report.provenance import provenance
-from .amounts import amount
-from .arguments import one_stdin, selection
-from .hints import absurd_rows, measurement_hints, nothing_measured
+from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
+from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
+from pkmcal_cli.calibration.residual import Problem, problem_of
+from pkmcal_cli.calibration.selection import named
+from pkmcal_cli.errors import BadInput, UsageError
+from pkmcal_cli.files import check_target, is_stream, write_text
+from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
+from pkmcal_cli.poses import failed_rows, place_of
+from pkmcal_cli.prediction import Prediction
+from pkmcal_cli.report.calibration import CalibrationReport
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
 
 _FOLDS = "5"
 _NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")

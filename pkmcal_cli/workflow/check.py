@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import MAX_FAULTS, BadInput, Fault
-from ..influence import idle_parameters
-from ..loading import LoadedMachine, load_machine
-from ..report.console import Reporter, emit_json
-from ..report.machine import machine_json, show_machine
-from ..words import count
-from .arguments import one_stdin
+from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault
+from pkmcal_cli.influence import idle_parameters
+from pkmcal_cli.loading import LoadedMachine, load_machine
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.machine import machine_json, show_machine
+from pkmcal_cli.words import count
+from pkmcal_cli.workflow.arguments import one_stdin
 
 UNREADABLE = "file"
 """Code of the fault that a file cannot be read at all: that is bad input, not a finding."""
@@ -84,10 +84,10 @@ def _check_tables(
     """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
     import numpy as np
 
-    from ..calibration.residual import evaluate, problem_of
-    from ..loading import load_measurements
-    from ..poses import place_of
-    from .hints import absurd_rows, measurement_hints, nothing_measured
+    from pkmcal_cli.calibration.residual import evaluate, problem_of
+    from pkmcal_cli.loading import load_measurements
+    from pkmcal_cli.poses import place_of
+    from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
 
     try:
         measured = load_measurements(loaded, paths)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..calibration.residual import Problem, evaluate
-from ..errors import MAX_FAULTS, Fault, Location
-from ..loading import LoadedMachine
-from ..plausibility import find_gross_faults, find_limit_faults
-from ..poses import Place
-from ..rotation import Array
+from pkmcal_cli.calibration.residual import Problem, evaluate
+from pkmcal_cli.errors import MAX_FAULTS, Fault, Location
+from pkmcal_cli.loading import LoadedMachine
+from pkmcal_cli.poses import Place
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.plausibility import find_gross_faults, find_limit_faults
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _ROWS = 2000  # a sample of a long table shows a gross mistake as well

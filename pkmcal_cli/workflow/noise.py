@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import UsageError
-from ..model import Model
-from ..prediction import Rows
-from ..rotation import Array
-from ..unit_text import parse_unit
-from .amounts import amount
+from pkmcal_cli.errors import UsageError
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.workflow.amounts import amount
 
 _HINT = 'declared, none or a value such as "10 um", not negative'
 

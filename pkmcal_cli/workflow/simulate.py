@@ -9,22 +9,22 @@ from typing import Any, get_args
 
 import numpy as np
 
-from ..csv_write import TableWriter, open_writer
-from ..errors import UsageError, did_you_mean
-from ..files import check_target, is_stream
-from ..loading import load_machine, load_parameters
-from ..model import Model
-from ..poses import Place, Poses, PoseSource
-from ..prediction import Method, Prediction, Request, predict
-from ..report.console import Reporter, emit_json
-from ..report.numbers import finite
-from ..report.provenance import provenance, provenance_lines
-from ..rotation import Array
-from ..unit_text import parse_unit
-from ..words import count
-from .arguments import one_stdin
-from .noise import Noise
-from .table import SimulatedTable
+from pkmcal_cli.errors import UsageError, did_you_mean
+from pkmcal_cli.files import check_target, is_stream
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.loading import load_machine, load_parameters
+from pkmcal_cli.model import Model
+from pkmcal_cli.poses import Place, Poses, PoseSource
+from pkmcal_cli.prediction import Method, Prediction, Request, predict
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.report.provenance import provenance, provenance_lines
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.csv_write import TableWriter, open_writer
+from pkmcal_cli.words import count
+from pkmcal_cli.workflow.arguments import one_stdin
+from pkmcal_cli.workflow.noise import Noise
+from pkmcal_cli.workflow.table import SimulatedTable
 
 _SHOWN = 20  # failed rows told one by one
 _LISTED = 1000  # failed rows in the JSON

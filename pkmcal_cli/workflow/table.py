@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..columns import columns_of
-from ..csv_sniff import split_header
-from ..csv_write import Values
-from ..machine import Machine
-from ..model import Model
-from ..prediction import Prediction
-from ..rotation import Array
-from ..unit_text import UnitError, parse_unit
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.unit_text import UnitError, parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Prediction
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.columns import columns_of
+from pkmcal_cli.tables.csv_sniff import split_header
+from pkmcal_cli.tables.csv_write import Values
 
 ENERGY = "strain_energy_J"
 

@@ -1,0 +1,258 @@
+"""Types of the fields of a machine: quantities of a dimension, points, axes, names."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from pkmcal_cli.errors import did_you_mean
+from pkmcal_cli.language.dimensions import (
+    ACCELERATION,
+    ANGLE,
+    AREA,
+    BENDING_STIFFNESS,
+    COUPLING_STIFFNESS,
+    DENSITY,
+    FORCE,
+    LENGTH,
+    MASS,
+    MODULUS,
+    NUMBER,
+    ROTATIONAL_STIFFNESS,
+    SECOND_MOMENT,
+    STIFFNESS,
+    TEMPERATURE,
+    TIME,
+    TORQUE,
+    Dimension,
+)
+from pkmcal_cli.language.quantities import Measure, Quantity, fault, kind_of
+from pkmcal_cli.language.unit_text import UNITS, UnitError, parse_unit
+
+Space = Literal["planar", "spatial"]
+Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
+Letter = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+PLANAR: tuple[Direction, ...] = ("x", "y", "rz")
+SPATIAL: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
+
+
+class Entity(BaseModel):
+    """A frozen thing of the machine file; `shorthand` is the field that a bare value fills."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, arbitrary_types_allowed=True,
+        protected_namespaces=(),
+    )  # fmt: skip
+    shorthand: ClassVar[str | None] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _expand_shorthand(cls, raw: Any) -> Any:
+        if isinstance(raw, dict | cls):
+            return raw
+        if cls.shorthand is not None and raw is not None:
+            return {cls.shorthand: raw}
+        raise fault("type", f"a map is wanted here, not {kind_of(raw)}", _MAP)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        made = handler(schema)
+        if cls.shorthand is None:
+            return made
+        resolved = handler.resolve_ref_schema(made)
+        short = dict(resolved["properties"][cls.shorthand])
+        short.pop("default", None)
+        body = dict(resolved)
+        resolved.clear()
+        resolved["anyOf"] = [short, body]
+        return made
+
+
+_MAP = "write `key: value` pairs, in braces or in lines of their own"
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+def _check_name(name: str) -> str:
+    if not NAME.fullmatch(name):
+        hint = "a letter, then letters, digits and _"
+        if "{" in name:
+            hint = "a name in braces needs `each: {i: [...]}` in its entry"
+        if name == "<<":
+            hint = "YAML 1.2 has no merge keys: use `each`, or `extends` another file"
+        raise fault("name", f"`{name}` is no valid name", hint)
+    return name
+
+
+Name = Annotated[str, AfterValidator(_check_name)]
+
+
+def _unit_of(*dimensions: Dimension) -> AfterValidator:
+    def check(text: str) -> str:
+        try:
+            unit = parse_unit(text)
+        except UnitError as error:
+            raise fault("unit", error.what, error.hint) from None
+        if dimensions and unit.dimension not in dimensions:
+            wanted = " or ".join(d.name for d in dimensions)
+            example = ", ".join(u for u, at in UNITS.items() if at.dimension in dimensions)
+            what = f"`{text}` is a unit of {unit.dimension}, not of {wanted}"
+            raise fault("unit", what, f"one of {example}")
+        return text
+
+    return AfterValidator(check)
+
+
+UnitText = Annotated[str, _unit_of()]
+ReadingUnit = Annotated[str, _unit_of(LENGTH, ANGLE)]
+
+
+LengthUnit = Annotated[str, _unit_of(LENGTH)]
+AngleUnit = Annotated[str, _unit_of(ANGLE)]
+ForceUnit = Annotated[str, _unit_of(FORCE)]
+MassUnit = Annotated[str, _unit_of(MASS)]
+TimeUnit = Annotated[str, _unit_of(TIME)]
+TemperatureUnit = Annotated[str, _unit_of(TEMPERATURE)]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Marks a tuple of quantities: how many in the plane and in space; a scalar where 1 may be."""
+
+    what: str
+    planar: tuple[int, ...]
+    spatial: tuple[int, ...]
+
+    def read(self, raw: Any, info: ValidationInfo) -> Any:
+        """The raw value as a tuple of the right length; raises PydanticCustomError."""
+        context = info.context if isinstance(info.context, dict) else {}
+        space = context.get("space")
+        counts = {"planar": self.planar, "spatial": self.spatial}.get(space or "", self.planar + self.spatial)
+        if isinstance(raw, list):
+            raw = tuple(raw)
+        if isinstance(raw, dict) and set(raw) == {"at"}:
+            raw = raw["at"]
+        if raw is None or isinstance(raw, dict | bool):
+            raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}", _form(counts))
+        if not isinstance(raw, tuple):
+            if 1 in counts:
+                return (raw,)
+            raise fault("type", f"{self._wanted(counts)}, not {kind_of(raw)}", _form(counts))
+        if len(raw) not in counts or (raw == () and 0 not in counts):
+            where = f" in a {space} machine" if space in ("planar", "spatial") else ""
+            raise fault("value", f"{self._wanted(counts)}{where}, not {len(raw)}", _form(counts))
+        return raw
+
+    def _wanted(self, counts: tuple[int, ...]) -> str:
+        numbers = " or ".join(str(n) for n in sorted(set(counts)))
+        return f"{self.what} of {numbers} number{'' if numbers == '1' else 's'} is wanted here"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        counts = {*self.planar, *self.spatial}
+        item = {"type": ["number", "string"]}
+        listed = {
+            "type": "array", "items": item, "minItems": min(counts), "maxItems": max(counts),
+        }  # fmt: skip
+        return {"anyOf": [item, listed]} if 1 in counts else listed
+
+
+def _form(counts: tuple[int, ...]) -> str:
+    """What a tuple of so many numbers looks like."""
+    return " or ".join({1: "a number", 2: "[x, y]", 3: "[x, y, z]"}[n] for n in sorted(set(counts)))
+
+
+@dataclass(frozen=True)
+class AxisLetterOr(Shape):
+    """Marks an axis: a letter with or without sign, or a vector."""
+
+    def read(self, raw: Any, info: ValidationInfo) -> Any:
+        """A letter stays; anything else must be a vector."""
+        letters = ("x", "y", "z", "-x", "-y", "-z")
+        if isinstance(raw, str):
+            if raw in letters:
+                return raw
+            raise fault("value", f"`{raw}` is no axis", did_you_mean(raw, letters))
+        return super().read(raw, info)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        kinds = {
+            "letter": core_schema.str_schema(),
+            "vector": handler.generate_schema(tuple[Number, ...]),
+        }
+        either = core_schema.tagged_union_schema(kinds, discriminator=_letter_or_vector)
+        return core_schema.with_info_before_validator_function(self.read, either)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        letters = {"enum": ["x", "y", "z", "-x", "-y", "-z"]}
+        return {"anyOf": [letters, super().__get_pydantic_json_schema__(schema, handler)]}
+
+
+def _letter_or_vector(raw: Any) -> str:
+    return "letter" if isinstance(raw, str) else "vector"
+
+
+def _fixed(raw: Any, info: ValidationInfo) -> Any:
+    """`true` fixes every direction, `false` or nothing none."""
+    if raw is True:
+        context = info.context if isinstance(info.context, dict) else {}
+        return PLANAR if context.get("space") == "planar" else SPATIAL
+    return () if raw is False or raw is None else raw
+
+
+# --- quantities of a dimension -------------------------------------------------------------
+Number = Annotated[Quantity, Measure(NUMBER)]
+Length = Annotated[Quantity, Measure(LENGTH, usual=(0.0, 50.0))]
+Size = Annotated[Quantity, Measure(LENGTH, usual=(1e-5, 50.0), sign="+")]
+SectionSize = Annotated[Quantity, Measure(LENGTH, usual=(1e-5, 2.0), sign="+")]
+Angle = Annotated[Quantity, Measure(ANGLE)]
+Force = Annotated[Quantity, Measure(FORCE, usual=(0.0, 1e7))]
+DriveForceValue = Annotated[Quantity, Measure(FORCE, (TORQUE,), usual=(0.0, 1e7))]
+Mass = Annotated[Quantity, Measure(MASS, usual=(1e-4, 1e5), sign="0+")]
+Density = Annotated[Quantity, Measure(DENSITY, usual=(10.0, 25e3), sign="0+")]
+Modulus = Annotated[Quantity, Measure(MODULUS, usual=(1e8, 2e12), sign="+")]
+Area = Annotated[Quantity, Measure(AREA, usual=(1e-10, 4.0), sign="+")]
+SecondMoment = Annotated[Quantity, Measure(SECOND_MOMENT, sign="+")]
+AxialStiffness = Annotated[Quantity, Measure(FORCE, usual=(1.0, 1e12), sign="+")]
+BendingStiffness = Annotated[Quantity, Measure(BENDING_STIFFNESS, sign="+")]
+LinearStiffness = Annotated[Quantity, Measure(STIFFNESS, usual=(1e1, 1e12), sign="+")]
+RotationalStiffness = Annotated[Quantity, Measure(ROTATIONAL_STIFFNESS, sign="+")]
+TranslationCoupling = Annotated[Quantity, Measure(STIFFNESS)]
+MixedCoupling = Annotated[Quantity, Measure(COUPLING_STIFFNESS)]
+RotationCoupling = Annotated[Quantity, Measure(ROTATIONAL_STIFFNESS)]
+DriveStiffness = Annotated[Quantity, Measure(STIFFNESS, (ROTATIONAL_STIFFNESS,), sign="+")]
+Acceleration = Annotated[Quantity, Measure(ACCELERATION, usual=(0.0, 100.0))]
+Travel = Annotated[Quantity, Measure(LENGTH, (ANGLE,))]
+_FIXED = {"anyOf": [{"type": "boolean"}, {"type": "array", "items": {"enum": list(SPATIAL)}}]}
+Fixed = Annotated[tuple[Direction, ...], BeforeValidator(_fixed), WithJsonSchema(_FIXED)]
+Zero = Annotated[Quantity | Literal["home"], Measure(LENGTH, (ANGLE,), words=("home",))]
+Scale = Annotated[Quantity, Measure(NUMBER, (LENGTH / ANGLE, ANGLE / LENGTH))]
+Sigma = Annotated[Quantity, Measure(LENGTH, (ANGLE,), sign="+")]
+
+# --- tuples of them ------------------------------------------------------------------------
+Point = Annotated[tuple[Length, ...], Shape("a point", (2,), (3,))]
+Place = Annotated[tuple[Length, ...], Shape("a point, or a travel,", (1, 2), (1, 3))]
+Turn = Annotated[tuple[Angle, ...], Shape("an angle (planar) or rotation vector", (1,), (3,))]
+Gravity = Annotated[tuple[Acceleration, ...], Shape("a vector", (2,), (3,))]
+ForceVector = Annotated[tuple[Force, ...], Shape("a vector", (2,), (3,))]
+Torque = Annotated[Quantity, Measure(TORQUE)]
+Moment = Annotated[tuple[Torque, ...], Shape("a moment", (1,), (3,))]
+Vector = Annotated[tuple[Number, ...], Shape("a vector", (2,), (3,))]
+Axis = Annotated[Letter | tuple[Number, ...], AxisLetterOr("an axis", (2,), (3,))]
+Pair = Shape("a pair", (2,), (2,))

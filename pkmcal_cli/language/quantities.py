@@ -1,0 +1,184 @@
+"""Quantities: the numeric leaves of a machine.
+
+In the file a quantity is a number, a text "number unit", a parameter's name or an expression.
+`Measure` marks a field as a quantity of a dimension; reading makes a `Draft` (checked, but not
+yet bound to units), and binding makes the `Quantity` that the engine evaluates.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from pkmcal_cli.language.dimensions import NUMBER, Dimension
+from pkmcal_cli.language.expressions import (
+    EXAMPLE,
+    UNIT_HINT,
+    Evaluate,
+    ExpressionError,
+    Term,
+    compile_term,
+    names_of,
+    parse_expression,
+)
+from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, split_value
+
+_FAILURES = (ValueError, ZeroDivisionError, OverflowError)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A numeric leaf of a machine, resolved: SI in, SI out.
+
+    `text` as written, `dimension` of the field, `names` of the parameters that it uses (empty
+    for a constant), `term` the expression with SI numbers.
+    """
+
+    text: str
+    dimension: Dimension
+    names: tuple[str, ...] = ()
+    term: Term = ("number", 0.0)
+    _function: Evaluate = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_function", compile_term(self.term))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Quantity, (self.text, self.dimension, self.names, self.term)
+
+    @classmethod
+    def constant(cls, si_value: float, dimension: Dimension = NUMBER) -> Quantity:
+        """A constant of the given SI value."""
+        return cls(f"{si_value:g}", dimension, (), ("number", float(si_value)))
+
+    def value(self, values: Mapping[str, complex]) -> complex:
+        """The value (SI) at the parameters' values (SI).
+
+        A float for floats; complex values pass analytically (derivative by complex step).
+        Where an expression has no value (sqrt of a negative number) the result is nan.
+        Raises KeyError when a name of `names` is missing in `values`.
+        """
+        try:
+            return self._function(values)
+        except _FAILURES:
+            return math.nan
+
+    def number(self, values: Mapping[str, float]) -> float:
+        """`value` for floats, typed as float."""
+        return self.value(values).real
+
+    @property
+    def is_constant(self) -> bool:
+        """True when no parameter is used."""
+        return not self.names
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A quantity as read: its tree or its number with unit, not yet bound to the file's units."""
+
+    text: str
+    measure: Measure
+    tree: ast.expr | None
+    number: float = 0.0
+    unit: Unit | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names that it uses."""
+        return names_of(self.tree) if self.tree is not None else ()
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Marks a field as a quantity.
+
+    `dimension` of the field; `others` that a field may have besides (a bare number takes the
+    first); `usual` the range of magnitudes (SI) outside of which a guess is made; `words` that
+    may stand instead of a quantity; `sign` "+" for positive, "0+" for not negative.
+    """
+
+    dimension: Dimension
+    others: tuple[Dimension, ...] = ()
+    usual: tuple[float, float] | None = None
+    words: tuple[str, ...] = ()
+    sign: str = ""
+
+    @property
+    def dimensions(self) -> tuple[Dimension, ...]:
+        """All dimensions that the field may have."""
+        return (self.dimension, *self.others)
+
+    def read(self, raw: object) -> Draft | Quantity | str:
+        """The raw value of a file, checked; raises PydanticCustomError."""
+        if isinstance(raw, Draft | Quantity):
+            return raw
+        if isinstance(raw, str) and raw in self.words:
+            return raw
+        if isinstance(raw, bool) or not isinstance(raw, int | float | str):
+            raise fault("type", f"a number or text is wanted here, not {kind_of(raw)}", hint_of(raw))
+        if not isinstance(raw, str):
+            if not math.isfinite(raw):
+                raise fault("value", "a finite number is wanted here")
+            return Draft(f"{raw!r}", self, None, float(raw))
+        return self._read_text(raw)
+
+    def _read_text(self, raw: str) -> Draft:
+        if not raw.strip():
+            raise fault("value", "a number or text is wanted here, not an empty text")
+        parts = split_value(raw)
+        if parts is not None:
+            if not math.isfinite(parts[0]):
+                raise fault("value", f"`{raw}` is too large a number")
+            try:
+                unit = parse_unit(parts[1]) if parts[1] else None
+            except UnitError as error:
+                inside = re.search(r"\s[-+*]\s|[()]", parts[1] or "")
+                hint = UNIT_HINT if inside else error.hint
+                raise fault("unit", error.what, hint) from None
+            return Draft(raw, self, None, parts[0], unit)
+        try:
+            return Draft(raw, self, parse_expression(raw))
+        except ExpressionError as error:
+            raise fault("expression", error.what, error.hint, error.offset) from None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": ["number", "string"]}
+
+
+def fault(code: str, what: str, hint: str | None = None, offset: int = 0) -> PydanticCustomError:
+    """An error inside pydantic's validation that becomes a `Fault` of this code."""
+    context = {"what": what, "hint": hint or "", "offset": offset, "code": code}
+    return PydanticCustomError("pkmcal", "{what}", context)
+
+
+def kind_of(raw: object) -> str:
+    """What a raw value is, in words."""
+    if raw is None:
+        return "nothing"
+    if isinstance(raw, bool):
+        return f"`{str(raw).lower()}`"
+    if isinstance(raw, dict):
+        return "a map"
+    if isinstance(raw, list | tuple):
+        return "a list"
+    return f"`{raw}`"
+
+
+def hint_of(raw: object) -> str | None:
+    """A remedy for frequent slips of the raw value's kind."""
+    if isinstance(raw, dict) and len(raw) == 1 and list(raw.values()) == [None]:
+        return f'quote a name in braces: "{{{next(iter(raw))}}}"'
+    if raw is None or isinstance(raw, bool):
+        return f"a number, {EXAMPLE}"
+    return None

@@ -1,0 +1,199 @@
+"""Resolution of a machine: dimensions of parameters, every draft bound, defaults filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pkmcal_cli.errors import FaultList
+from pkmcal_cli.language.binding import Binder, Slip, article
+from pkmcal_cli.language.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
+from pkmcal_cli.language.fields import Entity
+from pkmcal_cli.language.inference import Inference
+from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.magnitudes import MagnitudeCheck, radian_warning
+from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimension
+from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Parameter
+from pkmcal_cli.language.quantities import Draft, Quantity
+from pkmcal_cli.language.shape import Aside
+from pkmcal_cli.language.units import FileUnits
+from pkmcal_cli.language.walk import drafts, replaced
+from pkmcal_cli.language.wanted import ORIENTATION, Wanted, wanted
+from pkmcal_cli.language.yaml_tree import Path, SourceMap
+
+_PLAIN = ("parameters", "ranges")
+
+
+@dataclass
+class Resolver:
+    """Binds the drafts of one machine; faults are added at their places."""
+
+    machine: Machine
+    source: SourceMap
+    faults: FaultList
+    aside: Aside
+    units: FileUnits = field(init=False)
+    uses: list[tuple[Path, Draft, Wanted]] = field(init=False)
+    origin: dict[str, Path] = field(default_factory=dict)
+    slipped: set[Path] = field(default_factory=set)
+    known: dict[str, Dimension] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.units = self.machine.file_units
+        self.uses = [
+            (path, draft, wanted(self.machine, path, draft, self.units))
+            for path, draft in drafts(self.machine)
+            if path[0] not in _PLAIN
+        ]
+        self.uses.sort(key=lambda use: self.source[use[0]])
+
+    def run(self) -> Machine:
+        """The machine with quantities and parameters resolved."""
+        dimensions = self._dimensions()
+        binder = Binder(self.units, dimensions)
+        ranges = replaced(self.machine.ranges, self._constant, ("ranges",))
+        resolver = ParameterResolver(self.units, ranges, self.source, self.faults, self.aside)
+        parameters = {
+            name: resolver.resolve(name, parameter, dimensions[name])
+            for name, parameter in self.machine.parameters.items()
+            if name in dimensions
+        }
+        bound = {path: self._bind(binder, path, draft, want) for path, draft, want in self.uses}
+        self._check_values(bound, parameters)
+        rest = self.machine.model_copy(
+            update={"ranges": ranges, "parameters": {}},
+        )
+        made: Machine = replaced(rest, lambda path, draft: bound[path])
+        return filled(made.model_copy(update={"parameters": parameters}))
+
+    def _check_values(self, bound: Mapping[Path, Quantity], parameters: Mapping[str, Parameter]) -> None:
+        """Values at nominal: finite, sign, magnitude; pi in a file of degrees."""
+        written = self.machine.parameters
+        check = MagnitudeCheck(parameters, written, self.units, self.source, self.faults)
+        for path, draft, _ in self.uses:
+            if path in self.slipped:
+                continue
+            check.check(path, draft, bound[path])
+            doubt = radian_warning(path, draft, self.units, self.source)
+            if doubt is not None:
+                self.faults.add(doubt)
+
+    def _dimensions(self) -> dict[str, Dimension]:
+        """The dimension of every parameter: as stated, else inferred from its uses."""
+        known = self.known
+        for name, parameter in self.machine.parameters.items():
+            stated = stated_dimension(parameter)
+            if stated is not None:
+                known[name] = stated
+                self.origin[name] = ("parameters", name)
+        inference = Inference(known)
+        trees = [(use, draft.tree, w.dimensions[0]) for use, draft, w in self.uses if draft.tree]
+        inference.run((tree, dimension) for _, tree, dimension in trees)
+        for name, index in inference.origin.items():
+            self.origin[name] = trees[index][0]
+        used = {name for _, draft, _ in self.uses for name in draft.names}
+        for name in self.machine.parameters:
+            if name not in known and name in used:
+                what = f"what parameter `{name}` measures cannot be told from its uses"
+                found = self.source.fault("dimension", what, ("parameters", name), "give `unit:`", 0, True)
+                self.faults.add(found)
+        return {name: known[name] for name in self.machine.parameters if name in known}
+
+    def _constant(self, path: Path, draft: Draft) -> Quantity:
+        """A quantity of numbers only (default ranges)."""
+        if draft.names:
+            what = f"`{draft.text}` names `{draft.names[0]}`: a range is a number"
+            self.faults.add(self.source.fault("range", what, path, "give a number"))
+            return Quantity.constant(1.0, draft.measure.dimension)
+        made = self._bind(Binder(self.units, {}), path, draft, Wanted(draft.measure.dimensions))
+        if not made.number({}) > 0:
+            self.faults.add(
+                self.source.fault("range", "a range must be positive", path, "the half-width about nominal")
+            )
+        return made
+
+    def _bind(self, binder: Binder, path: Path, draft: Draft, want: Wanted) -> Quantity:
+        """The bound draft; a stand-in where a name is unknown or after a fault."""
+        stand_in = Quantity(draft.text, want.dimensions[0], (), ("number", 1.0))
+        if any(name not in binder.dimensions for name in draft.names):
+            self.slipped.add(path)
+            return stand_in
+        try:
+            return binder.bind(draft, want.dimensions, want.bare)
+        except Slip as slip:
+            self.slipped.add(path)
+            hint = slip.hint or self._first_uses(draft, path)
+            self.faults.add(self.source.fault(slip.code, slip.what, path, hint, slip.offset))
+            return stand_in
+
+    def _first_uses(self, draft: Draft, path: Path) -> str | None:
+        """Where the dimensions of the names in a draft come from."""
+        told = []
+        for name in draft.names:
+            origin = self.origin.get(name)
+            if origin is None or origin == path:
+                continue
+            kind, line = article(self.known[name]), self.source[origin].line
+            how = "declared" if origin[0] == "parameters" else "by its use"
+            told.append(f"`{name}` is {kind} {how} in line {line}")
+        return "; ".join(told) or None
+
+
+_ZEROS: dict[type[Entity], tuple[tuple[str, Dimension, str], ...]] = {
+    Frame: (("at", LENGTH, "point"), ("turn", ANGLE, "turn")),
+    Guide: (("at", LENGTH, "point"),),
+    Body: (("turn", ANGLE, "turn"), ("centre", LENGTH, "point")),
+    Load: (("force", FORCE, "point"), ("moment", TORQUE, "turn")),
+    Sensor: (("offset", LENGTH, "point"),),
+}
+
+
+def filled(machine: Machine) -> Machine:
+    """The machine with the defaults filled in that depend on its space or on names."""
+    counts = {"point": machine.dimensions, "turn": 1 if machine.space == "planar" else 3}
+    updates: dict[str, Any] = {}
+    if machine.gravity == ():
+        updates["gravity"] = _zeros(ACCELERATION, counts["point"])
+    for section in ("frames", "guides", "bodies", "loads", "sensors"):
+        things: Mapping[str, Entity] = getattr(machine, section)
+        updates[section] = {name: _with_zeros(thing, counts) for name, thing in things.items()}
+    updates["actuators"] = {n: _filled_actuator(n, a) for n, a in machine.actuators.items()}
+    one = len(machine.sensors) == 1
+    updates["sensors"] = {n: _filled_sensor(n, s, one) for n, s in updates["sensors"].items()}
+    return machine.model_copy(update=updates)
+
+
+def _zeros(dimension: Dimension, count: int) -> tuple[Quantity, ...]:
+    return (Quantity.constant(0.0, dimension),) * count
+
+
+def _with_zeros(thing: Entity, counts: Mapping[str, int]) -> Entity:
+    empty = {
+        name: _zeros(dimension, counts[kind])
+        for name, dimension, kind in _ZEROS[type(thing)]
+        if getattr(thing, name) == ()
+    }
+    return thing.model_copy(update=empty) if empty else thing
+
+
+def _filled_actuator(name: str, actuator: Actuator) -> Actuator:
+    key = next((key for key in KINDS if getattr(actuator, key) is not None), None)
+    update: dict[str, Any] = {"column": actuator.column or name}
+    if key is not None:
+        update["kind"] = KINDS[key]
+    return actuator.model_copy(update=update)
+
+
+def _filled_sensor(name: str, sensor: Sensor, one: bool) -> Sensor:
+    prefix = "" if one else f"{name}."
+    reads = {channel: column or prefix + channel for channel, column in sensor.reads.items()}
+    sigma: dict[str, Quantity] = {}
+    for channel in reads:
+        kind = "orientation" if channel in ORIENTATION else "position"
+        found = next((sigma_of for key in (channel, kind, "")
+                      if (sigma_of := sensor.sigma.get(key)) is not None), None)  # fmt: skip
+        if found is not None:
+            sigma[channel] = found
+    return sensor.model_copy(update={"reads": reads, "sigma": sigma})

@@ -1,0 +1,207 @@
+"""From plain data to models: pydantic's errors as faults at places, the rest salvaged.
+
+Entries with a fault are set aside, so that the names and units of all others are still checked
+in the same run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from pkmcal_cli.errors import FaultList, did_you_mean
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.quantities import hint_of, kind_of
+from pkmcal_cli.language.yaml_tree import Path, SourceMap
+
+_ROUNDS = 8
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_TWO = "for example `between: [p, q]`, `limits: [low, high]`"
+_MAP = "write `name: {...}` entries, not a list"
+_DECISIVE = ("moves", "drives", "turns", "winds", "unit", "radius", "reads", "nominal")
+"""Keys on which the meaning of their siblings hangs."""
+
+
+@dataclass
+class Aside:
+    """What was set aside because of faults: plain data by path."""
+
+    data: dict[Path, Any] = field(default_factory=dict)
+
+    def touches(self, path: Path) -> bool:
+        """Whether something at or under this path was set aside."""
+        return any(each[: len(path)] == path for each in self.data)
+
+    def names(self, section: str) -> list[str]:
+        """Names of the entries of a section that were set aside."""
+        return [str(path[1]) for path in self.data if len(path) == 2 and path[0] == section]
+
+    def words(self) -> frozenset[str]:
+        """All words in what was set aside, and its names."""
+        found: set[str] = set()
+        stack: list[Any] = [*self.data.values(), *(part for path in self.data for part in path)]
+        while stack:
+            item = stack.pop()
+            if isinstance(item, str):
+                found.update(_WORD.findall(item))
+            elif isinstance(item, dict):
+                stack += [*item, *item.values()]
+            elif isinstance(item, tuple | list):
+                stack += item
+        return frozenset(found)
+
+    def take(self, data: dict[str, Any], path: Path) -> None:
+        """Takes what stands at a path out of the plain data."""
+        at: Any = data
+        for part in path[:-1]:
+            at = at.get(part) if isinstance(at, dict) else None
+        if path and isinstance(at, dict) and path[-1] in at:
+            self.data[path] = at.pop(path[-1])
+
+
+def shape(source: SourceMap, faults: FaultList) -> tuple[Machine | None, Aside]:
+    """The machine (with drafts) of the tree's plain data, and what was set aside.
+
+    Adds a fault for everything that does not fit; no machine where nothing can be said further.
+    """
+    data = source.root.plain()
+    for section in [name for name, value in data.items() if value is None]:
+        data[section] = {} if section in Machine.model_fields else None
+    aside = Aside()
+    for _ in range(_ROUNDS):
+        context = {"space": data.get("space")}
+        try:
+            return Machine.model_validate(data, context=context), aside
+        except ValidationError as error:
+            paths = _report(error, source, faults, aside)
+        if ("space",) in paths:
+            return None, aside
+        for path in paths:
+            aside.take(data, path)
+    return None, aside
+
+
+def _report(error: ValidationError, source: SourceMap, faults: FaultList, aside: Aside) -> list[Path]:
+    """Adds pydantic's errors as faults; the paths that must be set aside to go on."""
+    paths: list[Path] = []
+    for found in error.errors(include_url=False):
+        loc, kind = found["loc"], found["type"]
+        if kind == "missing" and aside.touches(loc):
+            paths.append(loc[:2])
+            continue
+        path = _known_path(source, loc)
+        _add(found, path, source, faults)
+        paths.append(("space",) if loc == ("space",) else _to_take(path, kind))
+    return list(dict.fromkeys(paths))
+
+
+def _to_take(path: Path, kind: str) -> Path:
+    """What goes out for a fault at a path: the key, or the entry where others hang on the key."""
+    if kind == "extra_forbidden":
+        return path
+    if kind == "missing" or (len(path) > 2 and path[2] in _DECISIVE):
+        return path[:2]
+    keys = [i for i, part in enumerate(path) if isinstance(part, str)]
+    first_index = next((i for i, part in enumerate(path) if isinstance(part, int)), len(path))
+    return path[: max((i for i in keys if i < first_index), default=0) + 1]
+
+
+def _known_path(source: SourceMap, loc: tuple[str | int, ...]) -> Path:
+    """Pydantic's location without the parts that the file does not have."""
+    node, path = source.root, []
+    for part in loc:
+        child = node.child(part)
+        if child is not None:
+            node = child
+            path.append(part)
+    return tuple(path)
+
+
+def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultList) -> None:
+    """One error of pydantic as a fault."""
+    kind, loc, context = found["type"], found["loc"], found.get("ctx", {})
+    if kind == "pkmcal":
+        at_key = loc[-1] == "[key]"
+        faults.add(
+            source.fault(
+                context["code"], context["what"], path, context["hint"] or None,
+                context["offset"], at_key,
+            )
+        )  # fmt: skip
+    elif kind == "extra_forbidden":
+        owner = _owner(loc[:-1])
+        names = list(owner.model_fields) if owner is not None else []
+        what = f"unknown key `{loc[-1]}`{_of(loc[:-1])}"
+        hint = did_you_mean(str(loc[-1]), names, _list_of(names))
+        faults.add(source.fault("unknown-key", what, path, hint, 0, True))
+    elif kind == "missing" and isinstance(loc[-1], int):
+        what = f"2 entries are wanted{_of(loc[:-1])}, not {len(found['input'])}"
+        faults.add(source.fault("value", what, path, _TWO))
+    elif kind == "missing":
+        owner = _owner(loc[:-1])
+        what = f"`{loc[-1]}` is missing{_of(loc[:-1])}"
+        about = owner.model_fields.get(str(loc[-1])) if owner is not None else None
+        hint = f"{loc[-1]}: {about.description}" if about and about.description else None
+        faults.add(source.fault("missing-key", what, path, hint, 0, bool(path)))
+    else:
+        what, hint = _plain_words(found)
+        faults.add(source.fault("type" if "type" in kind else "value", what, path, hint))
+
+
+def _plain_words(found: Mapping[str, Any]) -> tuple[str, str | None]:
+    """Pydantic's own error in words of the file."""
+    kind, raw, context = found["type"], found.get("input"), found.get("ctx", {})
+    shown = kind_of(raw)
+    if kind == "literal_error":
+        words = [w.strip().strip("'") for w in context["expected"].replace(" or ", ",").split(",")]
+        return f"{shown} is not allowed here", did_you_mean(str(raw), words, _list_of(words))
+    if kind == "bool_type":
+        return f"true or false is wanted here, not {shown}", "write `true` or `false`"
+    if kind == "string_type":
+        return f"a name or text is wanted here, not {shown}", hint_of(raw)
+    if kind == "int_type":
+        return f"a whole number is wanted here, not {shown}", "for example 1"
+    if kind in ("dict_type", "model_type", "model_attributes_type"):
+        return f"a map (`name: ...`) is wanted here, not {shown}", _MAP
+    if kind == "tuple_type":
+        return f"a list is wanted here, not {shown}", _TWO
+    if kind == "too_long":
+        return f"{context['max_length']} entries are wanted here, not {context['actual_length']}", _TWO
+    if kind in ("greater_than_equal", "less_than_equal"):
+        return f"{shown} is out of range: {found['msg'].removeprefix('Input should be ')}", None
+    return str(found["msg"]), None
+
+
+def _list_of(names: list[str]) -> str:
+    return "one of " + ", ".join(f"`{name}`" for name in names)
+
+
+def _of(loc: tuple[str | int, ...]) -> str:
+    """ " in bars.rod1" """
+    parts = [str(part) for part in loc]
+    return f" in {'.'.join(parts)}" if parts else ""
+
+
+def _owner(loc: tuple[str | int, ...]) -> type[BaseModel] | None:
+    """The model that a location leads to."""
+    kind: Any = Machine
+    for part in loc:
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            about = kind.model_fields.get(str(part))
+            kind = about.annotation if about is not None else None
+        else:
+            kind = next(iter(get_args(kind)[::-1]), None)
+        kind = _model_in(kind)
+    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+
+
+def _model_in(kind: Any) -> Any:
+    """X of `X | None`."""
+    args = [a for a in get_args(kind) if a is not type(None)]
+    models = [a for a in args if isinstance(a, type) and issubclass(a, BaseModel)]
+    origin = getattr(kind, "__origin__", None)
+    return models[0] if models and origin not in (dict, tuple) else kind

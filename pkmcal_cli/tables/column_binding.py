@@ -1,0 +1,148 @@
+"""Binds the header of a measurement table to the columns of a machine."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.units import Unit, UnitError, parse_unit
+from pkmcal_cli.tables.column_needs import Bound, Needs, Require
+from pkmcal_cli.tables.columns import Column, Role, columns_of, temperature_column
+from pkmcal_cli.tables.csv_cells import is_time
+from pkmcal_cli.tables.csv_parse import FaultLog, Kind, Plan, Rule
+from pkmcal_cli.tables.csv_sniff import Flaw, HeaderCell
+from pkmcal_cli.tables.csv_table import TableReader, check_header
+
+_POSITIVE = Rule(lambda values: values > 0, "a sigma is positive")
+_BLANK = Rule(np.isnan, "the cells above are empty; give the pose in all rows by the same columns")
+_DIRECTION = Rule(lambda values: np.isin(values, (-1.0, 0.0, 1.0)), "a direction is 1, -1 or 0 (unknown)")
+
+
+@dataclass(frozen=True)
+class Binding:
+    """What a table has of a machine: columns, how to read them, whether the actuators give the poses."""
+
+    bound: tuple[Bound, ...]
+    plan: Plan
+    by_actuators: bool
+    notes: tuple[str, ...]
+
+    def of(self, *roles: Role) -> list[Bound]:
+        """The found columns of some roles."""
+        return [b for b in self.bound if b.column.role in roles]
+
+    def named(self, name: str) -> Bound | None:
+        """The found column of a name."""
+        return next((b for b in self.bound if b.column.name == name), None)
+
+
+def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog) -> Binding:
+    """Bind the header of an open table; faults go to `log`."""
+    log.separator = reader.format.separator
+    matches = _matches(reader.header, machine)
+    check_header(reader, log, [columns[0].name if columns else None for columns in matches])
+    bound: dict[tuple[str, str], Bound] = {}
+    for index, columns in enumerate(matches):
+        if columns:
+            unit, assumed = _unit_of(reader, columns[0], index, log)
+            for column in columns:
+                bound.setdefault((column.name, column.role), Bound(column, index, unit, assumed))
+    found = Needs(reader, machine, list(bound.values()), [not columns for columns in matches], log)
+    by_actuators, required, blank = found.check(require)
+    plan = Plan(_kinds(reader, found.bound), required, _rules(found.bound) | dict.fromkeys(blank, _BLANK))
+    notes = [_unused(reader, machine, found.unused), _assumed(found.bound, plan)]
+    if require == "poses" and by_actuators and found.targets():
+        notes.append("the actuator columns give the poses, the TCP coordinates are not used")
+    return Binding(tuple(found.bound), plan, by_actuators, tuple(note for note in notes if note))
+
+
+def _matches(header: Sequence[HeaderCell], machine: Machine) -> list[list[Column]]:
+    """The machine's columns that each cell of the header names, by its whole text or without the unit."""
+    by_header: dict[str, list[Column]] = {}
+    for column in columns_of(machine):
+        by_header.setdefault(column.header, []).append(column)
+    out = []
+    for cell in header:
+        part = temperature_column(cell.name, machine)
+        out.append(by_header.get(cell.text) or by_header.get(cell.name) or ([part] if part else []))
+    return out
+
+
+def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> tuple[Unit, bool]:
+    """The unit of a found column and whether it is assumed; a unit that does not fit is a fault."""
+    cell = reader.header[index]
+    if cell.unit is None or cell.unit in ("", "-") or column.role == "label":
+        return column.si_unit, column.unit is not None
+    place = reader.format.header_line, index
+    hint = f"such as `{column.header} [{column.unit}]`" if column.unit else "it has no unit"
+    try:
+        unit = parse_unit(cell.unit)
+    except UnitError as error:
+        near = error.hint if error.hint and error.hint.startswith("did you mean") else None
+        log.add(
+            Flaw("csv-unit", f"{error.what} of `{cell.text}`", near or hint, *place),
+            reader.header_source(),
+        )
+        return column.si_unit, False
+    if unit.dimension != column.physical:
+        what = f"`{cell.text}`: {cell.unit} is a unit of {unit.dimension}, but this is {_a(column.dimension)}"
+        log.add(Flaw("csv-unit", what, hint, *place), reader.header_source())
+    return unit, False
+
+
+def _a(dimension: str) -> str:
+    if dimension == "none":
+        return "a plain number"
+    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
+
+
+def _kinds(reader: TableReader, bound: Sequence[Bound]) -> tuple[Kind, ...]:
+    kinds: list[Kind] = ["skip"] * len(reader.header)
+    for b in bound:
+        if b.column.role == "label":
+            kinds[b.index] = "text"
+        elif b.column.name == "time" and is_time(reader.first_cell(b.index)):
+            kinds[b.index] = "time"
+        else:
+            kinds[b.index] = "number"
+    return tuple(kinds)
+
+
+def _rules(bound: Sequence[Bound]) -> dict[int, Rule]:
+    rules = {b.index: _POSITIVE for b in bound if b.column.role == "sigma"}
+    return rules | {b.index: _DIRECTION for b in bound if b.column.name.startswith("dir.")}
+
+
+def _unused(reader: TableReader, machine: Machine, unused: Sequence[bool]) -> str:
+    """The columns that the machine does not know, each with the one that may be meant."""
+    texts = []
+    used = {cell.name for cell, no in zip(reader.header, unused) if not no}
+    free = [column.header for column in columns_of(machine) if column.header not in used]
+    for index, (cell, no) in enumerate(zip(reader.header, unused)):
+        if no:
+            near = _likely(cell.name, free)
+            name = f"`{cell.text}`" if cell.text else f"column {index + 1} without a name"
+            texts.append(name + (f" (is it `{near}`?)" if near else ""))
+    return f"columns not used: {', '.join(texts)}" if texts else ""
+
+
+def _likely(name: str, names: Sequence[str]) -> str | None:
+    """The name that is much like this one but for case."""
+    lower = {other.lower(): other for other in names}
+    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.8)
+    return lower[close[0]] if close else None
+
+
+def _assumed(bound: Sequence[Bound], plan: Plan) -> str:
+    """The columns whose header has no unit, by the unit of the machine file that they are taken in."""
+    units: dict[str, list[str]] = {}
+    for b in bound:
+        if b.assumed and plan.kinds[b.index] == "number":
+            names = units.setdefault(b.unit.text, [])
+            names += [b.column.header] if b.column.header not in names else []
+    groups = [f"{unit} ({', '.join(names)})" for unit, names in units.items()]
+    return f"no units in the header, the machine file's are taken: {', '.join(groups)}" if groups else ""

@@ -1,0 +1,139 @@
+"""What a measurement table must have for a machine, and what is missing in it, with the remedy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from pkmcal_cli.errors import nearest
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.units import Unit
+from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of
+from pkmcal_cli.tables.csv_parse import FaultLog, FloatArray
+from pkmcal_cli.tables.csv_sniff import Flaw
+from pkmcal_cli.tables.csv_table import TableReader
+
+Require = Literal["actuators", "poses", "measured"]
+"""What rows must have: actuator readings; these or TCP coordinates; readings and anywhere a channel."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A machine's column found at `index` of the header; `assumed` if not the header gives the `unit`."""
+
+    column: Column
+    index: int
+    unit: Unit
+    assumed: bool
+
+    def to_si(self, values: FloatArray) -> FloatArray:
+        """Values (n,) of the file in SI."""
+        convert: Any = self.unit.to_si
+        out = convert(values) if self.unit.text != "1" else values
+        return np.asarray(out if self.column.scale == 1.0 else out * self.column.scale)
+
+
+class Needs:
+    """What a table needs, and what is missing in it."""
+
+    def __init__(
+        self, reader: TableReader, machine: Machine, bound: list[Bound], unused: list[bool], log: FaultLog
+    ) -> None:
+        self.reader, self.machine, self.bound, self.unused, self.log = reader, machine, bound, unused, log
+        self.columns = {(c.name, c.role): c for c in columns_of(machine)}
+        self.found = {(b.column.name, b.column.role): b for b in bound}
+
+    def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
+        """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""
+        placing = [name for name, actuator in self.machine.actuators.items() if actuator.control == "position"]
+        given = [name for name in placing if (b := self.found.get((name, "actuator"))) and self._filled(b)]
+        targets = [b for b in self.targets() if self._filled(b)]
+        by_actuators = bool(given) or require != "poses" or not targets
+        required = self._forces()
+        if not by_actuators:
+            required |= {b.index: "every row needs all TCP coordinates that the table has" for b in targets}
+        elif require == "poses" and not given and not any((n, "actuator") in self.found for n in placing):
+            self._no_pose(placing)
+        else:
+            required |= self._actuators(placing)
+        if require == "measured":
+            self._channels()
+        session = self.found.get(("session", "label"))
+        if session is not None:
+            required[session.index] = "every row belongs to a session"
+        blank = set()
+        if not by_actuators:
+            poses = [b for b in self.bound if b.column.role == "actuator" and b.column.name in placing]
+            blank = {b.index for b in (*poses, *self.targets()) if not self._filled(b)}
+        return by_actuators, required, blank
+
+    def targets(self) -> list[Bound]:
+        """The columns of TCP coordinates."""
+        channels = channel_of_target(self.machine).values()
+        return [b for b in self.bound if b.column.role == "target" or b.column.name in channels]
+
+    def _filled(self, bound: Bound) -> bool:
+        """Whether a column has anything in it, so far as the beginning of the file shows."""
+        return bool(self.reader.first_cell(bound.index))
+
+    def _actuators(self, names: Sequence[str]) -> dict[int, str]:
+        required = {}
+        for name in names:
+            b = self.found.get((name, "actuator"))
+            if b is None:
+                column = self.columns[name, "actuator"]
+                self._missing(f"column `{column.header}` is missing: actuator {name}", column)
+            else:
+                required[b.index] = f"actuator {name} needs its reading in every row"
+        return required
+
+    def _forces(self) -> dict[int, str]:
+        """Forces of force-controlled actuators that have no constant one."""
+        required = {}
+        for name, actuator in self.machine.actuators.items():
+            if actuator.control == "force" and (actuator.force is None or actuator.force.otherwise is None):
+                column = self.columns[f"{name}.force", "force"]
+                b = self.found.get((column.name, "force"))
+                if b is None:
+                    self._missing(f"column `{column.header}` is missing: force of actuator {name}", column)
+                else:
+                    required[b.index] = f"actuator {name} needs its force in every row: it has no `otherwise`"
+        return required
+
+    def _channels(self) -> None:
+        channels = [c for c in self.columns.values() if c.role == "channel"]
+        if not any((c.name, "channel") in self.found for c in channels):
+            names = ", ".join(f"`{c.header}`" for c in channels)
+            what = f"nothing measured: the table has none of {names}" if names else "the machine has no sensor"
+            self._missing(what, *channels)
+
+    def _no_pose(self, placing: Sequence[str]) -> None:
+        drives = [self.columns[name, "actuator"] for name in placing]
+        names = ", ".join(f"`{column.header}`" for column in drives)
+        coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
+        what = f"the table gives no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
+        others = [c for c in self.columns.values() if c.role in ("target", "channel")]
+        self._missing(what, *drives, *others)
+
+    def _missing(self, what: str, *wanted: Column) -> None:
+        self.log.add(Flaw("csv-missing", what, self._remedy(wanted), self.reader.format.header_line))
+
+    def _remedy(self, wanted: Sequence[Column]) -> str:
+        """The unused header that may be meant, or what the header has."""
+        cells = [cell for cell, no in zip(self.reader.header, self.unused) if no and cell.name]
+        for column in wanted:
+            for cell in cells:
+                bare = re.sub(r"\s*[(/_,].*", "", cell.text)
+                if bare == column.header and cell.text != bare and not cell.unit:
+                    return f"is it `{cell.text}`? Units stand in square brackets: `{bare} [{column.unit}]`"
+            near = nearest(column.header, [cell.name for cell in cells])
+            if near is not None:
+                where = "`reads`" if column.role in ("channel", "target") else "`column`"
+                return f"is it `{near}`? Rename it, or name it in the machine file ({where})"
+        names = [f"`{cell.text}`" for cell in self.reader.header]
+        more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+        return f"the header has {', '.join(names[:12])}{more}"

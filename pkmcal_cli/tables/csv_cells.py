@@ -1,0 +1,153 @@
+"""Cells of a measurement table: numbers and times from text, and the words for a cell that is neither."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+
+from pkmcal_cli.language.units import UnitError, parse_unit
+from pkmcal_cli.tables.csv_sniff import DECIMAL_NAMES, SPACE, Flaw, is_number
+
+Convert = Callable[[str], float]
+"""From the text of a cell to its value; raises ValueError for a text that is no value."""
+
+_THOUSANDS = re.compile(r"[+-]?[0-9]{1,3}(?:([.,' \u2019\u00a0\u202f])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
+_MISSING = {"na", "n/a", "#n/a", "nan", "null", "none", "-", "--", "---", "?", "missing", "#value!", "#ref!"}
+_MINUS = "\u2212\u2013"  # minus sign, en dash
+_INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|1\.#inf|∞)", re.IGNORECASE)
+_QUANTITY = re.compile(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?\s*([A-Za-zµμ°%].*)")
+
+
+def number_of(decimal: str) -> Convert:
+    """The converter of numbers with this decimal mark: finite ones only."""
+
+    def convert(cell: str) -> float:
+        if not is_number(cell, decimal):
+            raise ValueError(cell)
+        value = float(cell.replace(",", ".") if decimal == "," else cell)
+        if value - value != 0.0:
+            raise OverflowError(cell)
+        return value
+
+    return convert
+
+
+def is_time(cell: str) -> bool:
+    """Whether a cell is a date, or a date with time, in ISO 8601 ("2021-12-16T10:30:00", "... 10:30Z")."""
+    return _instant(cell) is not None
+
+
+def has_zone(cell: str) -> bool:
+    """Whether an ISO 8601 time says its offset from UTC."""
+    instant = _instant(cell)
+    return instant is not None and instant.tzinfo is not None
+
+
+def time_of(zone: bool) -> Convert:
+    """The converter of ISO 8601 times to seconds since 1970-01-01 UTC.
+
+    All times of a column name their offset from UTC (`zone`), or none does and they are taken for UTC.
+    """
+
+    def convert(cell: str) -> float:
+        instant = _instant(cell)
+        if instant is None or (instant.tzinfo is not None) != zone:
+            raise ValueError(cell)
+        return (instant if zone else instant.replace(tzinfo=UTC)).timestamp()
+
+    return convert
+
+
+def _instant(cell: str) -> datetime | None:
+    if not re.match(r"[0-9]{4}-?[0-9W]", cell) or re.fullmatch(r"[0-9.]*", cell):
+        return None
+    try:
+        return datetime.fromisoformat(cell)
+    except ValueError:
+        return None
+
+
+def number_flaw(cell: str, decimal: str, column: str, place: tuple[int, int]) -> Flaw:
+    """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
+    if _INFINITE.fullmatch(cell) or is_number(cell, decimal):
+        what = f"`{_short(cell)}` in column `{column}` is not finite"
+        return Flaw("csv-number", what, "leave the cell empty where nothing was measured", *place)
+    what = f"`{_short(cell)}` in column `{column}` is not a number"
+    return Flaw("csv-number", what, _number_hint(cell, decimal, column), *place)
+
+
+def _number_hint(cell: str, decimal: str, column: str) -> str | None:
+    if cell.lower() in _MISSING:
+        return "leave the cell empty where nothing was measured"
+    thousands = _THOUSANDS.fullmatch(cell)
+    if thousands and not is_number(cell, "," if decimal == "." else "."):
+        mark = thousands[1]
+        return f"write numbers without thousands separators: `{cell.replace(mark, '')}`"
+    if is_number(cell, "," if decimal == "." else "."):
+        return f"the numbers of this file have a {DECIMAL_NAMES[decimal]}; write all with the same mark"
+    if cell[:1] in _MINUS and is_number(cell[1:], decimal):
+        return f"write the minus sign as `-`: `-{cell[1:]}`"
+    if cell.startswith("#"):
+        return "comments stand before the header only"
+    if is_time(cell):
+        return "only column `time` holds dates, and then in all rows"
+    return _unit_hint(cell, column)
+
+
+def _unit_hint(cell: str, column: str) -> str | None:
+    match = _QUANTITY.fullmatch(cell)
+    unit = match[1] if match else cell
+    try:
+        parse_unit(unit)
+    except UnitError:
+        return None
+    return f"the unit stands in the header: `{column} [{unit}]`"
+
+
+def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Flaw:
+    """The flaw of a cell that should be an ISO 8601 time like the others of its column."""
+    if is_time(cell):
+        what = f"`{_short(cell)}` in column `{column}` {'lacks the' if zone else 'has an'} offset from UTC"
+        return Flaw("csv-time", what, "write all times of a column with it or none", *place)
+    hint = 'as in the first row, like "2021-12-16T10:30:00"'
+    return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *place)
+
+
+def width_flaw(cells: Sequence[str], names: Sequence[str], separator: str, line: int) -> Flaw:
+    """The flaw of a row that is longer or shorter than the header."""
+    more = len(cells) - len(names)
+    what = f"the row has {_cells(len(cells))}, the header names {len(names)}"
+    if more < 0:
+        after = " and after" if more < -1 else ""
+        hint = f"nothing for `{names[more]}`{after}; a cell that is empty still has its separator"
+        return Flaw("csv-width", what, hint, line)
+    hint = f"the cell after `{names[-1]}` belongs to no column"
+    if separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
+        hint += "; is it a decimal comma or a thousands separator?"
+    return Flaw("csv-width", what, hint, line, len(names))
+
+
+def _cells(number: int) -> str:
+    return "1 cell" if number == 1 else f"{number} cells"
+
+
+def _short(cell: str) -> str:
+    return cell if len(cell) <= 40 else cell[:37] + "..."
+
+
+def cell_column(line: str, separator: str, index: int) -> int:
+    """Where cell `index` of a line begins (its quote, if it has one), in characters from 1."""
+    if separator == SPACE:
+        starts = [match.start() for match in re.finditer(r'"[^"]*"|\S+', line)]
+        return 1 + (starts[index] if index < len(starts) else len(line.rstrip()))
+    at, quoted, passed = 0, False, 0
+    while at < len(line) and passed < index:
+        if line[at] == '"':
+            quoted = not quoted
+        elif line[at] == separator and not quoted:
+            passed += 1
+        at += 1
+    while at < len(line) and line[at] in " \u00a0" and line[at] != separator:
+        at += 1
+    return at + 1

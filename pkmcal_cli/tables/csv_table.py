@@ -1,0 +1,234 @@
+"""Strict reading of measurement tables: every cell becomes a number or a fault with its place.
+
+A file is read in blocks of whole lines: memory is bounded by it, a faulty cell is told where it stands.
+Blocks of large files go through pandas, all that is unusual in any way through the plain reader, which is
+the reference: both give the same values.
+"""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from pkmcal_cli.errors import BadInput
+from pkmcal_cli.files import input_name, open_input
+from pkmcal_cli.tables.csv_cells import has_zone
+from pkmcal_cli.tables.csv_parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Parser, Plan
+from pkmcal_cli.tables.csv_sniff import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
+from pkmcal_cli.tables.csv_write import TableWriter, open_writer, write_table
+
+__all__ = [
+    "TEXT_COLUMNS", "Chunk", "FaultLog", "Kind", "Table", "TableReader", "TableWriter", "open_table",
+    "open_writer", "read_table", "write_table",
+]  # fmt: skip
+
+TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
+"""Names of the columns that hold text in every measurement table."""
+
+HEAD = 1 << 16
+"""So many bytes or characters tell how the file is written."""
+
+_BLOCK = 1 << 21  # characters read at once
+_LARGE = 1 << 22  # bytes; from here on the import of pandas pays
+
+
+@dataclass(frozen=True)
+class Table:
+    """A whole table in the units of its file.
+
+    `names` and `units` by column (None where the header has none); `numbers` (N,) by name, NaN where a cell
+    is empty; `texts` (N) by name; `lines` (N,) the file line of every row; `comments` are before the header.
+    """
+
+    path: str
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    numbers: Mapping[str, FloatArray]
+    texts: Mapping[str, tuple[str, ...]]
+    lines: IntArray
+    separator: str
+    decimal: str
+    comments: tuple[str, ...]
+    notes: tuple[str, ...]
+    sha256: str
+
+
+class TableReader:
+    """An open table: `format` tells how it is written, `size` is in bytes, `sha256` 64 hex digits."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        """Look at the file; raises BadInput where there is no header to go by."""
+        self.name, self._file = name, file
+        self.size, self.sha256, is_utf8 = _survey(file)
+        head = file.read(HEAD)
+        self._encoding, self._encoding_note = find_encoding(head, is_utf8)
+        self._head: Sequence[str] = ()  # the lines at the beginning
+        found = find_binary(head) or self._find_format()
+        if isinstance(found, Flaw):
+            log = FaultLog(name)
+            log.add(found, self._source(found.line))
+            raise BadInput(log.faults)
+        self.format: Format = found
+        self.blank_lines = 0
+
+    @property
+    def header(self) -> tuple[HeaderCell, ...]:
+        """The cells of the header."""
+        return self.format.header
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to announce of the way the file is written; complete when all of it has been read."""
+        trailing = "separators at the ends of rows ignored" if self.format.trailing else ""
+        blank = f"{self.blank_lines} empty lines skipped" if self.blank_lines else ""
+        return tuple(note for note in (self.format.describe(), self._encoding_note, trailing, blank) if note)
+
+    def header_source(self) -> str:
+        """The text of the header line."""
+        return self._source(self.format.header_line) or ""
+
+    def first_cell(self, index: int) -> str:
+        """The first cell of a column that is not empty, if the beginning of the file has one, else ""."""
+        for line in self._head[self.format.header_line :]:
+            cells = split_line(line, self.format.separator) or []
+            if index < len(cells) and cells[index]:
+                return cells[index]
+        return ""
+
+    def chunks(self, plan: Plan, log: FaultLog) -> Iterator[Chunk]:
+        """The rows, block by block. Faults go to `log`; a block with faults is not given out."""
+        log.separator = self.format.separator
+        zones = {i: has_zone(self.first_cell(i)) for i, kind in enumerate(plan.kinds) if kind == "time"}
+        parser = Parser(self.format, plan, zones, self.size >= _LARGE)
+        line = 1
+        for block in self._blocks(_BLOCK):
+            lines, before = block.count("\n"), log.total
+            if line == 1:  # the header is in the first block: the head is shorter
+                line += self.format.header_line
+                block = block.split("\n", self.format.header_line)[-1]
+                lines -= self.format.header_line
+            chunk = parser.parse(block, line, log)
+            line += lines
+            if log.total == before and len(chunk.lines):
+                yield chunk
+        self.blank_lines = parser.blank_lines
+
+    def _blocks(self, size: int) -> Iterator[str]:
+        """Blocks of whole lines, each with the line end "\\n"."""
+        self._file.seek(0)
+        text = io.TextIOWrapper(self._file, self._encoding, errors="replace", newline=None)
+        try:
+            while block := text.read(size):
+                block += text.readline()
+                yield block if block.endswith("\n") else block + "\n"
+        finally:
+            text.detach()
+
+    def _source(self, line: int | None) -> str | None:
+        return self._head[line - 1] if line is not None and 0 < line <= len(self._head) else None
+
+    def _find_format(self) -> Format | Flaw:
+        """The format by the head of the file; if that has no decimal mark, by the first cell that has."""
+        blocks = self._blocks(HEAD)
+        self._head = next(blocks, "").split("\n")[:-1]
+        first = find_format(self._head)
+        if isinstance(first, Flaw) or first.decimal_seen:
+            return first
+        names = self._head[: first.header_line]
+        for block in blocks:
+            lines = [line for line in block.split("\n") if "." in line or "," in line]
+            found = find_format([*names, *lines[:50]])
+            if isinstance(found, Format) and found.decimal_seen and len(found.header) == len(first.header):
+                return replace(found, trailing=max(found.trailing, first.trailing))
+        return first
+
+
+@contextmanager
+def open_table(source: Path | str) -> Iterator[TableReader]:
+    """A table opened for reading, `-` for stdin. Raises BadInput where it has no header to go by."""
+    with open_input(source) as file:
+        yield TableReader(file, input_name(source))
+
+
+def default_kinds(header: Sequence[HeaderCell]) -> list[Kind]:
+    """Numbers everywhere but in the columns of labels."""
+    return ["text" if cell.name in TEXT_COLUMNS else "number" for cell in header]
+
+
+def read_table(source: Path | str, kinds: Callable[[Sequence[HeaderCell]], Sequence[Kind]] = default_kinds) -> Table:
+    """A whole table; `kinds` tells what each column of the header holds. Raises BadInput with all faults."""
+    with open_table(source) as reader:
+        log = FaultLog(reader.name, reader.format.separator)
+        check_header(reader, log, [cell.name for cell in reader.header])
+        chosen = kinds(reader.header)
+        chunks = list(reader.chunks(Plan(tuple(chosen)), log))
+        if not chunks and not log.total:
+            log.add(no_rows(reader))
+        log.raise_if_any()
+        return _table(reader, chosen, chunks)
+
+
+def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]) -> None:
+    """Report names that stand in the header twice; None is a column not used, "" one without name."""
+    first: dict[str, int] = {}
+    source, line = reader.header_source(), reader.format.header_line
+    for index, name in enumerate(names):
+        if name == "":
+            what = f"column {index + 1} has no name"
+            log.add(Flaw("csv-header", what, "name it in the header", line, index), source)
+        elif name is not None and name in first:
+            what = f"column `{name}` is there twice, as columns {first[name] + 1} and {index + 1}"
+            log.add(Flaw("csv-duplicate", what, "rename or remove one of them", line, index), source)
+        elif name is not None:
+            first[name] = index
+
+
+def no_rows(reader: TableReader) -> Flaw:
+    """The flaw of a table that has a header and nothing below."""
+    hint = "one line for each pose follows the header"
+    return Flaw("csv-empty", "there are no rows below the header", hint, reader.format.header_line)
+
+
+def _table(reader: TableReader, kinds: Sequence[Kind], chunks: Sequence[Chunk]) -> Table:
+    names = tuple(cell.name for cell in reader.header)
+    numbers = {
+        names[i]: np.concatenate([chunk.numbers[i] for chunk in chunks])
+        for i, kind in enumerate(kinds)
+        if kind in ("number", "time")
+    }
+    texts = {
+        names[i]: tuple(text for chunk in chunks for text in chunk.texts[i])
+        for i, kind in enumerate(kinds)
+        if kind == "text"
+    }
+    form = reader.format
+    return Table(
+        reader.name, names, tuple(cell.unit for cell in reader.header), numbers, texts,
+        np.concatenate([chunk.lines for chunk in chunks]), form.separator, form.decimal, form.comments,
+        reader.notes, reader.sha256,
+    )  # fmt: skip
+
+
+def _survey(file: BinaryIO) -> tuple[int, str, bool]:
+    """Size in bytes, SHA-256, and whether the bytes are UTF-8; the file is left at its start."""
+    digest, decoder = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")()
+    size, is_utf8 = 0, True
+    file.seek(0)
+    while block := file.read(1 << 20):
+        digest.update(block)
+        size += len(block)
+        if is_utf8:
+            try:
+                decoder.decode(block)
+            except UnicodeDecodeError:
+                is_utf8 = False
+    file.seek(0)
+    return size, digest.hexdigest(), is_utf8

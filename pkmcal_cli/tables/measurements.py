@@ -1,0 +1,248 @@
+"""Reads measurement files for a machine: all faults at once, everything in SI, nothing dropped in silence."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location, did_you_mean
+from pkmcal_cli.files import input_name, is_stream
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.tables.column_binding import Binding, bind
+from pkmcal_cli.tables.column_needs import Bound, Require
+from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_of, coordinates_of
+from pkmcal_cli.tables.csv_cells import has_zone, time_of
+from pkmcal_cli.tables.csv_parse import Chunk, FaultLog, FloatArray, IntArray
+from pkmcal_cli.tables.csv_sniff import Flaw
+from pkmcal_cli.tables.csv_table import TableReader, no_rows, open_table
+from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
+
+__all__ = [
+    "Column", "MeasurementStream", "Measurements", "Require", "columns_of", "concatenate",
+    "read_measurements",
+]  # fmt: skip
+
+
+def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Require = "measured") -> Measurements:
+    """All rows of measurement files (`-`: stdin), each file a session unless it has a column `session`.
+
+    `require` says what the rows must have: "actuators" their readings; "poses" these or TCP coordinates;
+    "measured" readings and at least one column of a channel. Raises BadInput with all faults of all files.
+    """
+    stream = MeasurementStream(paths, machine, require)
+    found = concatenate(stream)
+    _check_partners(found)
+    return replace(found, notes=stream.notes)
+
+
+class MeasurementStream:
+    """Measurements read block by block, for tables larger than memory.
+
+    Iterating gives the rows, and at the end raises BadInput with all faults of all files. `notes` is complete
+    then.
+    """
+
+    def __init__(self, paths: Sequence[Path | str], machine: Machine, require: Require = "measured") -> None:
+        self.paths, self.machine, self.require = tuple(paths), machine, require
+        self.notes: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[Measurements]:
+        faults, total, notes = list(_twice(self.paths)), 0, []
+        clock = _Clock()
+        for path, session in zip(self.paths, _session_names(self.paths), strict=True):
+            file = _File(self.machine, self.require, session, clock)
+            try:
+                for part in file.read(path):
+                    if not faults:
+                        yield part
+            except BadInput as error:
+                faults += error.faults
+                total += error.total - len(error.faults)
+            notes += [f"{input_name(path)}: {note}" for note in file.notes]
+        self.notes = (*notes, *clock.notes)
+        if faults:
+            raise BadInput(faults[:MAX_FAULTS], total + len(faults))
+
+
+@dataclass
+class _Clock:
+    """The origin of ISO 8601 times: the first one of all files, in seconds since 1970."""
+
+    origin: float | None = None
+    notes: tuple[str, ...] = ()
+    plain: str = ""  # a file whose times are seconds
+
+    def start(self, reader: TableReader, binding: Binding, log: FaultLog) -> None:
+        """Take the origin from the first file that has dates; files with and without do not go together."""
+        bound = binding.named("time")
+        if bound is None:
+            return
+        first = reader.first_cell(bound.index)
+        if binding.plan.kinds[bound.index] != "time":
+            self.plain = self.plain or reader.name
+        elif self.origin is None:
+            zone = has_zone(first)
+            self.origin = time_of(zone)(first)
+            text = datetime.fromtimestamp(self.origin, UTC).isoformat() if zone else first
+            self.notes = (f"`time` counts from {text}, the first row of {reader.name}",)
+        if self.plain and self.origin is not None:
+            what = f"column `time` has dates in one file and numbers in another ({self.plain})"
+            line, hint = reader.format.header_line, "write it alike in all files"
+            log.add(Flaw("csv-time", what, hint, line, bound.index), reader.header_source())
+
+
+@dataclass
+class _File:
+    """One file on its way to measurements."""
+
+    machine: Machine
+    require: Require
+    session: str
+    clock: _Clock
+    notes: list[str] = field(default_factory=list)
+    rows: int = 0
+    gaps: Counter[str] = field(default_factory=Counter)  # empty cells of channels and forces
+    idle: int = 0  # rows in which nothing was measured
+
+    def read(self, path: Path | str) -> Iterator[Measurements]:
+        """The rows block by block; raises BadInput with the faults at the end."""
+        with open_table(path) as reader:
+            log = FaultLog(reader.name)
+            binding = bind(reader, self.machine, self.require, log)
+            self.clock.start(reader, binding, log)
+            for chunk in reader.chunks(binding.plan, log):
+                self.rows += len(chunk.lines)
+                if not log.total:
+                    part = self._convert(chunk, binding, reader)
+                    self._count(part)
+                    yield part
+            if not self.rows and not log.total:
+                log.add(no_rows(reader))
+            self.notes += [*reader.notes, *binding.notes, *self._counts(binding)]
+            log.raise_if_any()
+
+    def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
+        machine, rows = self.machine, len(chunk.lines)
+        drives = tuple(machine.actuators)
+        channels = tuple(c.name for c in columns_of(machine) if c.role == "channel")
+        coordinates, given = coordinates_of(machine), channel_of_target(machine)
+        places = tuple(channels.index(given[c]) if c in given else -1 for c in coordinates)
+        get = _Getter(chunk, binding, rows, self.clock.origin)
+        labels = {b.column.name: tuple(chunk.texts[b.index]) for b in binding.of("label")}
+        sessions, session = self._sessions(labels, rows)
+        forces = get.stack([f"{name}.force" for name in drives], "force")
+        return Measurements(
+            drives, get.stack(drives, "actuator"), forces,
+            channels, get.stack(channels, "channel"), get.stack([f"sigma.{c}" for c in channels], "sigma"),
+            get.stack([f"sigma.{name}" for name in drives], "sigma"),
+            coordinates, get.stack(coordinates, "target"), places,
+            {b.column.name: get.values(b) for b in binding.of("covariate")},
+            labels, session, sessions,
+            np.broadcast_to(np.int64(0), (rows,)), (reader.name,), (reader.sha256,), chunk.lines,
+        )  # fmt: skip
+
+    def _sessions(self, labels: dict[str, tuple[str, ...]], rows: int) -> tuple[tuple[str, ...], IntArray]:
+        """Names and index (n,): of the column `session`, else the file's."""
+        texts = labels.get("session")
+        if texts is None:
+            return (self.session,), np.broadcast_to(np.int64(0), (rows,))
+        names: dict[str, int] = {}
+        index = np.array([names.setdefault(text, len(names)) for text in texts], dtype=np.int64)
+        return tuple(names), index
+
+    def _count(self, part: Measurements) -> None:
+        for name, values in zip(part.channels, part.readings.T, strict=True):
+            self.gaps[name] += int(np.isnan(values).sum())
+        for name, values in zip(part.actuator_names, part.forces.T, strict=True):
+            self.gaps[f"{name}.force"] += int(np.isnan(values).sum())
+        self.idle += int((~part.measured.any(axis=1)).sum())
+
+    def _counts(self, binding: Binding) -> list[str]:
+        """What was not measured, counted."""
+        notes = []
+        for name, actuator in self.machine.actuators.items():
+            declared = actuator.force is not None and actuator.force.column is not None
+            expected = actuator.control == "force" and (declared or binding.named(f"{name}.force"))
+            if expected and (n := self.gaps[f"{name}.force"]):
+                notes.append(f"no force of {name} in {n} of {self.rows} rows: the machine's is taken")
+        if self.require != "measured":
+            return notes
+        channels = [c for c in columns_of(self.machine) if c.role == "channel"]
+        found = {b.column.name for b in binding.of("channel")}
+        some: dict[int, list[str]] = {}
+        for column in channels:
+            if column.name in found and (n := self.gaps[column.name]):
+                some.setdefault(n, []).append(f"`{column.name}`")
+        notes += [f"{', '.join(names)} not measured in {n} of {self.rows} rows" for n, names in some.items()]
+        if lost := [f"`{c.header}`" for c in channels if c.name not in found]:
+            notes.append(f"no column for the channels {', '.join(lost)}")
+        return notes + ([f"nothing measured in {self.idle} of {self.rows} rows"] if self.idle else [])
+
+
+@dataclass(frozen=True)
+class _Getter:
+    """Columns of a chunk in SI."""
+
+    chunk: Chunk
+    binding: Binding
+    rows: int
+    origin: float | None
+
+    def values(self, bound: Bound) -> FloatArray:
+        """Values (n,) of a column."""
+        values = self.chunk.numbers[bound.index]
+        if self.binding.plan.kinds[bound.index] == "time":
+            return np.asarray(values - (self.origin or 0.0))
+        return bound.to_si(values)
+
+    def stack(self, names: Sequence[str], role: Role) -> FloatArray:
+        """Values (n, len(names)), NaN where the file has no column."""
+        found = [b for b in self.binding.of(role) if b.column.name in names]
+        if not found:
+            return absent(self.rows, len(names))
+        out = np.full((self.rows, len(names)), np.nan)
+        for bound in found:
+            out[:, names.index(bound.column.name)] = self.values(bound)
+        return out
+
+
+def _twice(paths: Sequence[Path | str]) -> Iterator[Fault]:
+    """Files that are given twice."""
+    seen = set()
+    for path in paths:
+        key = str(path) if is_stream(path) else str(Path(path).resolve())
+        if key in seen:
+            yield Fault("file", "this file is given twice", Location(input_name(path), 1), "give it once")
+        seen.add(key)
+
+
+def _session_names(paths: Sequence[Path | str]) -> list[str]:
+    """The stems of the files; where two are alike, with their folders."""
+    stems = ["stdin" if is_stream(path) else Path(path).stem for path in paths]
+    full = ["stdin" if is_stream(path) else os.path.splitext(path)[0] for path in paths]
+    return [name if stems.count(name) == 1 else whole for name, whole in zip(stems, full, strict=True)]
+
+
+def _check_partners(found: Measurements) -> None:
+    """Every `to` must name the `id` of exactly one row of its file. Raises BadInput."""
+    partners = found.labels.get("to", ())
+    counts = Counter(zip(found.file_index.tolist(), found.ids, strict=True) if partners else ())
+    faults, total = [], 0
+    for row, name in enumerate(partners):
+        file = int(found.file_index[row])
+        if name and (count := counts[file, name]) != 1:
+            total += 1
+            if total <= MAX_FAULTS:
+                known = [i for other, i in list(counts)[:10_000] if other == file and i]
+                hint = "give every row its own `id`" if count else did_you_mean(name, known)
+                what = f"`to` names `{name}`, " + (f"the `id` of {count} rows" if count else "no row's `id`")
+                where = Location(found.files[file], int(found.line[row]))
+                faults.append(Fault("csv-partner", what, where, hint))
+    if faults:
+        raise BadInput(faults, total)
