@@ -1,9 +1,8 @@
-"""The command-line program: finds the subcommands, turns errors into text and exit codes (0, 1, 2, 3, 4, 70, 130)."""
+"""The command-line program: runs the subcommand, turns errors into text and exit codes (0, 1, 2, 3, 4, 70, 130)."""
 
 from __future__ import annotations
 
-import importlib
-import inspect
+import gc
 import os
 import sys
 import warnings
@@ -11,12 +10,15 @@ from contextlib import suppress
 
 import typer
 
-from pkmcal_cli import __version__, commands
+from pkmcal_cli import __version__
+from pkmcal_cli.commands._group import Subcommands, names
 
 _STOPPED = 130
+_GARBAGE = 50_000  # objects between looks for garbage: the many that modules make at the start are none
 
 app = typer.Typer(
     name="pkmcal",
+    cls=Subcommands,
     help="Calibrate parallel kinematic machines: geometry and elasticity from measurements.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -38,21 +40,9 @@ def _root(
     del version
 
 
-def _register() -> None:
-    """Every public module of `commands` is a subcommand: its function of the module's name."""
-    files = {file for folder in commands.__path__ for file in os.listdir(folder)}
-    for module in sorted(file.removesuffix(".py") for file in files if file.endswith(".py")):
-        if not module.startswith("_"):
-            function = getattr(importlib.import_module(f"{commands.__name__}.{module}"), module)
-            text, _, example = inspect.cleandoc(function.__doc__ or "").partition("Example:")
-            app.command(name=module, help=text, epilog=f"\b\nExample:\n  {example.strip()}")(function)
-
-
-_register()
-
-
 def main() -> None:
     """Run the program and end the process."""
+    gc.set_threshold(_GARBAGE)
     sys.exit(run(sys.argv[1:]))
 
 
@@ -126,8 +116,7 @@ def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
     if type(error).__name__ == "NoArgsIsHelpError":
         _tell(str(message()))
     else:
-        known = {command.name for command in app.registered_commands}
-        command = " ".join(["pkmcal", *(a for a in arguments[:1] if a in known)])
+        command = " ".join(["pkmcal", *(a for a in arguments[:1] if a in names())])
         _tell(UsageError(str(message()).strip().rstrip("."), hint=f"`{command} --help`").text())
     return UsageError.exit_code
 
