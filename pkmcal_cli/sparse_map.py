@@ -34,6 +34,11 @@ class SparseMap:
     coefficient: Array  # (nnz,)
 
     @cached_property
+    def used(self) -> Index:
+        """Columns on which the image depends."""
+        return np.nonzero(np.bincount(self.source, minlength=self.columns))[0]
+
+    @cached_property
     def _matrix(self) -> csr_array:
         from scipy.sparse import csr_array  # imported late: a cold start does not need it
 

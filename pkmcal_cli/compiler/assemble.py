@@ -170,7 +170,7 @@ def near_drawing(layout: Layout, length: float) -> int:
     basis = null_space(strain_rows(system, slots, state, length).jacobian)
     if basis.shape[1] == 0:
         return 0
-    way = basis @ np.random.default_rng(0).normal(size=basis.shape[1])
+    way = basis @ np.cos(np.arange(basis.shape[1]))  # all of them at once, none like another
     step = _NEAR * way / np.abs(way).max()
     for _ in range(30):
         full = np.concatenate([step * unit, np.zeros(system.constraints)])

@@ -71,7 +71,7 @@ def frame_vectors(layout: Layout, slots: Array) -> Array:
 
 def arm_bodies(layout: Layout, slots: Array) -> Array:
     """Constant parts of the arms in the arms' triads, (1 or N, A, 3)."""
-    used = np.unique(layout.offset_map.source)
+    used = layout.offset_map.used
     same = bool((slots[:, used] == slots[:1, used]).all())
     return layout.arm_block.of(layout.offset_map(rows_last(slots[:1] if same else slots)))
 
