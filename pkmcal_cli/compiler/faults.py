@@ -5,6 +5,8 @@ from __future__ import annotations
 from pkmcal_cli.compiler.assemble import BadDrawing, Gap, Mobility
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.connection import loose_parts
+from pkmcal_cli.compiler.numbers import is_zero
+from pkmcal_cli.compiler.springs import stiffness_faults
 from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.words import count
@@ -17,7 +19,8 @@ def structure_faults(machine: Machine) -> list[Fault]:
     if not machine.nodes and not machine.bodies:
         hint = "describe what moves in `bodies:` and `nodes:`"
         return [machine.source.fault("empty", "the machine has neither bodies nor nodes", (), hint)]
-    return _frozen_directions(machine) + [_loose_fault(machine, name) for name in loose_parts(machine)]
+    loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
+    return _frozen_directions(machine) + _turned_carriages(machine) + stiffness_faults(machine) + loose
 
 
 def drawing_fault(machine: Machine, error: BadDrawing) -> Fault:
@@ -46,6 +49,18 @@ def _frozen_directions(machine: Machine) -> list[Fault]:
         machine.source.fault("direction", f"`{key}` must not depend on parameters", (section, name, key), hint)
         for section, name, key, axis in places
         if isinstance(axis, tuple) and any(q.names for q in axis)
+    ]
+
+
+def _turned_carriages(machine: Machine) -> list[Fault]:
+    """A carriage has the axes of its guide's frame: a turn of its own would be ignored."""
+    hint = "turn the guide's frame, or give the carriage's points in the axes of that frame; delete `turn`"
+    return [
+        machine.source.fault(
+            "turn", f"carriage `{name}` has the axes of its guide's frame", ("bodies", name, "turn"), hint
+        )
+        for name, body in machine.bodies.items()
+        if body.on is not None and not is_zero(body.turn)
     ]
 
 
