@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
-from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
+from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.loading import LoadedMachine
+from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import MeasurementStream
+from pkmcal_cli.tables.plausibility import limit_excess
+from pkmcal_cli.words import count
 
 OUT_OF_REACH = "out of reach: no drive positions for this TCP pose"
 _BLOCK = 1 << 15  # rows of a block of poses
@@ -81,10 +84,42 @@ class Poses:
 
 
 @dataclass
+class Travels:
+    """How far the drives go, block by block, against their limits of travel."""
+
+    model: Model
+    rows: int = 0
+    outside: dict[int, int] = field(default_factory=dict)  # by number of the drive: positions outside
+    worst: dict[int, float] = field(default_factory=dict)
+
+    def add(self, readings: Array) -> None:
+        """Count positions (N, A); unknown ones (nan) are inside."""
+        self.rows += len(readings)
+        for k, actuator in enumerate(self.model.actuators):
+            excess = limit_excess(readings[:, k], actuator.limits)
+            if (excess > 0).any():
+                self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
+                found = np.array([readings[excess.argmax(), k], self.worst.get(k, np.nan)])
+                self.worst[k] = float(found[limit_excess(found, actuator.limits).argmax()])
+
+    def warnings(self) -> list[str]:
+        """One line for every drive that would leave its limits."""
+        return [self._text(k, outside) for k, outside in self.outside.items()]
+
+    def _text(self, k: int, outside: int) -> str:
+        actuator = self.model.actuators[k]
+        unit = parse_unit(actuator.unit)
+        low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, self.worst[k]))
+        rows = f"{outside} of {count(self.rows, 'position')}"
+        return f"warning: `{actuator.name}` would leave its limits ({low} to {high}) at {rows}, at worst {worst}"
+
+
+@dataclass
 class PoseSource:
     """The poses of a command: those of a table or of a grid.
 
-    Iterating gives blocks. After the first one `inputs` (sha256 by file) is known, after the last one `notes`.
+    Iterating gives blocks. After the first one `inputs` (sha256 by file) is known, after the last one `notes` and
+    what `travels` has to say.
     """
 
     loaded: LoadedMachine
@@ -95,11 +130,17 @@ class PoseSource:
     forces: bool = False  # the table has forces of force-controlled drives
 
     def __post_init__(self) -> None:
+        self.travels = Travels(self.loaded.model)
         if (self.path is None) == (self.grid is None):
             raise UsageError("give either a table of poses or --grid", hint='--grid "x=0:950:3,y=160:390:77"')
         self.axes = parse_grid(self.loaded, self.grid) if self.grid is not None else []
 
     def __iter__(self) -> Iterator[Poses]:
+        for poses in self._blocks():
+            self.travels.add(poses.rows.readings)
+            yield poses
+
+    def _blocks(self) -> Iterator[Poses]:
         if self.path is None:
             yield from _grid_blocks(self.loaded, self.axes)
             return
@@ -216,13 +257,13 @@ def _axis(loaded: LoadedMachine, part: str, valid: tuple[str, ...]) -> Axis:
         raise UsageError(f"--grid: `{part}` is no axis", hint='NAME=start:stop:count, for example "x=0:950:3"')
     if name not in valid:
         raise UsageError(f"--grid: `{name}` is no TCP coordinate", hint=did_you_mean(name, valid))
-    count = limits[2].strip()
-    if not (count.isascii() and count.isdigit() and len(count) < 16 and int(count) > 0):
-        raise UsageError(f"--grid: `{count}` is no number of positions", hint="a whole number, at least 1")
+    number = limits[2].strip()
+    if not (number.isascii() and number.isdigit() and len(number) < 16 and int(number) > 0):
+        raise UsageError(f"--grid: `{number}` is no number of positions", hint="a whole number, at least 1")
     units = loaded.machine.file_units
     own = units.angle if name.startswith("r") else units.length
     start, stop = (_limit(part, text, own) for text in limits[:2])
-    return Axis(name, start, stop, int(count))
+    return Axis(name, start, stop, int(number))
 
 
 def _limit(part: str, text: str, own: Unit) -> float:

@@ -277,3 +277,14 @@ def test_a_measurement_table_can_be_simulated_again() -> None:
     assert done.code == 0 and len(column("out.csv", "x")) == 231
     assert np.abs(column("out.csv", "x") - column(TRIGLIDE_DATA, "x")).max() < 0.5
     assert run("simulate", TRIGLIDE, "--grid", GRID).out.count("\n") > 12
+
+
+def test_drives_that_would_leave_their_limits_are_told(tmp_path: Path) -> None:
+    """Poses that need more travel than a drive has are simulated, but not silently."""
+    machine = tmp_path / "m.yaml"
+    machine.write_text(f"extends: {TRIGLIDE}\nactuators: {{q1: {{limits: [0, 300]}}, q2: {{limits: [0, 2000]}}}}\n")
+    grid = ("--grid", "x=200:500:4,y=300:300:1")
+    told = "warning: `q1` would leave its limits (0 mm to 300 mm) at 1 of 4 positions, at worst -23.6068 mm\n"
+    made = run("simulate", machine, *grid, "-o", tmp_path / "t.csv")
+    assert made.code == 0 and told in made.err
+    assert told in run("observability", machine, *grid).err and told in run("sensitivity", machine, *grid).err

@@ -18,6 +18,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
 from pkmcal_cli.report.parameters import combination_json, combination_text, parameter_rows
+from pkmcal_cli.words import count
 
 
 class CalibrationReport:
@@ -84,7 +85,8 @@ class CalibrationReport:
                 to.say("not determined: " + combination_text(self.model, c, self.fit))
         weak = int(self.fit.found.weak.sum())
         if weak:
-            to.say(f"{weak} weak combinations held; their ranges are in the uncertainties (see `pkmcal observability`)")
+            held = f"{count(weak, 'weak combination')} held"
+            to.say(f"{held}; the ranges are in the uncertainties (see `pkmcal observability`)")
         to.say()
         self._show_errors(to)
         to.say(self.verdict())

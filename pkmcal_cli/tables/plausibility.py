@@ -90,7 +90,7 @@ def find_limit_faults(
         outside = _outside(readings[:, i], limits[i])
         rows = tuple(int(row) for row in np.nonzero(outside)[0])
         if rows:
-            worst = readings[max(rows, key=lambda row: _excess(readings[row, i], limits[i])), i]
+            worst = readings[limit_excess(readings[:, i], limits[i]).argmax(), i]
             low, high = (scale[i].format(float(limit), 6) for limit in limits[i])
             message = (
                 f"`{name}` is outside its limits ({low} to {high}) in {len(rows)} of {len(readings)} rows, "
@@ -189,15 +189,18 @@ def _offset(measured: FloatArray, predicted: FloatArray, name: str, unit: Unit) 
 # --- against limits ---------------------------------------------------------------------------
 
 
+def limit_excess(values: FloatArray, limits: FloatArray | tuple[float, float]) -> FloatArray:
+    """By how much values lie outside [low, high]; 0 inside, within rounding of a limit, and where unknown (nan)."""
+    ends = np.asarray(limits)
+    finite = ends[np.isfinite(ends)]
+    slack = 1e-9 * float(np.abs(finite).max()) if finite.size else 0.0
+    excess = np.maximum(ends[0] - values, values - ends[1])
+    return np.where(excess > slack, excess, 0.0)
+
+
 def _outside(values: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:
     """Rows (N,) outside [low, high] by more than rounding."""
-    finite = limits[np.isfinite(limits)]
-    slack = 1e-9 * float(np.abs(finite).max()) if finite.size else 0.0
-    return np.asarray((values < limits[0] - slack) | (values > limits[1] + slack))
-
-
-def _excess(value: float, limits: FloatArray) -> float:
-    return float(max(limits[0] - value, value - limits[1]))
+    return limit_excess(values, limits) > 0
 
 
 def _inside(readings: FloatArray, limits: FloatArray, i: int, names: Sequence[str], units: Sequence[Unit]) -> str:

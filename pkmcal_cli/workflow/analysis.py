@@ -73,6 +73,8 @@ def _prepare(request: AnalysisRequest) -> _Setting:
         source = PoseSource(loaded, request.poses, request.grid)
         poses = source.together()
         to.notes(source.notes)
+        for text in source.travels.warnings():
+            to.warn(text)
     rows = _offset_rows(model, poses.rows, request.offsets)
     return _Setting(loaded, start.values, selected, Poses(rows, poses.reachable, poses.place), to)
 

@@ -71,7 +71,9 @@ def idle_faults(loaded: LoadedMachine) -> list[Fault]:
     """Parameters that act nowhere by structure."""
     source, names = loaded.machine.source, idle_parameters(loaded.model)
     what = "acts nowhere: no pose, strained or not, depends on it"
-    hint = "correct the place that uses it, or take it out"
+    hint = (
+        "the place of a node or body is only drawn: use it in a `length`, a body's point or the ground, or take it out"
+    )
     return [
         source.fault("idle-parameter", f"parameter `{name}` {what}", ("parameters", name), hint, at_key=True)
         for name in names

@@ -101,6 +101,8 @@ def run_simulation(request: SimulationRequest) -> int:
         for block in chain([first] if first is not None else [], blocks):
             _simulate_block(loaded.model, request, start.values, noise, block, table, writer, tally, tick)
     to.notes(source.notes)
+    for text in source.travels.warnings():
+        to.warn(text)
     _tell(to, tally)
     if request.as_json:
         emit_json(_json(loaded.model, request, tally, head))
