@@ -1,0 +1,145 @@
+"""Rewrites the tables between `<!-- table: NAME -->` and `<!-- end -->` from the code and the machine files.
+
+`python -m docs.tables` (from the repository's folder); a test fails while a table is stale.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+
+from docs import model_tables
+from docs.model_tables import table
+from pkmcal_cli.compiler import compile_machine
+from pkmcal_cli.elements.joint import JOINTS
+from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.words import count
+
+ROOT = Path(__file__).resolve().parents[1]
+MACHINES = ROOT / "machines"
+PAGES = (ROOT / "README.md", ROOT / "docs" / "machine-language.md", MACHINES / "README.md")
+BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def description(file: Path) -> str:
+    """The first sentence of the comment at the head of a machine file."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    head = takewhile(lambda line: line.startswith("#"), lines)
+    comment = [line.removeprefix("#").strip() for line in head if "yaml-language-server" not in line]
+    return " ".join(comment).split(". ")[0].rstrip(".")
+
+
+def machine_files() -> list[Path]:
+    """The shipped machines, by name."""
+    return sorted(f for f in MACHINES.glob("*.yaml") if "." not in f.stem)
+
+
+def data_files(machine: str) -> list[Path]:
+    """The measurements of a machine."""
+    return sorted(f for f in MACHINES.glob("*.csv") if re.fullmatch(rf"{re.escape(machine)}(_.*)?", f.stem))
+
+
+def _drives(file: Path) -> str:
+    """ "planar, 2 degrees of freedom, 3 drives" """
+    machine = read_machine(file)
+    found = compile_machine(machine).mobility
+    return f"{machine.space}, {count(found.degrees_of_freedom, 'degree')} of freedom, {count(found.actuators, 'drive')}"
+
+
+def machines() -> str:
+    """The shipped machines."""
+    rows = []
+    for file in machine_files():
+        rows.append((f"`{file.name}`", description(file), _drives(file), _measured(file)))
+    return table(("machine file", "what it is", "space, freedom, drives", "measurements"), rows)
+
+
+def _measured(file: Path) -> str:
+    """Names of a machine's tables, whether they are real, and under which licence."""
+    data = data_files(file.stem)
+    if not data:
+        return ""
+    names = ", ".join(f"`{f.name}`" for f in data)
+    if _provenance(data[0]) is not None:
+        return f"{names}, simulated"
+    licence = file.with_suffix(".LICENSE.txt")
+    title = licence.read_text(encoding="utf-8").splitlines()[0]
+    return f"{names}, real ({title}: `{licence.name}`)"
+
+
+def _provenance(data: Path) -> dict[str, Any] | None:
+    beside = data.with_name(data.name + ".provenance.yaml")
+    return yaml.safe_load(beside.read_text(encoding="utf-8")) if beside.exists() else None
+
+
+def measurements() -> str:
+    """The files of measurements: how many rows, what noise, from which seeds."""
+    rows = []
+    for file in (f for m in machine_files() for f in data_files(m.stem)):
+        count = len(file.read_text(encoding="utf-8").splitlines()) - 1
+        made = _provenance(file)
+        if made is None:
+            rows.append((f"`{file.name}`", str(count), "real", "", ""))
+            continue
+        noise = ", ".join(f"{kind} {sigma}" for kind, sigma in made["noise"]["standard_deviation"].items())
+        seeds = f"{made['seed']['errors']}, {made['seed']['noise']}"
+        rows.append((f"`{file.name}`", str(count), made["kind"], noise, seeds))
+    return table(("file", "rows", "data", "noise (standard deviation)", "seeds of errors, noise"), rows)
+
+
+def kinds() -> str:
+    """What a machine can be made of."""
+    members = [f"{Machine.model_fields[s].description}" for s in ("beams", "bars", "ropes")]
+    joints = [f"`{name}`" for name in JOINTS]
+    drives = [f"{kind}: `{key}` a {_lower(Actuator, key)}" for key, kind in KINDS.items()]
+    control = Actuator.model_fields["control"].annotation
+    words = " or ".join(get_args(control))
+    rows = [
+        ("members", "; ".join(text[0].lower() + text[1:] for text in members)),
+        ("joints", ", ".join(joints) + "; ideal, or with a stiffness by direction"),
+        ("actuators", "; ".join(drives) + f"; in {words} control, ideal or with a stiffness"),
+        ("sensors", f"{Sensor.model_fields['kind'].description}; readings of force-controlled drives"),
+    ]
+    return table(("in the machine file", "kinds"), rows)
+
+
+def _lower(model: type[Actuator], key: str) -> str:
+    text = str(model.model_fields[key].description).partition(" (")[0]
+    return text[0].lower() + text[1:]
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "machines": machines,
+    "measurements": measurements,
+    "kinds": kinds,
+    "units": model_tables.unit_table,
+    "functions": model_tables.function_table,
+    "joints": model_tables.joint_table,
+}
+
+
+def made(name: str) -> str:
+    """The table of this name; a model's name stands for its keys."""
+    return TABLES[name]() if name in TABLES else model_tables.model_table(model_tables.models()[name])
+
+
+def renewed(text: str) -> str:
+    """A page with its tables made anew."""
+    return BLOCK.sub(lambda found: f"{found[1]}{made(found[2])}\n{found[3]}", text)
+
+
+def main() -> None:
+    """Rewrite the pages."""
+    for page in PAGES:
+        page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
