@@ -11,6 +11,7 @@ from docs.model_tables import ELSEWHERE, models
 from docs.tables import BLOCK, PAGES, description, machine_files, renewed
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.tables.columns import columns_of
 from tests.command import MACHINES, ROOT, run
 from tests.pages import Shown, commands, done, fits, output, write
 from tests.pages import machine_files as written_files
@@ -72,6 +73,14 @@ def test_the_repeated_machine_is_the_same(folder: Path) -> None:
     by_hand, repeated = (compile_machine(read_machine(folder / f)) for f in ("sliders.yaml", "sliders-each.yaml"))
     assert by_hand.model.drawn_readings == pytest.approx(repeated.model.drawn_readings)
     assert by_hand.mobility == repeated.mobility
+
+
+def test_every_kind_of_column_is_told(folder: Path) -> None:
+    _, _, part = LANGUAGE.read_text(encoding="utf-8").partition("## Columns of a measurement table")
+    told = set(re.findall(r"`([\w.]+)`", part.partition("## Typical faults")[0]))
+    columns = columns_of(read_machine(folder / "ceiling.yaml"))
+    plain = {c.name for c in columns if c.role in ("label", "covariate") and not c.name.startswith("dir.")}
+    assert plain | {"dir.ACTUATOR", "T.PART", "sigma.CHANNEL", "sigma.ACTUATOR", "NAME.force"} <= told
 
 
 def test_the_first_command_of_the_readme_calibrates(folder: Path) -> None:
