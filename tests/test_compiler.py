@@ -244,3 +244,28 @@ def test_passive_links_by_boundary_conditions() -> None:
     """
     found = at(model(text), np.zeros((1, 0)), Request(method="linear")).values[0]
     assert np.abs(found - [0, -20e-6]).max() < 1e-15
+
+
+ARM = """
+units: {length: mm, angle: deg, force: N}
+space: planar
+ground: {O: [0, 0]}
+bodies:
+  upper: {at: [0, 0], turn: 30, points: {P: [100, 0]}}
+  lower: {at: [86.60254037844386, 50], turn: 90, points: {T: [80, 0]}}
+joints: {shoulder: {between: %s, type: revolute}, elbow: {between: %s, type: revolute}}
+actuators: {q1: {turns: shoulder}, q2: %s}
+sensors: {s: {at: T, reads: [x, y], sigma: 1 um, frame: machine}}
+"""
+
+
+@pytest.mark.parametrize("ends", [("[O, upper]", "[P, lower]"), ("[upper, O]", "[lower, P]")])
+@pytest.mark.parametrize("elbow", ["{turns: elbow}", "{turns: lower}", "{turns: elbow, stiffness: 1e15}"])
+def test_a_crank_on_a_moving_body_is_read_against_it(ends: tuple[str, str], elbow: str) -> None:
+    """An arm of two links: the same law whichever way the joint is written, with and without drive stiffness."""
+    machine = model(ARM % (*ends, elbow))
+    assert np.degrees(machine.drawn_readings) == pytest.approx([30, 60])
+    readings = np.radians([[30, 60], [30, 90], [0, 60], [-170, -120]])
+    upper, lower = readings[:, 0], readings.sum(axis=1)
+    tip = [0.1 * np.cos(upper) + 0.08 * np.cos(lower), 0.1 * np.sin(upper) + 0.08 * np.sin(lower)]
+    assert np.abs(at(machine, readings).values - np.transpose(tip)).max() < 1e-9

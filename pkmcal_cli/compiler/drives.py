@@ -12,8 +12,9 @@ from pkmcal_cli.compiler.joints import add_joint_link
 from pkmcal_cli.compiler.numbers import combined, constant_vector, number, triad_about, triad_along, unit
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import Actuator, axis_vector
-from pkmcal_cli.layout import Drive, DriveKind, Turn
+from pkmcal_cli.layout import GROUND, Drive, DriveKind, Turn
 from pkmcal_cli.ports import Number, Port
+from pkmcal_cli.rotation import Array
 from pkmcal_cli.slots import Formula
 
 
@@ -149,14 +150,16 @@ def _driven_ports(structure: Structure, actuator: Actuator) -> tuple[tuple[Port,
 
 
 def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[Drive, str, str]:
-    """A crank: the angle of its body about the joint's axis is prescribed, or held by the drive's own spring."""
+    """A crank: the angle of its body against the other side is prescribed, or held by the drive's own spring."""
     b, target = structure.builder, actuator.target
     body = target if target in structure.machine.bodies else _turned_body(structure, target)
-    rotation = structure.rotation(body)
+    joint = structure.machine.joints[_joint_of(structure, body, target)]
+    other, mine = sorted(joint.between, key=lambda end: structure.owner.get(end, end) == body)
+    rotation, base = structure.rotation(body), structure.rotation(other)
     kind, axis, drawn, _, label = b.rotations[rotation]
-    offset = math.atan2(drawn[1, 0], drawn[0, 0]) if structure.planar else 0.0
+    offset = _angle_between(structure.orientation(base), drawn) if structure.planar else 0.0
     zero = number(actuator.zero) if actuator.zero != "home" else offset  # type: ignore[arg-type]
-    if actuator.stiffness is None and kind == Turn.AXIS:
+    if actuator.stiffness is None and kind == Turn.AXIS and base == GROUND:
         slot = b.slot(combined(lambda z: z - offset, zero), f"{name}.angle")
         b.rotations[rotation] = (kind, axis, drawn, (slot, -1, -1), label)
         drive = _drive(name, actuator, DriveKind.ROTATION, slot, (rotation,), 1.0)
@@ -165,23 +168,19 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
             b.force("rotation", 3 * rotation, force)
             drive = replace(drive, force_slot=force)
         return drive, "", ""
-    joint = _joint_of(structure, body, target)
-    spec = structure.machine.joints[joint]
-    ports = (structure.port(spec.between[0], True), structure.port(spec.between[1], True))
-    about = unit(constant_vector(axis_vector(spec.axis or "z", 3), structure.nominal))
+    ports = (structure.port(other, True), structure.port(mine, True))
+    about = unit(constant_vector(axis_vector(joint.axis or "z", 3), structure.nominal))
     stiffness = {} if actuator.stiffness is None else {"angle": number(actuator.stiffness)}
-    add_joint_link(
-        structure,
-        f"{name}.drive",
-        "revolute",
-        ("angle",),
-        ports,
-        triad_about(about),
-        None,
-        {"angle": combined(lambda z: z - offset, zero)},
-        stiffness,
-    )
-    return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), f"{name}.drive", "angle"
+    rest = {"angle": combined(lambda z: z - offset, zero)}
+    element = f"{name}.drive"
+    add_joint_link(structure, element, "revolute", ("angle",), ports, triad_about(about), None, rest, stiffness)
+    return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "angle"
+
+
+def _angle_between(first: Array, second: Array) -> float:
+    """Angle (rad) of one orientation (3, 3) in the plane against another, between -pi and pi."""
+    turned = first.T @ second
+    return math.atan2(turned[1, 0], turned[0, 0])
 
 
 def _turned_body(structure: Structure, joint: str) -> str:
