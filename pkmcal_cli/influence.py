@@ -19,8 +19,10 @@ def idle_parameters(model: Model) -> tuple[str, ...]:
     A stiffness that nothing strains at present is not idle.
     """
     felt = _slot_influence(model)
-    chain = model.layout.slots.jacobian(model.by_name(model.nominal + 0.1 * model.ranges), model.names)
-    return tuple(n for n, column in zip(model.names, chain.T, strict=True) if not felt[column != 0].any())
+    effects = {name for effect in model.effects for name in effect.parameters}  # act where their places are
+    names = [name for name in model.names if name not in effects]
+    chain = model.layout.slots.jacobian(model.by_name(model.nominal + 0.1 * model.ranges), names)
+    return tuple(n for n, column in zip(names, chain.T, strict=True) if not felt[column != 0].any())
 
 
 def _slot_influence(model: Model) -> Array:

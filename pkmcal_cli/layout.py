@@ -34,11 +34,15 @@ class Turn(IntEnum):
 
 @dataclass(frozen=True)
 class Rotations:
-    """The B rotations: kind, axis of those with one freedom, drawn orientation, and slots of what is prescribed."""
+    """The B rotations: kind, axis of those with one freedom, drawn orientation, and slots of what is prescribed.
+
+    `drawn` is the assembled drawing; orientations are read against `filed`, the drawing as the machine file has it.
+    """
 
     kind: Index  # (B,)
     axis: Array  # (B, 3) unit vector in base axes
-    drawn: Array  # (B, 3, 3) orientation at the drawing
+    drawn: Array  # (B, 3, 3) orientation at the assembled drawing
+    filed: Array  # (B, 3, 3) orientation in the file's drawing
     slots: Index  # (B, 3) rotation vector slots (FIXED), or the angle in column 0 (AXIS, when driven); -1: none
     names: tuple[str, ...]
 

@@ -23,6 +23,7 @@ class LayoutBuilder:
     formulas: list[tuple[int, Formula]] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
     rotations: list[tuple[Turn, Array, Array, tuple[int, int, int], str]] = field(default_factory=list)
+    filed: dict[int, Array] = field(default_factory=dict)  # orientation in the file where it is not the drawn one
     travels: list[tuple[int, float, bool, str]] = field(default_factory=list)
     offsets: list[tuple[int, int, int]] = field(default_factory=list)
     links: list[Link] = field(default_factory=list)
@@ -191,6 +192,7 @@ class LayoutBuilder:
             np.array([int(r[0]) for r in self.rotations]),
             np.array([r[1] for r in self.rotations]),
             np.array([r[2] for r in self.rotations]),
+            np.array([self.filed.get(k, r[2]) for k, r in enumerate(self.rotations)]),
             np.array([r[3] for r in self.rotations], dtype=np.intp),
             tuple(r[4] for r in self.rotations),
         )

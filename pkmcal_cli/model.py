@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -15,6 +15,10 @@ from pkmcal_cli.equilibrium.mobility import rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.layout import GROUND, Layout
 from pkmcal_cli.rotation import Array
+from pkmcal_cli.sockets import PlacedEffect, SensorChannels, Sockets
+
+_SYSTEMS = ("exact", "rigid", "released", "independent_coordinates", "inverse", "drawn_slots", "drawn_mode")
+"""Cached properties that depend on the layout only."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,10 @@ class Model:
     length: float  # size of the machine, m
     drawn_readings: Array  # (A,) readings of the drives at the assembled drawing
     tcp: tuple[int, int]  # point and rotation (-1: none) at which poses are given
-    tcp_drawn: Array  # (6,) coordinates there at the assembled drawing; rotation vector zero
+    tcp_drawn: Array  # (6,) coordinates there at the assembled drawing
+    sensors: tuple[SensorChannels, ...] = ()
+    sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
+    effects: tuple[PlacedEffect, ...] = ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -88,6 +95,12 @@ class Model:
     def by_name(self, values: Array) -> Mapping[str, float]:
         """Values (P,) as a mapping."""
         return dict(zip(self.names, (float(v) for v in values), strict=True))
+
+    def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
+        """The model with further effects and their parameters."""
+        made = replace(self, effects=self.effects + effects, parameters=self.parameters + parameters)
+        made.__dict__.update({name: self.__dict__[name] for name in _SYSTEMS if name in self.__dict__})
+        return made
 
     @cached_property
     def exact(self) -> System:

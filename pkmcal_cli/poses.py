@@ -11,12 +11,13 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.covariates import with_covariates, with_directions
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.loading import LoadedMachine
 from pkmcal_cli.model import Model
-from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction import Rows, joined_rows
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import MeasurementStream
@@ -165,9 +166,8 @@ class PoseSource:
             k = bisect_right(starts, row) - 1
             return blocks[k].place(row - starts[k])
 
-        readings, forces = (np.concatenate([getattr(b.rows, f) for b in blocks]) for f in ("readings", "forces"))
         reachable = np.concatenate([b.reachable for b in blocks])
-        poses = Poses(Rows(readings, forces), reachable, place)
+        poses = Poses(joined_rows([b.rows for b in blocks]), reachable, place)
         if poses.lost:
             raise failed_rows(place, poses.lost)
         return poses
@@ -190,7 +190,8 @@ def _table_poses(loaded: LoadedMachine, block: Measurements) -> tuple[Poses, lis
         reachable[missing] = found.status == 0
         told = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
         notes = _pose_notes(found.aimed, told)
-    return Poses(Rows(readings, forces), reachable, lambda row: place_of(block, row)), notes
+    rows = with_covariates(Rows(readings, forces), block, [a.name for a in loaded.model.actuators])
+    return Poses(rows, reachable, lambda row: place_of(block, row)), notes
 
 
 def _pose_notes(aimed: tuple[str, ...], given: list[str]) -> list[str]:
@@ -227,7 +228,7 @@ def _grid_blocks(loaded: LoadedMachine, axes: list[Axis]) -> Iterator[Poses]:
         for axis, where in zip(axes, index, strict=True):
             poses[:, DIRECTIONS.index(axis.name)] = axis.values(where)
         found = drive_positions(loaded.model, poses)
-        rows = Rows(found.readings, np.full(found.readings.shape, np.nan))
+        rows = with_directions(Rows.at(found.readings), [a.name for a in loaded.model.actuators])
         yield Poses(rows, found.status == 0, lambda row, first=first: Place(None, first + row + 1, ""))  # type: ignore[misc]
 
 

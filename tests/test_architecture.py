@@ -18,13 +18,13 @@ MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
 
 LAYERS: tuple[tuple[str, str], ...] = (
     ("base", "errors files rotation slots sparse_map words"),
-    ("elements", "elements"),
+    ("elements", "elements effects"),
     ("language", "language"),
     ("tables", "tables"),
     ("layout", "layout layout_builder ports"),
     ("equilibrium", "equilibrium"),
-    ("model", "model"),
-    ("prediction", "compiler influence inverse loading parameter_file poses prediction"),
+    ("model", "model sockets"),
+    ("prediction", "compiler covariates influence inverse loading parameter_file poses prediction"),
     ("calibration", "calibration"),
     ("report", "report"),
     ("workflow", "workflow"),
@@ -118,9 +118,10 @@ def test_there_are_no_cycles() -> None:
     assert list(graphlib.TopologicalSorter(graph).static_order())
 
 
-def test_members_of_a_family_do_not_know_each_other() -> None:
-    for file in (PACKAGE / "elements").glob("[a-z]*.py"):
-        assert inside(file) <= {"elements.base", "rotation"}, file.name
+@pytest.mark.parametrize("family", ["elements", "effects"])
+def test_members_of_a_family_do_not_know_each_other(family: str) -> None:
+    for file in (PACKAGE / family).glob("[a-z]*.py"):
+        assert inside(file) <= {f"{family}.base", "rotation"}, file.name
 
 
 def test_every_name_of_a_layer_exists() -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.covariates import with_covariates
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
@@ -62,6 +63,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
     readings = np.asarray(measurements.readings, dtype=float)
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
+    rows = with_covariates(rows, measurements, [a.name for a in model.actuators])
     known = ~np.isnan(readings) & ~np.isnan(sigma)
     return Problem(model, rows, readings, sigma, np.nan_to_num(drive_sigma), known)
 
@@ -107,7 +109,7 @@ def evaluate(
     """
     request = Request(parameters=parameters, by_drive=parameters is not None)
     shift = np.zeros_like(problem.rows.readings) if shift is None else shift
-    rows = Rows(problem.rows.readings + shift, problem.rows.forces)
+    rows = problem.rows.moved(shift)
     prediction = predict(problem.model, values, rows, request, start)
     return Evaluation(values, shift, residuals(problem, prediction.values), prediction)
 

@@ -11,11 +11,13 @@ from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.bars import add_bars
 from pkmcal_cli.compiler.beams import add_beams
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, leg_lengths
+from pkmcal_cli.compiler.effects import declared_effects
 from pkmcal_cli.compiler.joints import add_guides, add_joints
 from pkmcal_cli.compiler.numbers import is_zero, vector
+from pkmcal_cli.compiler.sockets import LOAD, TOOL, sockets_of
 from pkmcal_cli.compiler.structure import Drawing, Structure
 from pkmcal_cli.compiler.weights import add_loads
-from pkmcal_cli.elements import Joint
+from pkmcal_cli.elements import Joint, Load
 from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
@@ -24,7 +26,8 @@ from pkmcal_cli.layout import GROUND, DriveKind, Layout, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
 from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
 from pkmcal_cli.ports import Point, Port
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.rotation import Array, log
+from pkmcal_cli.sockets import SensorChannels
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -39,12 +42,16 @@ class Compiled:
     gaps: tuple[asm.Gap, ...]
 
 
-def compile_machine(machine: Machine) -> Compiled:
-    """The model of a machine. Faults of the mechanism are in `mobility` and `gaps`; `check` reports them."""
-    first = _draft(machine, Drawing())
+def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
+    """The model of a machine. Faults of the mechanism are in `mobility` and `gaps`; `check` reports them.
+
+    `receptive`: effects can enter (they have slots of their own); so it is where the machine declares effects.
+    """
+    receptive = receptive or bool(machine.effects)
+    first = _draft(machine, Drawing(), receptive)
     length = first.length
     state, gaps = asm.assemble(first.layout, length)
-    made = _draft(machine, asm.drawing_of(first.layout, state))
+    made = _draft(machine, asm.drawing_of(first.layout, state), receptive)
     layout, drives, sensors = made.layout, made.drives, made.sensors
     held_names: tuple[str, ...] = ()
     basis, system = asm.free_motions(layout, length)
@@ -55,7 +62,11 @@ def compile_machine(machine: Machine) -> Compiled:
     loud_names = tuple(asm.coordinate_name(layout, int(system.free[k])) for k in pivots(loud))
     layout = replace(layout, held=held)
     found = asm.mobility(layout, length, held_names, loud_names)
-    return Compiled(_model(machine, layout, drives, sensors, length), found, tuple(gaps))
+    model = _model(machine, layout, drives, sensors, length)
+    if receptive:
+        model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
+        model = model.with_effects(*declared_effects(machine, model.sockets))
+    return Compiled(model, found, tuple(gaps))
 
 
 @dataclass(frozen=True)
@@ -74,12 +85,13 @@ class _Draft:
     drives: list[PlacedDrive]
     sensors: list[_PlacedSensor]
     length: float
+    structure: Structure
 
 
-def _draft(machine: Machine, drawing: Drawing) -> _Draft:
+def _draft(machine: Machine, drawing: Drawing, receptive: bool) -> _Draft:
     """One pass over the machine."""
     builder = LayoutBuilder(machine.space == "planar", nominal=machine.nominal_values())
-    structure = Structure(machine, drawing, builder)
+    structure = Structure(machine, drawing, builder, receptive=receptive)
     structure.prepare()
     for name in [*machine.bodies, *machine.nodes, *structure.owner]:
         structure.point(name)
@@ -93,9 +105,12 @@ def _draft(machine: Machine, drawing: Drawing) -> _Draft:
     if not sensors:
         last = next(reversed([*machine.bodies, *machine.nodes]))
         builder.reading_point("tcp", structure.port(last))
+    if receptive:
+        base, tcp = Port(Point(), GROUND), builder.points[0].ports[1]
+        builder.link(Load(), LOAD, (base, tcp), rest=[0.0] * 3, stiffness=[], rigid=[False] * 3)
     _aim_at_tcp(structure, sensors)
     layout = builder.build([(d.drive, d.element, d.strain) for d in drives])
-    return _Draft(layout, drives, sensors, _size(structure))
+    return _Draft(layout, drives, sensors, _size(structure), structure)
 
 
 def _size(structure: Structure) -> float:
@@ -112,8 +127,10 @@ def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:
     base = Port(Point(), GROUND)
     builder.aim(Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port))
     if sensors and sensors[0].rotation != GROUND:
-        slots = [builder.slot(0.0, f"tcp.turn.{c}") for c in "xyz"]
-        aim = builder.rotation(Turn.FIXED, "tcp.aim", drawn=structure.orientation(port.rotation), slots=slots)
+        drawn = structure.orientation(port.rotation)
+        filed = builder.filed.get(port.rotation, drawn)
+        slots = [builder.slot(float(v), f"tcp.turn.{c}") for v, c in zip(log(drawn @ filed.T), "xyz", strict=True)]
+        aim = builder.rotation(Turn.FIXED, "tcp.aim", drawn=filed, slots=slots)
         turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
         builder.aim(Joint("fixed", turns), "tcp.turn", (Port(Point(), aim), port))
 
@@ -125,6 +142,9 @@ def _place_sensor(structure: Structure, name: str, sensor: Sensor) -> _PlacedSen
     if offset_tool:
         offset = structure.builder.offset(port.rotation, vector(sensor.offset), f"{name}.offset")
         port = Port(port.point + offset, port.rotation)
+    if structure.receptive:
+        error = structure.anchored(TOOL, name, port.rotation, (0.0, 0.0, 0.0), f"{name}.error")
+        port = Port(port.point + error, port.rotation)
     return _PlacedSensor(name, sensor, structure.builder.reading_point(name, port), port.rotation)
 
 
@@ -156,8 +176,21 @@ def _model(
         length,
         readings,
         (point, rotation),
-        _tcp_drawn(layout, point),
+        _tcp_drawn(layout, point, rotation),
+        _sensor_channels(sensors),
     )
+
+
+def _sensor_channels(sensors: list[_PlacedSensor]) -> tuple[SensorChannels, ...]:
+    """Channels of the sensors; they are the model's first, in order."""
+    out, first = [], 0
+    for placed in sensors:
+        found = [(first + c, _DIRECTIONS.index(name)) for c, name in enumerate(placed.sensor.reads)]
+        first += len(found)
+        places = tuple((c, k) for c, k in found if k < 3)
+        turns = tuple((c, k - 3) for c, k in found if k >= 3)
+        out.append(SensorChannels(placed.name, placed.point, placed.rotation, places, turns))
+    return tuple(out)
 
 
 def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator:
@@ -227,10 +260,11 @@ def _drawn_readings(layout: Layout, actuators: tuple[Actuator, ...]) -> Array:
     return np.array(out)
 
 
-def _tcp_drawn(layout: Layout, point: int) -> Array:
+def _tcp_drawn(layout: Layout, point: int, rotation: int) -> Array:
     from pkmcal_cli.equilibrium.kinematics import arm_vectors, link_vectors
 
     slots = layout.slots.constants[None]
     state = drawn_state(layout, slots, 1, 0)
     links = link_vectors(layout, arm_vectors(layout, slots, state))
-    return np.concatenate([links[0, layout.points[point]], np.zeros(3)])
+    turn = log(layout.rotations.drawn[rotation] @ layout.rotations.filed[rotation].T)
+    return np.concatenate([links[0, layout.points[point]], turn])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +13,7 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import Actuator, axis_vector
 from pkmcal_cli.layout import GROUND, Drive, DriveKind, Turn
 from pkmcal_cli.ports import Number, Port
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.rotation import Array, log
 from pkmcal_cli.slots import Formula
 
 
@@ -157,7 +156,8 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     other, mine = sorted(joint.between, key=lambda end: structure.owner.get(end, end) == body)
     rotation, base = structure.rotation(body), structure.rotation(other)
     kind, axis, drawn, _, label = b.rotations[rotation]
-    offset = _angle_between(structure.orientation(base), drawn) if structure.planar else 0.0
+    about = unit(constant_vector(axis_vector(joint.axis or "z", 3), structure.nominal))
+    offset = _drawn_angle(structure, base, rotation, about)
     zero = number(actuator.zero) if actuator.zero != "home" else offset  # type: ignore[arg-type]
     if actuator.stiffness is None and kind == Turn.AXIS and base == GROUND:
         slot = b.slot(combined(lambda z: z - offset, zero), f"{name}.angle")
@@ -169,7 +169,6 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
             drive = replace(drive, force_slot=force)
         return drive, "", ""
     ports = (structure.port(other, True), structure.port(mine, True))
-    about = unit(constant_vector(axis_vector(joint.axis or "z", 3), structure.nominal))
     stiffness = {} if actuator.stiffness is None else {"angle": number(actuator.stiffness)}
     rest = {"angle": combined(lambda z: z - offset, zero)}
     element = f"{name}.drive"
@@ -177,10 +176,13 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "angle"
 
 
-def _angle_between(first: Array, second: Array) -> float:
-    """Angle (rad) of one orientation (3, 3) in the plane against another, between -pi and pi."""
-    turned = first.T @ second
-    return math.atan2(turned[1, 0], turned[0, 0])
+def _drawn_angle(structure: Structure, base: int, rotation: int, about: Array) -> float:
+    """Angle (rad) of a crank against its base in the assembled drawing; in space against the file's drawing."""
+    drawn = structure.orientation(base).T @ structure.orientation(rotation)
+    if structure.planar:
+        return float(log(drawn)[2])
+    first, second = (structure.builder.filed.get(r, structure.orientation(r)) for r in (base, rotation))
+    return float(log(drawn @ second.T @ first) @ first.T @ about)
 
 
 def _turned_body(structure: Structure, joint: str) -> str:

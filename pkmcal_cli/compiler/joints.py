@@ -19,7 +19,7 @@ _PLANAR_ROWS = ("x", "y", "rz", "angle")
 def add_joints(structure: Structure) -> None:
     """What the joints hold beyond the tree of points, and their springs."""
     for name, joint in structure.machine.joints.items():
-        tree = structure.joint_is_ideal_tree(name)
+        tree = any(joint == name for joint, _ in structure.placed_by.values())  # translations are built in
         shares = tree and joint.type in ("fixed", "prismatic")
         rows = joint_rows(joint.type, structure.planar)
         if tree:

@@ -6,6 +6,7 @@ carriages need neither unknowns nor constraints of their own; the others become 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +17,7 @@ from pkmcal_cli.language.machine import Body, Guide, Joint, Machine, axis_vector
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.layout import GROUND, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
-from pkmcal_cli.ports import Point, Port
+from pkmcal_cli.ports import Number, Point, Port
 from pkmcal_cli.rotation import Array, exp
 
 
@@ -51,7 +52,8 @@ class Structure:
     points: dict[str, Point] = field(default_factory=dict)
     rotations: dict[str, int] = field(default_factory=dict)
     owner: dict[str, str] = field(default_factory=dict)  # body point -> body
-    filed: dict[int, Array] = field(default_factory=dict)  # orientation of rotations in the file
+    receptive: bool = False  # whether effects can enter: carriages get an error of their place
+    anchors: dict[tuple[str, str], int] = field(default_factory=dict)  # (kind, name) -> offset vector, for effects
 
     @property
     def planar(self) -> bool:
@@ -69,7 +71,7 @@ class Structure:
         filed = np.eye(3) if filed is None else filed
         drawn = self.drawing.orientations.get(name, filed)
         made = self.builder.rotation(Turn.AXIS if self.planar else Turn.FREE, name, drawn=drawn)
-        self.filed[made] = filed
+        self.builder.filed[made] = filed
         return made
 
     def new_travel(self, name: str, drawn: float, slot: int = -1) -> int:
@@ -108,7 +110,7 @@ class Structure:
             turn = (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if self.planar else frame.turn
             slots = [self.builder.slot(n, f"{name}.turn.{c}") for n, c in zip(vector(turn), "xyz", strict=True)]
             rotation = self.builder.rotation(Turn.FIXED, name, slots=slots)
-            self.frames[name] = (self.builder.offset(GROUND, vector(frame.at), f"{name}.at"), rotation)
+            self.frames[name] = (self.anchored("frame", name, GROUND, vector(frame.at), f"{name}.at"), rotation)
         for name, guide in self.machine.guides.items():
             self.rails[name] = self._rail(name, guide)
         for name, body in self.machine.bodies.items():
@@ -118,13 +120,17 @@ class Structure:
     def _rail(self, name: str, guide: Guide) -> Rail:
         origin, rotation = self.frames[guide.frame] if guide.frame else (Point(), GROUND)
         along = unit(constant_vector(axis_vector(guide.along, 3), self.nominal))
-        return Rail(origin + self.builder.offset(rotation, vector(guide.at), f"{name}.at"), rotation, along)
+        return Rail(origin + self.anchored("guide", name, rotation, vector(guide.at), f"{name}.at"), rotation, along)
+
+    def anchored(self, kind: str, name: str, rotation: int, value: Sequence[Number], label: str) -> Point:
+        """A point at a constant offset that effects can move."""
+        point = self.builder.offset(rotation, value, label)
+        self.anchors[kind, name] = point.offsets[0][2]
+        return point
 
     def point(self, name: str) -> Point:
         """The point of a node, ground point, body or body's point."""
-        if name not in self.points:
-            self.points[name] = self._make_point(name)
-        return self.points[name]
+        return self.points.get(name) or self.points.setdefault(name, self._make_point(name))
 
     def rotation(self, name: str) -> int:
         """The rotation of the body or node that a name belongs to; made where a node did not need one yet."""
@@ -146,10 +152,10 @@ class Structure:
     def _make_point(self, name: str) -> Point:
         machine = self.machine
         if name in machine.ground:
-            return self.builder.offset(GROUND, vector(machine.ground[name]), name)
+            return self.anchored("ground", name, GROUND, vector(machine.ground[name]), name)
         if name in self.owner:
             body = self.owner[name]
-            offset = self.builder.offset(self.rotation(body), vector(machine.bodies[body].points[name]), name)
+            offset = self.anchored("point", name, self.rotation(body), vector(machine.bodies[body].points[name]), name)
             return self.point(body) + offset
         if name in self.placed_by:
             return self._placed_point(name)
@@ -182,7 +188,10 @@ class Structure:
             if direction in "xyz":
                 axis = np.eye(3)["xyz".index(direction)]
                 moves.append((rail.rotation, self.new_travel(f"{name}.{direction}", 0.0), tuple(axis)))
-        return rail.origin + Point((), tuple(moves))
+        error = Point()
+        if self.receptive:
+            error = self.anchored("carriage", name, rail.rotation, (0.0, 0.0, 0.0), f"{name}.error")
+        return rail.origin + error + Point((), tuple(moves))
 
     def elastic_directions(self, guide: str) -> tuple[str, ...]:
         """Directions of a guide with stiffness, in its frame's axes; not the travel itself."""
@@ -230,6 +239,7 @@ class Structure:
             axis = unit(constant_vector(axis_vector(joint.axis or "z", 3), self.nominal))
             drawn = self.drawing.orientations.get(name, self._drawn_turn(name))
             self.rotations[name] = self.builder.rotation(Turn.AXIS, name, axis=axis, drawn=drawn)
+            self.builder.filed[self.rotations[name]] = self._drawn_turn(name)
         else:
             self.rotations[name] = self.new_rotation(name, self._drawn_turn(name))
 
@@ -250,7 +260,7 @@ class Structure:
     def _slide(self, joint_name: str, joint: Joint, child: str, parent: str, sign: float) -> Point:
         """Travels of a sliding joint along its free axes, carried by the parent."""
         rotation = self.rotation(parent)
-        turned = self.filed.get(rotation, self.orientation(rotation)).T
+        turned = self.builder.filed.get(rotation, self.orientation(rotation)).T
         drawn = self._drawn_place(child) - self._drawn_place(parent)
         axis = self.slide_axis(joint, sign * drawn)
         axes = [axis] if joint.type != "planar" else list(np.linalg.svd(axis[None])[2][1:])
@@ -275,7 +285,7 @@ class Structure:
         axis = self.slide_axis(joint, self._drawn_place(second) - self._drawn_place(first))
         rotation = self.rotation(first)
         drawn = self.orientation(rotation)
-        return np.asarray(drawn @ self.filed.get(rotation, drawn).T @ axis)
+        return np.asarray(drawn @ self.builder.filed.get(rotation, drawn).T @ axis)
 
     def _drawn_place(self, name: str) -> Array:
         """Place of a node, body or point in the file's drawing."""
@@ -288,7 +298,3 @@ class Structure:
             return self.position(self.point(name))
         at = machine.ground.get(name) or (machine.bodies.get(name) or machine.nodes[name]).at
         return constant_vector(at, self.nominal)
-
-    def joint_is_ideal_tree(self, name: str) -> bool:
-        """Whether a joint's translations are built into the tree of points."""
-        return any(joint == name for joint, _ in self.placed_by.values())

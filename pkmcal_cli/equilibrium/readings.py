@@ -57,7 +57,7 @@ def read_channels(
                 force[:, channel.index, channel.component] = 1.0
                 direct[:, c] = point_gradient(system, numbers, state, force)
         elif channel.quantity == "orientation":
-            turned = log(state.rotation[:, channel.index] @ layout.rotations.drawn[channel.index].T)
+            turned = log(state.rotation[:, channel.index] @ layout.rotations.filed[channel.index].T)
             values[:, c] = turned[:, channel.component]
             if gradient is not None and direct is not None:
                 row = log_jacobian(turned)[:, channel.component]  # (N, 3)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from pydantic import Field, PrivateAttr
 
 from pkmcal_cli.errors import Fault
+from pkmcal_cli.language.effect_entries import EffectName, Entries
 from pkmcal_cli.language.fields import Axis, Entity, Gravity, Letter, Name, Point, Space
 from pkmcal_cli.language.instruments import Actuator, DriveForce, Sensor
 from pkmcal_cli.language.members import Bar, Beam, End, Joint, JointType, Material, Rope, Section
@@ -49,6 +50,7 @@ class Machine(Entity):
     actuators: dict[Name, Actuator] = Field(default={}, description="Drives")
     loads: dict[Name, Load] = Field(default={}, description="Forces and moments at points")
     sensors: dict[Name, Sensor] = Field(default={}, description="Instruments")
+    effects: dict[EffectName, Entries] = Field(default={}, description="Effects, KEYWORD@PLACE: {PARAMETER: value}")
 
     _source: SourceMap = PrivateAttr(default_factory=SourceMap)
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())

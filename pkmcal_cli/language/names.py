@@ -161,7 +161,7 @@ class NameCheck:
                     "choose another name", at_key=True,
                 )  # fmt: skip
         for path, draft in drafts(self.machine):
-            if path[0] in ("parameters", "ranges") or draft.tree is None:
+            if path[0] in ("parameters", "ranges", "effects") or draft.tree is None:
                 continue
             for name in draft.names:
                 if name in self.machine.parameters:

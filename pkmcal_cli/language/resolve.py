@@ -9,6 +9,7 @@ from typing import Any
 from pkmcal_cli.errors import FaultList
 from pkmcal_cli.language.binding import Binder, Slip, article
 from pkmcal_cli.language.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
+from pkmcal_cli.language.effect_entries import EffectResolver
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
@@ -23,7 +24,7 @@ from pkmcal_cli.language.walk import drafts, replaced
 from pkmcal_cli.language.wanted import ORIENTATION, Wanted, wanted
 from pkmcal_cli.language.yaml_tree import Path, SourceMap
 
-_PLAIN = ("parameters", "ranges")
+_PLAIN = ("parameters", "ranges", "effects")
 
 
 @dataclass
@@ -63,10 +64,12 @@ class Resolver:
         bound = {path: self._bind(binder, path, draft, want) for path, draft, want in self.uses}
         self._check_values(bound, parameters)
         rest = self.machine.model_copy(
-            update={"ranges": ranges, "parameters": {}},
+            update={"ranges": ranges, "parameters": {}, "effects": {}},
         )
         made: Machine = replaced(rest, lambda path, draft: bound[path])
-        return filled(made.model_copy(update={"parameters": parameters}))
+        turning = frozenset(name for name, a in self.machine.actuators.items() if a.turns is not None)
+        effects = EffectResolver(self.units, turning, self.source, self.faults).run(self.machine.effects)
+        return filled(made.model_copy(update={"parameters": parameters, "effects": effects}))
 
     def _check_values(self, bound: Mapping[Path, Quantity], parameters: Mapping[str, Parameter]) -> None:
         """Values at nominal: finite, sign, magnitude; pi in a file of degrees."""

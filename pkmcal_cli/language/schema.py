@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
+from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
@@ -56,9 +57,18 @@ def machine_schema(overlay: bool = False) -> Schema:
     made: Schema = _draft07(raw)
     for name in _entries(made):
         _allow_each(made["definitions"][name])
+    _name_effects(made)
     if overlay:
         _loosen(made)
     return {"$schema": DRAFT, "title": "pkmcal machine file", **made}
+
+
+def _name_effects(schema: Schema) -> None:
+    """Effects are named by the catalogue; their constants may be intervals."""
+    keywords = "|".join(catalogue())
+    schema["properties"]["effects"]["propertyNames"] = {"pattern": f"^({keywords})@.+$"}
+    forms = schema["definitions"]["EffectNumber"]["anyOf"]
+    forms.append(deepcopy(forms[1]["properties"]["interval"]))
 
 
 def _draft07(node: Any) -> Any:

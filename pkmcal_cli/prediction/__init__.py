@@ -8,7 +8,7 @@ stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and 
 from __future__ import annotations
 
 from pkmcal_cli.prediction.pipeline import predict, row_chunks
-from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows
+from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose
 from pkmcal_cli.prediction.stages import drawing_slots, stage_slots
 
@@ -18,6 +18,7 @@ __all__ = [
     "Request",
     "Rows",
     "drawing_slots",
+    "joined_rows",
     "predict",
     "rigid_pose",
     "row_chunks",

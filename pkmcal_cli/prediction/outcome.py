@@ -10,28 +10,33 @@ from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import Readings, forced_energy, read_channels
 from pkmcal_cli.layout import DriveKind
 from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.effects import Displacements
+from pkmcal_cli.prediction.frames import frame_channels, move_frames
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
 from pkmcal_cli.rotation import Array
 
 
-def outcome(model: Model, solution: Solution, rows: Rows, request: Request, chain: Chain) -> Prediction:
+def outcome(
+    model: Model, solution: Solution, rows: Rows, request: Request, chain: Chain, moved: Displacements
+) -> Prediction:
     """The prediction of solved rows; rows that failed get nan."""
     gains = np.array([a.gain_slot for a in model.actuators], dtype=np.intp)
     system, slots, state, bad = solution.system, solution.slots, solution.state, solution.failed
-    readings = read_channels(system, slots, state, model.channels, gains, request.derivatives)
-    readings.values[bad] = np.nan
-    jacobian = by_drive = forces = energy = None
+    read = frame_channels(model, moved)
+    readings = read_channels(system, slots, state, read.channels, gains, request.derivatives)
+    values, jacobian, by_drive, forces, energy = readings.values, None, None, None, None
     if request.derivatives:
-        jacobian, by_drive = chain.apply(rows, slots, _slot_jacobian(solution, readings))
+        jacobian, by_drive = chain.apply(rows, slots, _slot_jacobian(solution, readings), moved)
+    if moved.frames:
+        values, by_drive, jacobian = move_frames(model, moved, read, values, by_drive, jacobian)
+    values[bad] = np.nan
     if request.forces:
-        forces, energy = _forces(model, solution)
+        forces, energy = drive_forces(model, solution)
         forces[bad], energy[bad] = np.nan, np.nan
     names = _slack_names(solution)
-    return Prediction(
-        readings.values, solution.status, state, jacobian, by_drive, forces, energy, names, solution.steps
-    )
+    return Prediction(values, solution.status, state, jacobian, by_drive, forces, energy, names, solution.steps)
 
 
 def _slack_names(solution: Solution) -> dict[int, str]:
@@ -58,7 +63,7 @@ def _slot_jacobian(solution: Solution, readings: Readings) -> Array:
     return np.asarray(out)
 
 
-def _forces(model: Model, solution: Solution) -> tuple[Array, Array]:
+def drive_forces(model: Model, solution: Solution) -> tuple[Array, Array]:
     """Drive forces (N, A) and strain energy (N,)."""
     system, slots, state, slack = solution.system, solution.slots, solution.state, solution.slack
     gradient = lagrangian_gradient(system, solution.numbers, state, slack)

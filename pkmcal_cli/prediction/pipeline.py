@@ -9,7 +9,9 @@ import numpy as np
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.effects import Displacements, displacements
 from pkmcal_cli.prediction.outcome import outcome
+from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import solve
 from pkmcal_cli.prediction.stages import Chain, commanded_slots
@@ -37,14 +39,33 @@ def predict(
         raise ValueError(f"derivatives are those of the equilibrium: no derivatives with method {request.method}")
     base = model.layout.slots.values(model.by_name(values))
     chain = Chain.of(model, values, request)
+    moved = _moved(model, values, base, rows, request)
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        some, begin = rows.take(chunk), None if start is None else start.take(chunk)
-        solution = solve(model, commanded_slots(model, base, some), request.method, begin)
-        parts.append(outcome(model, solution, some, request, chain))
+        some, mine, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
+        slots = commanded_slots(model, base, some)
+        mine.apply(slots)
+        solution = solve(model, slots, request.method, begin)
+        parts.append(outcome(model, solution, some, request, chain, mine))
         if progress is not None:
             progress(chunk.stop - chunk.start)
     return _joined(parts)
+
+
+def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Request) -> Displacements:
+    """What effects displace in every row of the table; reactive ones by the forces of a pass without them."""
+    asked = request.parameters or ()
+    reactive = [e for e in model.effects if e.effect.reactive and any(model.by_name(values)[n] for n in e.parameters)]
+    reactive += [e for e in model.effects if e.effect.reactive and any(n in asked for n in e.parameters)]
+    if not reactive:
+        return displacements(model, values, rows, asked, None)
+    first = displacements(model, values, rows, (), None)
+    parts = []
+    for chunk in row_chunks(model.exact, len(rows)):
+        slots = commanded_slots(model, base, rows.take(chunk))
+        first.take(chunk).apply(slots)
+        parts.append(reactions(model, solve(model, slots, "exact", None), reactive))
+    return displacements(model, values, rows, asked, joined_reactions(parts))
 
 
 def row_chunks(system: System, rows: int) -> Iterator[slice]:

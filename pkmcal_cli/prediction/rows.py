@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -17,22 +18,42 @@ Method = Literal["exact", "linear", "rigid"]
 
 @dataclass(frozen=True)
 class Rows:
-    """Drive readings (N, A) in SI (m, rad) and forces (N, A) of force-controlled drives (nan: the machine's)."""
+    """Drive readings (N, A) in SI (m, rad) and forces (N, A) of force-controlled drives (nan: the machine's).
+
+    columns (N,): covariates that effects need, by name: "time", "T", "T.PART", "dir.ACTUATOR" (-1, 0, 1), "payload",
+    "spindle", "session.NAME" (1 in the rows of the session, else 0).
+    """
 
     readings: Array
     forces: Array
+    columns: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.readings)
 
     def take(self, rows: slice | NDArray[np.intp]) -> Rows:
         """Some rows."""
-        return Rows(self.readings[rows], self.forces[rows])
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return Rows(self.readings[rows], self.forces[rows], columns)
+
+    def moved(self, shift: Array) -> Rows:
+        """The same with the drive readings moved by `shift` (N, A)."""
+        return replace(self, readings=self.readings + shift)
 
     @classmethod
     def at(cls, readings: Array) -> Rows:
         """Rows without force columns."""
         return cls(np.asarray(readings, dtype=float), np.full(np.shape(readings), np.nan))
+
+
+def joined_rows(parts: Sequence[Rows]) -> Rows:
+    """Consecutive rows as one; a column that a part lacks is nan in its rows."""
+    names = dict.fromkeys(name for part in parts for name in part.columns)
+    return Rows(
+        np.concatenate([part.readings for part in parts]),
+        np.concatenate([part.forces for part in parts]),
+        {n: np.concatenate([part.columns.get(n, np.full(len(part), np.nan)) for part in parts]) for n in names},
+    )
 
 
 @dataclass(frozen=True)

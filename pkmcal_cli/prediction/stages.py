@@ -8,6 +8,7 @@ import numpy as np
 
 from pkmcal_cli.layout import Index
 from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.effects import Displacements
 from pkmcal_cli.prediction.rows import Request, Rows
 from pkmcal_cli.rotation import Array
 
@@ -53,11 +54,13 @@ class Chain:
         used = np.nonzero(full.any(axis=1))[0]
         return cls(model, used, full[used])
 
-    def apply(self, rows: Rows, slots: Array, by_slot: Array) -> tuple[Array | None, Array]:
+    def apply(self, rows: Rows, slots: Array, by_slot: Array, moved: Displacements) -> tuple[Array | None, Array]:
         """Derivatives by slot (N, C, S) to those by parameter (N, C, P') and by drive reading (N, C, A).
 
-        The command stage adds the gains' and the given forces' share to `by_slot`.
+        Effects and then the command stage add their share to `by_slot`.
         """
+        jacobian = None if self.jacobian is None else np.zeros((*by_slot.shape[:2], self.jacobian.shape[1]))
+        moved.chain(slots, by_slot, jacobian)
         by_drive = np.zeros((*by_slot.shape[:2], len(self.model.actuators)))
         for a, (drive, actuator) in enumerate(zip(self.model.layout.drives, self.model.actuators, strict=True)):
             if drive.force_controlled:
@@ -66,4 +69,6 @@ class Chain:
             else:
                 by_drive[..., a] = by_slot[..., drive.slot] * slots[:, None, actuator.gain_slot]
                 by_slot[..., actuator.gain_slot] += by_slot[..., drive.slot] * rows.readings[:, None, a]
-        return None if self.jacobian is None else by_slot[..., self.slots] @ self.jacobian, by_drive
+        if jacobian is not None and self.jacobian is not None:
+            jacobian += by_slot[..., self.slots] @ self.jacobian
+        return jacobian, by_drive

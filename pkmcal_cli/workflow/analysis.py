@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def _offset_rows(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Rows:
         if unit.dimension != own.dimension:
             raise UsageError(f"--offset: `{value}` does not fit `{name}`", hint=f"it reads {own.text}")
         readings[:, column] += moved
-    return Rows(readings, rows.forces)
+    return replace(rows, readings=readings)
 
 
 def run_sensitivity(request: AnalysisRequest) -> int:

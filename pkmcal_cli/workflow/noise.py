@@ -55,4 +55,4 @@ class Noise:
         count = len(rows)
         drawn = self.generator.normal(size=(count, len(self.drives) + len(self.channels)))
         moved = drawn[:, : len(self.drives)] * self.drives
-        return Rows(rows.readings + moved, rows.forces), drawn[:, len(self.drives) :] * self.channels
+        return rows.moved(moved), drawn[:, len(self.drives) :] * self.channels

@@ -1,0 +1,74 @@
+"""Effects put into their sockets, with their parameters: those that a machine declares, and any others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from pkmcal_cli.effects import Effect, catalogue
+from pkmcal_cli.errors import BadInput, did_you_mean
+from pkmcal_cli.language.effect_entries import EffectNumber, unit_at
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.model import Model, ModelParameter
+from pkmcal_cli.sockets import PlacedEffect, Socket, Sockets, places
+
+Placed = tuple[tuple[PlacedEffect, ...], tuple[ModelParameter, ...]]
+
+
+def declared_effects(machine: Machine, sockets: Sockets) -> Placed:
+    """The effects of a machine file. Raises BadInput with every place that is none."""
+    effects: list[PlacedEffect] = []
+    parameters: list[ModelParameter] = []
+    faults = []
+    for name, entries in machine.effects.items():
+        keyword, _, at = name.partition("@")
+        effect = catalogue()[keyword]
+        known = places(sockets, effect, (at,))
+        if at not in known:
+            listed = f"it can sit at {', '.join(list(known)[:12])}" if known else "this machine has no place for it"
+            what = f"`{keyword}` cannot sit at `{at}`"
+            hint = did_you_mean(at, known, listed)
+            faults.append(machine.source.fault("unknown-name", what, ("effects", name), hint, at_key=True))
+            continue
+        placed, mine = placed_effect(effect, at, known[at], machine.space == "planar", entries)
+        effects.append(placed)
+        parameters += mine
+    if faults:
+        raise BadInput(faults)
+    return tuple(effects), tuple(parameters)
+
+
+def placed_effect(
+    effect: Effect,
+    at: str,
+    sockets: tuple[Socket, ...],
+    planar: bool,
+    entries: Mapping[str, EffectNumber] | None = None,
+) -> tuple[PlacedEffect, tuple[ModelParameter, ...]]:
+    """An effect at a place and its parameters: values and ranges of the entries, else null and the plausible range."""
+    entries = entries or {}
+    rotary = any(s.kind == "rotary" for s in sockets)
+    parameters = []
+    for spec in effect.used(planar):
+        unit, entry = unit_at(spec, rotary), entries.get(spec.name, EffectNumber())
+        spread = spec.range * unit.scale if entry.range is None else entry.range
+        bounds = entry.bounds or (-math.inf, math.inf)
+        name = f"{effect.keyword}@{at}.{spec.name}"
+        dimension = unit.dimension.name
+        text = "" if unit.text == "1" else unit.text
+        parameters.append(ModelParameter(name, entry.value, spread, bounds, text, dimension, entry.identify))
+    options = {
+        option.name: entries[option.name].interval or (entries[option.name].value,)
+        for option in effect.options
+        if option.name in entries
+    }
+    return PlacedEffect(effect, at, sockets, tuple(p.name for p in parameters), options), tuple(parameters)
+
+
+def possible_effects(model: Model, sessions: tuple[str, ...] = ()) -> list[tuple[Effect, str, tuple[Socket, ...]]]:
+    """Every effect of the catalogue at every place of a receptive model: (effect, place, sockets)."""
+    return [
+        (effect, at, sockets)
+        for effect in catalogue().values()
+        for at, sockets in places(model.sockets, effect, sessions).items()
+    ]

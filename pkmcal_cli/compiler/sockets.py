@@ -1,0 +1,214 @@
+"""Sockets of a machine: which slots every port of every place displaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.compiler.drives import PlacedDrive
+from pkmcal_cli.compiler.numbers import number
+from pkmcal_cli.compiler.structure import Structure
+from pkmcal_cli.effects import Port as EffectPort
+from pkmcal_cli.layout import Group, Index, Layout
+from pkmcal_cli.rotation import Array, skew
+from pkmcal_cli.sockets import SensorChannels, Socket, Sockets
+
+_AXES = "xyz"
+TOOL, LOAD = "tool", "effect.load"
+"""Kind of the offsets of what sensors see, and name of the load at the first of them; both zero without effects."""
+
+
+@dataclass(frozen=True)
+class _Collector:
+    structure: Structure
+    layout: Layout
+    drives: Sequence[PlacedDrive]
+    sensors: Sequence[SensorChannels]
+
+    @property
+    def axes(self) -> int:
+        return 2 if self.layout.planar else 3
+
+    def offset(self, kind: str, name: str) -> Index:
+        """Slots (3,) of an anchored offset vector."""
+        return np.array(self.structure.builder.offsets[self.structure.anchors[kind, name]], dtype=np.intp)
+
+    def found(self, element: str) -> Iterator[tuple[int, int, Group]]:
+        """Places of an element of this name, or of its pieces NAME.0, NAME.1 ..."""
+        for g, group in enumerate(self.layout.groups):
+            for e, name in enumerate(group.names):
+                stem, _, piece = name.partition(".")
+                if name == element or (stem == element and piece.isdigit()):
+                    yield g, e, group
+
+
+def sockets_of(
+    structure: Structure, layout: Layout, drives: Sequence[PlacedDrive], sensors: Sequence[SensorChannels]
+) -> Sockets:
+    """All sockets of a machine compiled to take effects."""
+    c = _Collector(structure, layout, drives, sensors)
+    out: dict[EffectPort, dict[str, tuple[Socket, ...]]] = {
+        "command": dict(_commands(c)),
+        "drive_force": dict(_drive_forces(c)),
+        "length": dict(_lengths(c)),
+        "guide": dict(_guides(c)),
+        "carriage": dict(_carriages(c)),
+        "base": dict(_base(c)),
+        "tool": dict(_tools(c)),
+        "stiffness": dict(_stiffnesses(c)),
+        "weight": dict(_weights(c)),
+        "load": dict(_loads(c)),
+        "frame": {s.name: (Socket(s.name, sensor=k),) for k, s in enumerate(sensors)},
+    }
+    return out
+
+
+Named = Iterator[tuple[str, tuple[Socket, ...]]]
+_ONE = np.ones((1, 1))
+
+
+def _kind(c: _Collector, a: int) -> tuple[str, float]:
+    """Kind of a drive and the radius of its spool (m; 1 otherwise)."""
+    actuator = c.structure.machine.actuators[c.drives[a].drive.name]
+    if actuator.winds is not None and actuator.radius is not None:
+        return "spool", actuator.radius.number(c.structure.nominal)
+    return ("rotary" if actuator.turns is not None else "linear"), 1.0
+
+
+def _commands(c: _Collector) -> Named:
+    for a, drive in enumerate(c.layout.drives):
+        kind, radius = _kind(c, a)
+        yield drive.name, (Socket(drive.name, _slots(drive.slot), _ONE, actuator=a, length=radius, kind=kind),)
+
+
+def _drive_forces(c: _Collector) -> Named:
+    for a, drive in enumerate(c.layout.drives):
+        if drive.force_controlled:
+            yield drive.name, (Socket(drive.name, _slots(drive.force_slot), drive.force_sign * _ONE, actuator=a),)
+
+
+def _lengths(c: _Collector) -> Named:
+    machine = c.structure.machine
+    for name in (*machine.bars, *machine.ropes, *machine.beams):
+        pieces = []
+        for g, e, group in c.found(name):
+            slot = group.rest.start + e * len(group.element.strains)
+            pieces.append((slot, (g, e), float(c.layout.slots.constants[slot])))
+        share = 1.0 / len(pieces)
+        total = sum(length for _, _, length in pieces)
+        slots = np.array([slot for slot, _, _ in pieces])
+        yield name, (Socket(name, slots, np.full((len(pieces), 1), share), member=pieces[0][1], length=total),)
+
+
+def _travelling(c: _Collector) -> Iterator[tuple[str, str, int]]:
+    """Carriages with their guide and the drive that moves them."""
+    machine = c.structure.machine
+    for a, drive in enumerate(c.layout.drives):
+        body = machine.actuators[drive.name].moves
+        if body is not None and (guide := machine.bodies[body].on) is not None:
+            yield body, guide, a
+
+
+def _guides(c: _Collector) -> Named:
+    gravity = _gravity(c)
+    found: dict[str, list[Socket]] = {}
+    for body, guide, a in _travelling(c):
+        rail = c.structure.rails[guide]
+        triad = c.structure.orientation(rail.rotation)
+        for k in range(c.axes):
+            if abs(rail.along[k]) < 0.9:
+                normal = np.eye(3)[k] - rail.along[k] * rail.along
+                normal /= np.sqrt(normal @ normal)
+                down = np.array([gravity @ triad @ normal, 0.0, 0.0])
+                name = f"{guide}.{_AXES[k]}"
+                made = Socket(guide, c.offset("carriage", body), normal[:, None], actuator=a, down=down)
+                found.setdefault(name, []).append(made)
+    for name, made_all in found.items():
+        yield name, tuple(made_all)
+
+
+def _carriages(c: _Collector) -> Named:
+    """Turns of carriages, as moves of their points; not where members feel the orientation of the carriage."""
+    machine = c.structure.machine
+    felt = {int(r) for g in c.layout.groups if g.element.uses_triads for r in g.rotation.ravel()}
+    for body, _, a in _travelling(c):
+        points = machine.bodies[body].points
+        if not points or c.structure.rotation(body) in felt:
+            continue
+        slots = np.concatenate([c.offset("point", p) for p in points])
+        arms = c.layout.slots.constants[slots].reshape(-1, 3)
+        for k in [2] if c.layout.planar else range(3):
+            moved = (skew(np.eye(3)[k]) @ arms.T).T.reshape(-1, 1)
+            if moved.any():
+                yield f"{body}.r{_AXES[k]}", (Socket(body, slots, moved, actuator=a),)
+
+
+def _base(c: _Collector) -> Named:
+    for kind, name in c.structure.anchors:
+        inner = kind == "guide" and c.structure.machine.guides[name].frame is not None
+        if kind in ("ground", "frame", "guide") and not inner:
+            slots = c.offset(kind, name)
+            matrix = np.eye(3)
+            matrix[c.axes :] = 0.0
+            yield name, (Socket(name, slots, matrix, at=c.layout.slots.constants[slots]),)
+
+
+def _tools(c: _Collector) -> Named:
+    for sensor in c.sensors:
+        if sensor.name and (TOOL, sensor.name) in c.structure.anchors:
+            matrix = np.eye(3)
+            matrix[c.axes :] = 0.0
+            yield sensor.name, (Socket(sensor.name, c.offset(TOOL, sensor.name), matrix),)
+
+
+def _stiffnesses(c: _Collector) -> Named:
+    """Elements that yield, by name; pieces of a beam together."""
+    found: dict[str, list[int]] = {}
+    for group in c.layout.groups:
+        count = len(group.element.patterns)
+        for e, name in enumerate(group.names):
+            slots = [group.stiffness.start + e * count + p for p in range(count)]
+            used = [s for s in slots if c.layout.slots.constants[s] > 0]
+            stem, _, piece = name.partition(".")
+            if used:
+                found.setdefault(stem if piece.isdigit() else name, []).extend(used)
+    for name, every in found.items():
+        yield name, (Socket(name, np.array(every), np.ones((len(every), 1)), scales=True),)
+
+
+def _weights(c: _Collector) -> Named:
+    """All weights, by their names."""
+    slots = [
+        group.prestress.start + e * len(group.element.strains) + k
+        for group in c.layout.groups
+        for e, name in enumerate(group.names)
+        if name.endswith(".weight")
+        for k in range(len(group.element.strains))
+    ]
+    if slots:
+        loads = c.layout.slots.constants[slots]
+        yield "machine", (Socket("machine", np.array(slots), loads[:, None]),)
+
+
+def _loads(c: _Collector) -> Named:
+    for _, e, group in c.found(LOAD):
+        slots = group.prestress.start + e * 3 + np.arange(3)
+        matrix = -np.eye(3)
+        matrix[c.axes :] = 0.0
+        down = _gravity(c)
+        name = c.sensors[0].name if c.sensors else "tcp"
+        yield name, (Socket(name, slots, matrix, down=down),)
+
+
+def _gravity(c: _Collector) -> Array:
+    """Unit vector of gravity in base axes; zero without."""
+    parts = [number(q) for q in c.structure.machine.gravity]
+    vector = np.array([float(p) if isinstance(p, float | int) else 0.0 for p in parts] + [0.0] * (3 - len(parts)))
+    size = float(np.sqrt(vector @ vector))
+    return vector / size if size else vector
+
+
+def _slots(*numbers: int) -> Index:
+    return np.array(numbers, dtype=np.intp)

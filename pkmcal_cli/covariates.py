@@ -1,0 +1,54 @@
+"""Covariates of a table as effects want them: columns, sessions, and the direction of the last motion of each drive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
+
+_STILL = 1e-9  # m or rad; a drive that moves less has not moved
+
+
+def with_covariates(rows: Rows, measurements: Measurements, names: Sequence[str]) -> Rows:
+    """Rows with the covariates of their measurements; directions that the table lacks come from its order."""
+    columns = {name: np.asarray(column) for name, column in measurements.covariates.items()}
+    for k, name in enumerate(measurements.sessions):
+        columns[f"session.{name}"] = np.asarray(measurements.session == k, dtype=float)
+    session = np.asarray(measurements.session)
+    return with_directions(Rows(rows.readings, rows.forces, columns), names, session)
+
+
+def with_directions(rows: Rows, names: Sequence[str], session: NDArray[np.int64] | None = None) -> Rows:
+    """Rows with `dir.ACTUATOR` for every drive; a given direction stays, an empty or missing one is derived."""
+    columns = dict(rows.columns)
+    derived = directions(rows.readings, np.zeros(len(rows), dtype=np.int64) if session is None else session)
+    for a, name in enumerate(names):
+        given = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
+        columns[f"dir.{name}"] = np.where(np.isnan(given), derived[:, a], given)
+    return Rows(rows.readings, rows.forces, columns)
+
+
+def directions(readings: Array, session: NDArray[np.int64]) -> Array:
+    """Directions (N, A) of the last motion, -1 or 1 in the order of the rows; 0 before the first motion of a session.
+
+    A drive that stands still keeps its direction.
+    """
+    step = np.diff(readings, axis=0, prepend=readings[:1])
+    sign = np.where(np.abs(step) > _STILL, np.sign(step), 0.0)
+    first = np.diff(session, prepend=session[:1] - 1) != 0
+    sign[first] = 0.0
+    rows = np.arange(len(readings))[:, None]
+    known = np.where((sign != 0) | first[:, None], rows, 0)
+    last = np.maximum.accumulate(known, axis=0)
+    return np.take_along_axis(sign, last, axis=0)
+
+
+def derived_directions(measurements: Measurements, names: Sequence[str]) -> tuple[str, ...]:
+    """Drives whose direction the table does not give."""
+    given = measurements.covariates
+    return tuple(n for n in names if f"dir.{n}" not in given or bool(np.isnan(given[f"dir.{n}"]).any()))

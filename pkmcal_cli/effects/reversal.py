@@ -1,0 +1,81 @@
+"""Errors that depend on the direction of motion or of force: backlash, wind-up, clearance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
+
+_SMOOTH = Option("smooth", "N", "force over which the sign of a reaction is smoothed; default 10 N")
+_OVER = Option(
+    "over", "mm", "travel on which the shape is spread; default the limits, else the table's", True, rotary="deg"
+)
+
+
+def _lost(at: Inputs, c: Any) -> Any:
+    return 0.5 * c * np.tanh(at.pull / at.option("smooth"))
+
+
+def _wound(at: Inputs, w: Any) -> Any:
+    smooth = at.option("smooth")
+    return -w * at.direction * (np.sqrt(at.pull**2 + smooth**2) - smooth)
+
+
+BACKLASH = Effect(
+    "backlash",
+    "reversal error, backlash",
+    "B",
+    "ISO 230-2 (reversal error), ISO 230-4",
+    "command",
+    (EffectParameter("b", "um", 60, "difference between the two directions of approach", rotary="urad"),),
+    lambda at, b: -0.5 * b * at.direction,
+    needs=("direction",),
+    cause="The nut, end bearing, belt or gear of {at} has play.",
+    result="Positions of {at} approached from either side differ by {size}.",
+    action="Check the preload of the nut and the end bearing of {at}; until then compensate the reversal by {size}.",
+)
+UNEQUAL_BACKLASH = Effect(
+    "unequal_backlash",
+    "reversal error that varies along the travel",
+    "B",
+    "ISO 230-2 (reversal error at each position)",
+    "command",
+    (EffectParameter("b1", "um", 80, "change of the reversal error from the middle to the end", rotary="urad"),),
+    lambda at, b1: -0.5 * b1 * at.share * at.direction,
+    needs=("direction",),
+    options=(_OVER,),
+    cause="The play of {at} changes along its travel: wear, or wind-up of a long screw or belt.",
+    result="The two curves of {at}, forward and backward, are not parallel.",
+    action="Measure the reversal error of {at} at both ends of the travel; replace the worn screw or belt.",
+)  # fmt: skip
+WINDUP = Effect(
+    "windup",
+    "wind-up under friction that grows with the load",
+    "",
+    "friction and elasticity of the drive train between encoder and carriage",
+    "command",
+    (EffectParameter("w", "um/kN", 20, "lost motion per force that the drive carries", rotary="urad/(kN*m)"),),
+    _wound,
+    needs=("direction",),
+    options=(_SMOOTH,),
+    reactive=True,
+    cause="The drive train of {at} winds up against friction that grows with the load.",
+    result="The reversal error of {at} grows with the force that it carries.",
+    action="Check lubrication and alignment of {at}; measure with another payload (play would stay, wind-up not).",
+)
+CLEARANCE = Effect(
+    "clearance",
+    "lost motion from joint clearance",
+    "",
+    "clearance of the joints at the ends of a member",
+    "length",
+    (EffectParameter("c", "um", 60, "clearance of the joints of the member, along it"),),
+    _lost,
+    options=(_SMOOTH,),
+    reactive=True,
+    cause="The joints of {at} have a clearance of {size}.",
+    result="The length of {at} jumps where its force changes between pull and push.",
+    action="Preload or replace the bearings at the ends of {at}.",
+)

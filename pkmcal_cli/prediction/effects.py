@@ -1,0 +1,110 @@
+"""Effects in the pipeline: displacements of their sockets in every row, and the chain rule to their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.layout import Index
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.inputs import Reactions, SocketInputs
+from pkmcal_cli.prediction.rows import Rows
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.sockets import PlacedEffect, Socket
+
+_STEP = 1e-40
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Of one socket: d (N, W); derivatives (N, W, P) with respect to asked parameters, numbered by `columns` (P,)."""
+
+    socket: Socket
+    d: Array
+    by_parameter: Array
+    columns: Index
+
+    def take(self, rows: slice) -> Displacement:
+        """Some rows."""
+        return Displacement(self.socket, self.d[rows], self.by_parameter[rows], self.columns)
+
+
+@dataclass(frozen=True)
+class Displacements:
+    """All displacements of a table: those of slots, and those of what sensors read."""
+
+    slots: tuple[Displacement, ...] = ()
+    frames: tuple[Displacement, ...] = ()
+
+    def take(self, rows: slice) -> Displacements:
+        """Some rows."""
+        return Displacements(tuple(d.take(rows) for d in self.slots), tuple(d.take(rows) for d in self.frames))
+
+    def apply(self, slots: Array) -> None:
+        """Displace slots (N, S) in place."""
+        for each in self.slots:
+            mine, moved = each.socket.slots, each.d @ each.socket.matrix.T
+            slots[:, mine] = slots[:, mine] * np.exp(moved) if each.socket.scales else slots[:, mine] + moved
+
+    def chain(self, slots: Array, by_slot: Array, jacobian: Array | None) -> None:
+        """Add the share of the effects' parameters to `jacobian` (N, C, P'), given that of the displaced slots.
+
+        Afterwards `by_slot` (N, C, S) is that with respect to the slots before they are displaced.
+        """
+        for each in self.slots if jacobian is not None else ():
+            if len(each.columns):
+                mine = each.socket.slots
+                by_moved = by_slot[..., mine]
+                if each.socket.scales:
+                    by_moved = by_moved * slots[:, None, mine]
+                jacobian[..., each.columns] += (by_moved @ each.socket.matrix) @ each.by_parameter  # type: ignore[index]
+        for each in self.slots:
+            if each.socket.scales:
+                moved = each.d @ each.socket.matrix.T
+                by_slot[..., each.socket.slots] *= np.exp(moved)[:, None]
+
+
+def displacements(
+    model: Model, values: Array, rows: Rows, parameters: Sequence[str], reactions: Reactions | None
+) -> Displacements:
+    """Displacements of all effects at parameter values (P,); without `reactions` those that need none."""
+    numbers = model.by_name(values)
+    slots: list[Displacement] = []
+    frames: list[Displacement] = []
+    asked = {name: k for k, name in enumerate(parameters)}
+    for placed in model.effects:
+        if placed.effect.reactive and reactions is None:
+            continue
+        mine = [numbers[name] for name in placed.parameters]
+        if not any(mine) and not any(name in asked for name in placed.parameters):
+            continue
+        for socket in placed.sockets:
+            at = SocketInputs(model, rows, placed, socket, reactions)
+            made = _displacement(model, placed, at, mine, asked)
+            (frames if socket.sensor >= 0 else slots).append(made)
+    return Displacements(tuple(slots), tuple(frames))
+
+
+def _displacement(
+    model: Model, placed: PlacedEffect, at: SocketInputs, mine: list[float], asked: dict[str, int]
+) -> Displacement:
+    """One socket's; only in the rows of the session where the effect belongs to one."""
+    planar = model.layout.planar
+    on = _rows_of(placed, at)
+    d = np.asarray(placed.effect.displacement(at, mine, planar), dtype=float) * on
+    chosen = [k for k, name in enumerate(placed.parameters) if name in asked]
+    by_parameter = np.zeros((*d.shape, len(chosen)))
+    for j, k in enumerate(chosen):
+        stepped = [value + 1j * _STEP * (i == k) for i, value in enumerate(mine)]
+        by_parameter[..., j] = np.imag(placed.effect.displacement(at, stepped, planar)) / _STEP * on
+    columns = np.array([asked[placed.parameters[k]] for k in chosen], dtype=np.intp)
+    return Displacement(at.socket, d, by_parameter, columns)
+
+
+def _rows_of(placed: PlacedEffect, at: SocketInputs) -> NDArray[np.float64] | float:
+    if placed.effect.places != "session":
+        return 1.0
+    return np.asarray(at.table.columns.get(f"session.{placed.at}", np.zeros(at.rows)))[:, None]

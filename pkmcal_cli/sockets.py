@@ -1,0 +1,83 @@
+"""Where effects can enter a compiled machine: sockets of the ports, by name of the place; effects put into them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pkmcal_cli.effects import Effect, Port
+from pkmcal_cli.layout import Index
+from pkmcal_cli.rotation import Array
+
+NONE: Index = np.zeros(0, dtype=np.intp)
+
+
+@dataclass(frozen=True)
+class Socket:
+    """Slots that one port displaces by numbers d (W,): slots += matrix d, or slots *= exp(matrix d) where `scales`.
+
+    The rest is what formulas may ask for: the drive, the member (group, element), a length (m), the place (m), the
+    share of gravity along the port's directions, the sensor. `part`: name of a temperature column.
+    """
+
+    part: str
+    slots: Index = field(default_factory=lambda: NONE)  # (K,)
+    matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (K, W)
+    scales: bool = False
+    actuator: int = -1
+    member: tuple[int, int] = (-1, -1)
+    length: float = 1.0
+    at: Array = field(default_factory=lambda: np.zeros(3))
+    down: Array = field(default_factory=lambda: np.zeros(3))
+    sensor: int = -1
+    kind: str = "linear"  # of a drive: linear, rotary, spool
+
+
+Sockets = Mapping[Port, Mapping[str, tuple[Socket, ...]]]
+"""By port and name of the place; a place may have several sockets (carriages of a guide, pieces of a beam)."""
+
+
+@dataclass(frozen=True)
+class SensorChannels:
+    """Which channels a sensor's point and orientation give: (channel, component of position or rotation vector)."""
+
+    name: str
+    point: int
+    rotation: int
+    places: tuple[tuple[int, int], ...]
+    turns: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class PlacedEffect:
+    """An effect at a place; `parameters`: full names, in the order of the effect's; `options` in SI."""
+
+    effect: Effect
+    at: str
+    sockets: tuple[Socket, ...]
+    parameters: tuple[str, ...]
+    options: Mapping[str, tuple[float, ...]]
+
+    @property
+    def name(self) -> str:
+        """`KEYWORD@PLACE`."""
+        return f"{self.effect.keyword}@{self.at}"
+
+
+def places(sockets: Sockets, effect: Effect, sessions: tuple[str, ...] = ()) -> dict[str, tuple[Socket, ...]]:
+    """Where an effect can sit, by name; `all` where it can be the same at several places."""
+    named = {
+        name: fitting
+        for name, found in sockets.get(effect.port, {}).items()
+        if (fitting := tuple(s for s in found if effect.where in ("any", s.kind)))
+    }
+    everywhere = tuple(s for found in named.values() for s in found)
+    if effect.places == "session":
+        return dict.fromkeys(sessions, everywhere)
+    if effect.places == "all":
+        return {"all": everywhere} if everywhere else {}
+    if effect.common and len(named) > 1:
+        named["all"] = everywhere
+    return named
