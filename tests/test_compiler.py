@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.rotation import Array
 from tests.structures import point
@@ -269,3 +270,30 @@ def test_a_crank_on_a_moving_body_is_read_against_it(ends: tuple[str, str], elbo
     upper, lower = readings[:, 0], readings.sum(axis=1)
     tip = [0.1 * np.cos(upper) + 0.08 * np.cos(lower), 0.1 * np.sin(upper) + 0.08 * np.sin(lower)]
     assert np.abs(at(machine, readings).values - np.transpose(tip)).max() < 1e-9
+
+
+FOUR_BAR = """
+units: {{length: mm, angle: deg, force: N}}
+space: {space}
+ground: {{O: [0, 0{z}], Q: [200, 0{z}]}}
+bodies:
+  crank: {{at: [0, 0{z}], turn: {crank}, points: {{P: [100, 0{z}]}}}}
+  arm: {{at: [200, 0{z}], turn: {arm}, points: {{S: [100, 0{z}]}}}}
+joints: {{j: {{between: [O, crank], type: revolute{axis}}}, k: {{between: [Q, arm], type: revolute{axis}}}}}
+bars: {{coupler: {{between: [P, S], length: 200}}}}
+actuators: {{q: {{turns: j}}}}
+sensors: {{s: {{at: arm, reads: [rz], sigma: 1 urad, frame: machine}}}}
+"""
+PLANE = {"space": "planar", "z": "", "crank": "55", "arm": "70", "axis": ""}
+SPACE = {"space": "spatial", "z": ", 0", "crank": "[0, 0, 55]", "arm": "[0, 0, 70]", "axis": ", axis: z"}
+
+
+@pytest.mark.parametrize(("words", "zero"), [(PLANE, 0.0), (SPACE, 55.0)], ids=["planar", "spatial"])
+def test_angles_count_from_the_file_however_roughly_it_is_drawn(words: dict[str, str], zero: float) -> None:
+    """Parallel cranks of 100 mm, drawn 15 deg apart: what is read does not depend on how the drawing was closed."""
+    machine, angles = model(FOUR_BAR.format(**words)), np.array([[40.0], [60.0], [75.0]])
+    found = at(machine, np.radians(angles - zero)).values
+    assert np.abs(found - np.radians(angles - 70.0)).max() < 1e-9
+    assert machine.tcp_drawn[5] == pytest.approx(machine.drawn_readings[0] + np.radians(zero - 70.0))
+    back = drive_positions(machine, np.array([[np.nan] * 5 + [np.radians(-20.0)]])).readings
+    assert np.degrees(back[0, 0]) == pytest.approx(50.0 - zero)
