@@ -14,23 +14,28 @@ from pkmcal_cli.tables.measurement_set import Measurements
 _STILL = 1e-9  # m or rad; a drive that moves less has not moved
 
 
-def with_covariates(rows: Rows, measurements: Measurements, names: Sequence[str]) -> Rows:
-    """Rows with the covariates of their measurements; directions that the table lacks come from its order."""
+def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
+    """Rows with the covariates of their measurements, and which session each belongs to."""
     columns = {name: np.asarray(column) for name, column in measurements.covariates.items()}
     for k, name in enumerate(measurements.sessions):
         columns[f"session.{name}"] = np.asarray(measurements.session == k, dtype=float)
-    session = np.asarray(measurements.session)
-    return with_directions(Rows(rows.readings, rows.forces, columns), names, session)
+    return Rows(rows.readings, rows.forces, columns)
 
 
-def with_directions(rows: Rows, names: Sequence[str], session: NDArray[np.int64] | None = None) -> Rows:
+def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     """Rows with `dir.ACTUATOR` for every drive; a given direction stays, an empty or missing one is derived."""
     columns = dict(rows.columns)
-    derived = directions(rows.readings, np.zeros(len(rows), dtype=np.int64) if session is None else session)
+    derived = directions(rows.readings, _sessions(rows))
     for a, name in enumerate(names):
         given = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
         columns[f"dir.{name}"] = np.where(np.isnan(given), derived[:, a], given)
     return Rows(rows.readings, rows.forces, columns)
+
+
+def _sessions(rows: Rows) -> NDArray[np.int64]:
+    """Number (N,) of the session of each row."""
+    flags = [column for name, column in rows.columns.items() if name.startswith("session.")]
+    return np.argmax(np.nan_to_num(flags), axis=0) if flags else np.zeros(len(rows), dtype=np.int64)
 
 
 def directions(readings: Array, session: NDArray[np.int64]) -> Array:

@@ -137,7 +137,8 @@ class PoseSource:
         self.axes = parse_grid(self.loaded, self.grid) if self.grid is not None else []
 
     def __iter__(self) -> Iterator[Poses]:
-        for poses in self._blocks():
+        whole = bool(self.loaded.model.effects)  # effects see the whole table
+        for poses in [_joined(self.loaded.model, list(self._blocks()))] if whole else self._blocks():
             self.travels.add(poses.rows.readings)
             yield poses
 
@@ -159,18 +160,22 @@ class PoseSource:
         """All poses at once, every one within reach. Raises BadInput with those that are not."""
         if math.prod(a.count for a in self.axes) > _TOGETHER:
             raise UsageError(f"--grid: more than {_TOGETHER} positions", hint="take a coarser grid")
-        blocks = list(self)
-        starts = [0, *accumulate(len(b) for b in blocks)]
-
-        def place(row: int) -> Place:
-            k = bisect_right(starts, row) - 1
-            return blocks[k].place(row - starts[k])
-
-        reachable = np.concatenate([b.reachable for b in blocks])
-        poses = Poses(joined_rows([b.rows for b in blocks]), reachable, place)
+        poses = _joined(self.loaded.model, list(self))
         if poses.lost:
-            raise failed_rows(place, poses.lost)
+            raise failed_rows(poses.place, poses.lost)
         return poses
+
+
+def _joined(model: Model, blocks: list[Poses]) -> Poses:
+    """All blocks as one, with the directions of motion in the order of all rows."""
+    starts = [0, *accumulate(len(b) for b in blocks)]
+
+    def place(row: int) -> Place:
+        k = bisect_right(starts, row) - 1
+        return blocks[k].place(row - starts[k])
+
+    rows = with_directions(joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators])
+    return Poses(rows, np.concatenate([b.reachable for b in blocks]), place)
 
 
 def _table_poses(loaded: LoadedMachine, block: Measurements) -> tuple[Poses, list[str]]:
@@ -190,7 +195,7 @@ def _table_poses(loaded: LoadedMachine, block: Measurements) -> tuple[Poses, lis
         reachable[missing] = found.status == 0
         told = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
         notes = _pose_notes(found.aimed, told)
-    rows = with_covariates(Rows(readings, forces), block, [a.name for a in loaded.model.actuators])
+    rows = with_covariates(Rows(readings, forces), block)
     return Poses(rows, reachable, lambda row: place_of(block, row)), notes
 
 

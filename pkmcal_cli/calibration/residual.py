@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.covariates import with_covariates
+from pkmcal_cli.covariates import with_covariates, with_directions
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
@@ -63,7 +63,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
     readings = np.asarray(measurements.readings, dtype=float)
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
-    rows = with_covariates(rows, measurements, [a.name for a in model.actuators])
+    rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
     known = ~np.isnan(readings) & ~np.isnan(sigma)
     return Problem(model, rows, readings, sigma, np.nan_to_num(drive_sigma), known)
 
