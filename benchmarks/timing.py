@@ -6,7 +6,7 @@ than short ones, and so falsify their ratio.
 
 from __future__ import annotations
 
-import os
+import resource
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -33,9 +33,9 @@ class Times:
 
 
 def children_time() -> float:
-    """Processor time of all programs that were started and have ended, s."""
-    used = os.times()
-    return used.children_user + used.children_system
+    """Processor time of all programs that were started and have ended, s; finer than the ticks of os.times (10 ms)."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def side_by_side(cases: Cases, rounds: int, clock: Callable[[], float] = time.process_time) -> Times:
