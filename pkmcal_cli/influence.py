@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
+from pkmcal_cli.equilibrium.given import given
 from pkmcal_cli.equilibrium.kinematics import advance, drawn_state
 from pkmcal_cli.equilibrium.readings import read_channels
 from pkmcal_cli.model import Model, tcp_model
@@ -35,9 +36,10 @@ def _slot_influence(model: Model) -> Array:
     step = _scattered(system.size, 1.0) * _MOVE * min(model.length, 1.0)
     state = advance(system, state, step[None], 1.0)
     adjoint = _scattered(system.size, 2.0)[None, None]
-    change = np.abs(adjoint_derivative(system, slots, state, None, adjoint, 1.0)).max(axis=(0, 1))
+    numbers = given(system, slots)
+    change = np.abs(adjoint_derivative(system, numbers, state, None, adjoint, 1.0)).max(axis=(0, 1))
     gains = np.array([a.gain_slot for a in model.actuators], dtype=np.intp)
-    readings = read_channels(system, slots, state, tcp_model(model).channels, gains, True)
+    readings = read_channels(system, slots, state, tcp_model(model).channels, gains, numbers)
     assert readings.slots is not None
     felt = (change > 0) | (np.abs(readings.slots).max(axis=(0, 1), initial=0.0) > 0)
     felt[gains] = True  # a gain scales its drive's commands

@@ -46,28 +46,40 @@ def times(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
 
 
-def _coefficients(angle2: Array) -> tuple[Array, Array, Array]:
-    """sin(a)/a, (1 - cos a)/a^2 and (a - sin a)/a^3 from a^2; series near zero, complex-safe."""
+def _coefficients(angle2: Array) -> tuple[Array, Array]:
+    """sin(a)/a and (1 - cos a)/a^2 from a^2; series near zero, complex-safe."""
     small = np.abs(angle2) < _SMALL**2
     safe = np.where(small, 1.0, angle2)
     a = np.sqrt(safe)
     s1 = np.where(small, 1 - angle2 / 6, np.sin(a) / a)
     s2 = np.where(small, 0.5 - angle2 / 24, (1 - np.cos(a)) / safe)
-    s3 = np.where(small, 1 / 6 - angle2 / 120, (a - np.sin(a)) / (safe * a))
-    return s1, s2, s3
+    return s1, s2
+
+
+def _third_coefficient(angle2: Array, s1: Array) -> Array:
+    """(a - sin a)/a^3 from a^2 and s1 = sin(a)/a."""
+    small = np.abs(angle2) < _SMALL**2
+    return np.where(small, 1 / 6 - angle2 / 120, (1 - s1) / np.where(small, 1.0, angle2))
 
 
 def exp(theta: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
-    s1, s2, _ = _coefficients(dot(theta, theta))
-    k = skew(theta)
-    return np.asarray(np.eye(3) + s1[..., None, None] * k + s2[..., None, None] * times(k, k))
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues): cos I + s1 [v]x + s2 v v^T."""
+    angle2 = dot(theta, theta)
+    s1, s2 = _coefficients(angle2)
+    out = (s2[..., None] * theta)[..., :, None] * theta[..., None, :]
+    sine, cosine = s1[..., None] * theta, 1.0 - s2 * angle2
+    for k in range(3):
+        out[..., k, k] += cosine
+        out[..., k - 2, k - 1] -= sine[..., k]
+        out[..., k - 1, k - 2] += sine[..., k]
+    return np.asarray(out)
 
 
 def left_jacobian(theta: Array) -> Array:
     """d(left increment)/d(theta) of exp: exp(theta + d) = exp(J d) exp(theta), shape (..., 3, 3)."""
-    _, s2, s3 = _coefficients(dot(theta, theta))
-    k = skew(theta)
+    angle2 = dot(theta, theta)
+    s1, s2 = _coefficients(angle2)
+    s3, k = _third_coefficient(angle2, s1), skew(theta)
     return np.asarray(np.eye(3) + s2[..., None, None] * k + s3[..., None, None] * (k @ k))
 
 

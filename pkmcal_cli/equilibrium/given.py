@@ -31,11 +31,18 @@ class GroupNumbers:
 
     def stress(self, x: Array) -> Array:
         """Stiffness times x (N, E, m) or (N, E, m, I), skipping what is zero in all elements."""
-        out = np.zeros(x.shape, dtype=x.dtype, order="F")
+        out = np.empty(x.shape, dtype=x.dtype, order="F")
         assert self.stiffness is not None
+        filled = set()
         for k, l in self.coupled:
             s = self.stiffness[..., k, l]
-            out[:, :, k] += (s if x.ndim == 3 else s[..., None]) * x[:, :, l]
+            factor = s if x.ndim == 3 else s[..., None]
+            if k in filled:
+                out[:, :, k] += factor * x[:, :, l]
+            else:
+                np.multiply(factor, x[:, :, l], out=out[:, :, k])
+                filled.add(k)
+        out[:, :, [k for k in range(x.shape[2]) if k not in filled]] = 0.0
         return out
 
 
@@ -104,15 +111,19 @@ def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
     return full
 
 
-def typical_stiffness(system: System, slots: Array) -> float:
-    """A stiffness (N/m) that scales multipliers: the largest of the machine's, or 1 where nothing yields."""
-    largest = [float(np.abs(stiffness_matrices(system, g, slots[:1])).max(initial=0.0)) for g in system.groups]
-    return max(largest, default=0.0) or 1.0
+def typical_stiffness(system: System, slots: Array | Given) -> float:
+    """A stiffness (N/m) that scales multipliers: the largest of the first row's, or 1 where nothing yields."""
+    if isinstance(slots, Given):
+        matrices = [group.stiffness[:1] for group in slots.groups if group.stiffness is not None]
+    else:
+        matrices = [stiffness_matrices(system, group, slots[:1]) for group in system.groups]
+    return max((float(np.abs(x).max(initial=0.0)) for x in matrices), default=0.0) or 1.0
 
 
 def common(x: Array) -> Array:
     """x (N, K) itself, or its first row alone where all rows are the same."""
-    return x[:1] if len(x) > 1 and bool((x == x[:1]).all()) else x
+    differ = len(x) < 2 or (x[-1] != x[0]).any() or (x != x[:1]).any()  # two rows mostly tell
+    return x if differ else x[:1]
 
 
 def _shaped(x: Array, *shape: int) -> Array:

@@ -95,13 +95,13 @@ class _Run:
     def __init__(self, system: System, slots: Array, state: State, length: float, options: NewtonOptions) -> None:
         rows = len(state)
         self.system, self.length, self.options = system, length, options
-        self.scale = typical_stiffness(system, slots)
         self.result: State | None = None  # states of rows that have left
         self.status = np.full(rows, RowStatus.NOT_CONVERGED)
         self.slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
         self.tried = tuple(s.copy() for s in self.slack)  # ropes that were slack at some step
         self.ropes = system.loaded and any(g.group.rope.any() for g in system.groups)
         self.active, self.state, self.numbers = np.arange(rows), state, given(system, slots)
+        self.scale = typical_stiffness(system, self.numbers)
         self.previous = np.full(rows, np.inf)  # size of the last step
         self.before = np.zeros(rows)  # size of the one before
         self.matrix: Array = np.zeros((rows, system.size**2))

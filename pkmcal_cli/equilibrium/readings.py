@@ -9,11 +9,11 @@ import numpy as np
 
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.derivative import point_gradient, strain_gradient
-from pkmcal_cli.equilibrium.given import given, group_numbers
+from pkmcal_cli.equilibrium.given import Given, group_numbers
 from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import Drive, DriveKind, Group
-from pkmcal_cli.rotation import Array, log, log_jacobian
+from pkmcal_cli.rotation import Array, left_jacobian, log, log_jacobian, times
 
 
 class Channel(Protocol):
@@ -37,27 +37,29 @@ class Readings:
 
 
 def read_channels(
-    system: System, slots: Array, state: State, channels: tuple[Channel, ...], gains: Array, derivatives: bool
+    system: System, slots: Array, state: State, channels: tuple[Channel, ...], gains: Array, numbers: Given | None
 ) -> Readings:
-    """Readings of all channels; `gains` (A,) slot numbers of the drives' gains."""
-    layout, numbers = system.layout, given(system, slots)
-    arms = turned_arms(layout, numbers.bodies, state)
+    """Readings of all channels; `gains` (A,) slot numbers of the drives' gains; derivatives need what slots say."""
+    layout, derivatives = system.layout, numbers is not None
+    arms = arm_vectors(layout, slots, state) if numbers is None else turned_arms(layout, numbers.bodies, state)
     points = link_vectors(layout, arms)[:, layout.points]
     values = np.empty((len(state), len(channels)))
     gradient = np.zeros((len(state), len(channels), system.size)) if derivatives else None
     direct = np.zeros((len(state), len(channels), slots.shape[1])) if derivatives else None
     jacobian = input_jacobian(layout, system.points, state, arms)[0] if derivatives else None
+    turning = {channel.index for channel in channels if channel.quantity == "orientation"}
+    turns = {r: _turned(state, r, layout.rotations.filed) for r in turning}
     for c, channel in enumerate(channels):
         if channel.quantity == "position":
             values[:, c] = points[:, channel.index, channel.component]
-            if gradient is not None and direct is not None and jacobian is not None:
+            if numbers is not None and gradient is not None and direct is not None and jacobian is not None:
                 local = jacobian[:, channel.index, :, channel.component]
                 _scatter_row(gradient[:, c], system.points.unknowns[channel.index], local)
                 force = np.zeros_like(points)
                 force[:, channel.index, channel.component] = 1.0
                 direct[:, c] = point_gradient(system, numbers, state, force)
         elif channel.quantity == "orientation":
-            turned = log(state.rotation[:, channel.index] @ layout.rotations.filed[channel.index].T)
+            turned = turns[channel.index]
             values[:, c] = turned[:, channel.component]
             if gradient is not None and direct is not None:
                 row = log_jacobian(turned)[:, channel.component]  # (N, 3)
@@ -69,6 +71,11 @@ def read_channels(
             if gradient is not None and direct is not None:
                 gradient[:, c], direct[:, c] = part.unknowns, part.slots
     return Readings(values, gradient, direct)
+
+
+def _turned(state: State, r: int, since: Array) -> Array:
+    """Rotation vector of rotation r since an orientation of all (B, 3, 3): (N, 3)."""
+    return log(times(state.rotation[:, r], since[r].T))
 
 
 def _scatter_row(target: Array, unknowns: Array, local: Array) -> None:
@@ -90,9 +97,7 @@ def _rotation_gradient(system: System, state: State, r: int, row: Array, gradien
         if kind != 1 and slot >= 0 and where[0] < 0:
             direct[:, slot] = entries[:, 0]
     elif layout.rotations.slots[r, 0] >= 0:
-        from pkmcal_cli.rotation import left_jacobian
-
-        vector = log(state.rotation[:, r] @ layout.rotations.drawn[r].T)
+        vector = _turned(state, r, layout.rotations.drawn)
         direct[:, layout.rotations.slots[r]] = (row[:, None, :] @ left_jacobian(vector))[:, 0]
 
 
@@ -114,8 +119,7 @@ def _drive_reading(
             direct[:, drive.slot] += 1.0
     elif drive.kind is DriveKind.ROTATION:
         r = drive.target[0]
-        turned = log(state.rotation[:, r] @ system.layout.rotations.drawn[r].T)
-        position = turned @ system.layout.rotations.axis[r]
+        position = _turned(state, r, system.layout.rotations.drawn) @ system.layout.rotations.axis[r]
         _rotation_gradient(system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct)
     else:
         position = _strain_position(system, slots, state, drive, unknowns, direct, derivatives)

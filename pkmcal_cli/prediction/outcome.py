@@ -25,7 +25,8 @@ def outcome(
     gains = np.array([a.gain_slot for a in model.actuators], dtype=np.intp)
     system, slots, state, bad = solution.system, solution.slots, solution.state, solution.failed
     read = frame_channels(model, moved)
-    readings = read_channels(system, slots, state, read.channels, gains, request.derivatives)
+    numbers = solution.numbers if request.derivatives else None
+    readings = read_channels(system, slots, state, read.channels, gains, numbers)
     values, jacobian, by_drive, forces, energy = readings.values, None, None, None, None
     if request.derivatives:
         jacobian, by_drive = chain.apply(rows, slots, _slot_jacobian(solution, readings), moved)
@@ -51,9 +52,9 @@ def _slack_names(solution: Solution) -> dict[int, str]:
 
 def _slot_jacobian(solution: Solution, readings: Readings) -> Array:
     """d readings / d slots (N, C, S): direct part minus the adjoint one; nan in unsolved rows."""
-    system, slots, state, slack = solution.system, solution.slots, solution.state, solution.slack
+    system, state, slack = solution.system, solution.state, solution.slack
     assert readings.unknowns is not None and readings.slots is not None
-    scale = typical_stiffness(system, slots)
+    scale = typical_stiffness(system, solution.numbers)
     now = balance(system, solution.numbers, state, scale, slack=slack)
     assert now.tangent is not None
     adjoint = solve_rows(np.swapaxes(now.tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
