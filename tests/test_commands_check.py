@@ -168,3 +168,12 @@ def test_a_small_gap_of_the_drawing_is_told_and_no_fault() -> None:
     assert "warning[drawing]: the drawing does not close: `left` is off by 0." in done.err
     Path("m.yaml").write_text(text.replace("length: 632", "length: 732"))
     assert run("check", "m.yaml").code == 1
+
+
+def test_a_drive_drawn_outside_its_limits_is_warned_of(tmp_path: Path) -> None:
+    machine = tmp_path / "m.yaml"
+    machine.write_text(f"extends: {TRIGLIDE}\nactuators: {{q1: {{limits: [0, 100]}}, q2: {{limits: [0, 1000]}}}}\n")
+    done = run("check", machine, "--json")
+    assert done.code == 0
+    (warning,) = done.json["warnings"]
+    assert warning["message"].startswith("in the drawing `q1` reads 116.33 mm") and "(0 mm to 100 mm)" in warning["message"]

@@ -9,6 +9,9 @@ from pkmcal_cli.compiler.numbers import is_zero
 from pkmcal_cli.compiler.springs import stiffness_faults
 from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.tables.plausibility import limit_excess
 from pkmcal_cli.words import count
 
 GAP = 0.01  # a drawing that does not close by more than this share of the machine's size is a fault
@@ -20,7 +23,13 @@ def structure_faults(machine: Machine) -> list[Fault]:
         hint = "describe what moves in `bodies:` and `nodes:`"
         return [machine.source.fault("empty", "the machine has neither bodies nor nodes", (), hint)]
     loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
-    return _frozen_directions(machine) + _turned_carriages(machine) + stiffness_faults(machine) + loose
+    return [
+        *_frozen_directions(machine),
+        *_turned_carriages(machine),
+        *_reversed_limits(machine),
+        *stiffness_faults(machine),
+        *loose,
+    ]
 
 
 def drawing_fault(machine: Machine, error: BadDrawing) -> Fault:
@@ -35,7 +44,7 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
     faults = [_gap_fault(machine, gap, compiled.model.length) for gap in _worst_gaps(compiled.gaps)]
     if any(f.severity == "error" for f in faults):
         return faults  # ranks of a drawing that does not close mean nothing
-    return faults + _mobility_faults(machine, compiled.mobility)
+    return faults + _mobility_faults(machine, compiled.mobility) + _drawn_outside(machine, compiled.model)
 
 
 def _frozen_directions(machine: Machine) -> list[Fault]:
@@ -62,6 +71,32 @@ def _turned_carriages(machine: Machine) -> list[Fault]:
         for name, body in machine.bodies.items()
         if body.on is not None and not is_zero(body.turn)
     ]
+
+
+def _reversed_limits(machine: Machine) -> list[Fault]:
+    nominal, hint = machine.nominal_values(), "limits: [low, high]"
+    return [
+        machine.source.fault(
+            "value", "the lower limit must be below the upper one", ("actuators", name, "limits"), hint
+        )
+        for name, actuator in machine.actuators.items()
+        if actuator.limits is not None and not actuator.limits[0].number(nominal) < actuator.limits[1].number(nominal)
+    ]
+
+
+def _drawn_outside(machine: Machine, model: Model) -> list[Fault]:
+    """Drives that are outside their limits in the drawing: warnings."""
+    faults = []
+    for actuator, reading in zip(model.actuators, model.drawn_readings, strict=True):
+        if limit_excess(reading, actuator.limits) > 0:
+            unit = parse_unit(actuator.unit)
+            low, high, drawn = (unit.format(float(v), 6) for v in (*actuator.limits, reading))
+            what = f"in the drawing `{actuator.name}` reads {drawn}, outside its limits ({low} to {high})"
+            hint = "correct the limits, or the drive's zero, scale or sign; or draw the machine within its travel"
+            faults.append(
+                machine.source.fault("limits", what, ("actuators", actuator.name, "limits"), hint, warning=True)
+            )
+    return faults
 
 
 def _loose_fault(machine: Machine, name: str) -> Fault:

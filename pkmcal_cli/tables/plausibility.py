@@ -189,7 +189,7 @@ def _offset(measured: FloatArray, predicted: FloatArray, name: str, unit: Unit) 
 # --- against limits ---------------------------------------------------------------------------
 
 
-def limit_excess(values: FloatArray, limits: FloatArray | tuple[float, float]) -> FloatArray:
+def limit_excess(values: FloatArray | float, limits: FloatArray | tuple[float, float]) -> FloatArray:
     """By how much values lie outside [low, high]; 0 inside, within rounding of a limit, and where unknown (nan)."""
     ends = np.asarray(limits)
     finite = ends[np.isfinite(ends)]
