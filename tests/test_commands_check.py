@@ -176,4 +176,23 @@ def test_a_drive_drawn_outside_its_limits_is_warned_of(tmp_path: Path) -> None:
     done = run("check", machine, "--json")
     assert done.code == 0
     (warning,) = done.json["warnings"]
-    assert warning["message"].startswith("in the drawing `q1` reads 116.33 mm") and "(0 mm to 100 mm)" in warning["message"]
+    assert (
+        warning["message"].startswith("in the drawing `q1` reads 116.33 mm")
+        and "(0 mm to 100 mm)" in warning["message"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("q1 [mm],q2 [mm]", "q2 [mm],q1 [mm]", "`q1` and `q2` look swapped"),
+        ("q1 [mm]", "q1 [m]", "`q1` looks 1000 times too large"),
+    ],
+)
+def test_wrong_drive_columns_are_named_before_the_rows_that_they_spoil(old: str, new: str, told: str) -> None:
+    """Where rows have no solution, the drives are compared with where they should be at the measured poses."""
+    Path("m.csv").write_text(Path(TRIGLIDE_DATA).read_text().replace(old, new))
+    done = run("check", TRIGLIDE, "m.csv", "-q")
+    assert done.code == 1 and done.err.startswith(f"error[plausibility]: {told}")
+    fit = run("calibrate", TRIGLIDE, "m.csv")
+    assert fit.code == 3 and f"warning: {told}" in fit.err

@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.residual import Problem, evaluate
 from pkmcal_cli.errors import MAX_FAULTS, Fault, Location
+from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.loading import LoadedMachine
 from pkmcal_cli.poses import Place
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.tables.plausibility import find_gross_faults, find_limit_faults
+from pkmcal_cli.tables.plausibility import Hint, find_gross_faults, find_limit_faults
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _ROWS = 2000  # a sample of a long table shows a gross mistake as well
@@ -45,10 +47,23 @@ def measurement_hints(loaded: LoadedMachine, problem: Problem, values: Array) ->
     model = loaded.model
     step = max(1, len(problem) // _ROWS)
     sample = problem.take(np.arange(0, len(problem), step))
-    names = [a.name for a in model.actuators]
+    names, units = [a.name for a in model.actuators], [a.unit for a in model.actuators]
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
-    hints = list(find_limit_faults(sample.rows.readings, limits, names, [a.unit for a in model.actuators]))
-    prediction = evaluate(sample, values).prediction.values
+    hints = list(find_limit_faults(sample.rows.readings, limits, names, units))
+    prediction = evaluate(sample, values).prediction
+    wrong = () if prediction.solved.all() else _drive_hints(sample, values, names, units)
+    if wrong:
+        return tuple(h.message for h in (*hints, *wrong))
     measured = np.where(sample.measured, sample.readings, np.nan)
-    hints += find_gross_faults(measured, prediction, [c.name for c in model.channels], [c.unit for c in model.channels])
+    channels = model.channels
+    hints += find_gross_faults(measured, prediction.values, [c.name for c in channels], [c.unit for c in channels])
     return tuple(h.message for h in hints)
+
+
+def _drive_hints(sample: Problem, values: Array, names: list[str], units: list[str]) -> tuple[Hint, ...]:
+    """Gross mistakes in the drives' columns, by the positions that the drives have at the measured poses."""
+    poses, rows = measured_poses(sample)
+    if not len(rows):
+        return ()
+    expected = drive_positions(sample.model, poses, values).readings
+    return find_gross_faults(sample.rows.readings[rows], expected, names, units)
