@@ -25,7 +25,7 @@ from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.campaigns import by_engine, shipped
-from tests.command import run
+from tests.command import TRIGLIDE, TRIGLIDE_DATA, run
 from tests.hangprinter_cases import SESSIONS
 from tests.support import MACHINES, model
 
@@ -229,3 +229,14 @@ def test_held_out_error_of_noise() -> None:
     assert found.over_theory == pytest.approx(1, abs=4 * found.scatter)
     assert found.fitted_over_theory == pytest.approx(1, abs=4 * found.scatter)
     assert found.over_thumb == pytest.approx(1, abs=2 * found.scatter + 0.02)
+
+
+def test_a_holdout_that_is_none_is_refused(tmp_path: Path) -> None:
+    """Words that are no scheme, and the very rows that are fitted: their error would say nothing."""
+    word = run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "sessions")
+    assert word.code == 2 and "`sessions` is none\nhelp: did you mean `session`?" in word.err
+    same = run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", TRIGLIDE_DATA)
+    assert same.code == 2 and "are fitted" in same.err
+    copy = tmp_path / "copy.csv"
+    copy.write_bytes(Path(TRIGLIDE_DATA).read_bytes())
+    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", copy).code == 2

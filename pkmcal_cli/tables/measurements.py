@@ -38,7 +38,7 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     stream = MeasurementStream(paths, machine, require)
     found = concatenate(stream)
     _check_partners(found)
-    return replace(found, notes=stream.notes)
+    return replace(found, notes=(*stream.notes, *_partner_notes(found)))
 
 
 class MeasurementStream:
@@ -227,6 +227,12 @@ def _session_names(paths: Sequence[Path | str]) -> list[str]:
     stems = ["stdin" if is_stream(path) else Path(path).stem for path in paths]
     full = ["stdin" if is_stream(path) else os.path.splitext(path)[0] for path in paths]
     return [name if stems.count(name) == 1 else whole for name, whole in zip(stems, full, strict=True)]
+
+
+def _partner_notes(found: Measurements) -> list[str]:
+    """What is not done with rows that name a partner."""
+    n = sum(bool(name) for name in found.labels.get("to", ()))
+    return [f"`to` names a partner in {n} of {len(found)} rows: their values are still taken as absolute"] if n else []
 
 
 def _check_partners(found: Measurements) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows,
 from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
 from pkmcal_cli.calibration.residual import Problem, problem_of
 from pkmcal_cli.calibration.selection import named
-from pkmcal_cli.errors import BadInput, UsageError
+from pkmcal_cli.errors import BadInput, UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream, write_text
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.poses import failed_rows, place_of
@@ -87,6 +88,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
     limit = _limit(request.max_rms)
+    _check_holdout(request.holdout)
     if request.output is not None:
         check_target(request.output, force=request.force)
     loaded = load_machine(request.machine)
@@ -102,6 +104,16 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     if limit is not None and "position" not in _measured_kinds(problem):
         raise UsageError("--max-rms: no positions were measured", hint="leave it out")
     return _Setting(request, loaded, measured, problem, selected, start, limit)
+
+
+def _check_holdout(scheme: str | None) -> None:
+    """A word that is neither a scheme nor a file. Raises UsageError."""
+    words = ("session", "cells", "none")
+    if scheme is None or scheme in words or _NUMBER.fullmatch(scheme) or is_stream(scheme):
+        return
+    if not Path(scheme).suffix and not Path(scheme).exists():
+        hint = did_you_mean(scheme, words, "a number of folds, session, cells, FILE.csv or none")
+        raise UsageError(f"--holdout: `{scheme}` is none", hint=hint)
 
 
 def _measured_kinds(problem: Problem) -> set[str]:
@@ -159,6 +171,8 @@ def _validated(s: _Setting, fit: Fit, file: str) -> tuple[HeldOut | str, dict[st
     other = load_measurements(s.loaded, [file])
     problem = problem_of(s.loaded.model, other)
     inputs = dict(zip(other.files, other.sha256, strict=True))
+    if set(other.sha256) & set(s.measured.sha256):
+        raise UsageError(f"--holdout: the rows of {file} are fitted", hint="another file, or a number of folds: 5")
     if not problem.count:
         return f"nothing in {file} was measured with a sigma", inputs
     try:
