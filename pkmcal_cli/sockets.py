@@ -33,6 +33,7 @@ class Socket:
     down: Array = field(default_factory=lambda: np.zeros(3))
     sensor: int = -1
     kind: str = "linear"  # of a drive: linear, rotary, spool
+    period: float = float("nan")  # lead of its screw or period of its encoder, m or rad of travel
 
 
 Sockets = Mapping[Port, Mapping[str, tuple[Socket, ...]]]

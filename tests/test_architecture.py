@@ -26,6 +26,7 @@ LAYERS: tuple[tuple[str, str], ...] = (
     ("model", "model sockets"),
     ("prediction", "compiler covariates influence inverse loading parameter_file poses prediction"),
     ("calibration", "calibration"),
+    ("diagnosis", "diagnosis"),
     ("report", "report"),
     ("workflow", "workflow"),
     ("commands", "__main__ app commands"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -80,7 +81,10 @@ def _kind(c: _Collector, a: int) -> tuple[str, float]:
 def _commands(c: _Collector) -> Named:
     for a, drive in enumerate(c.layout.drives):
         kind, radius = _kind(c, a)
-        yield drive.name, (Socket(drive.name, _slots(drive.slot), _ONE, actuator=a, length=radius, kind=kind),)
+        period = c.structure.machine.actuators[drive.name].period
+        repeats = math.nan if period is None else period.number(c.structure.nominal)
+        made = Socket(drive.name, _slots(drive.slot), _ONE, actuator=a, length=radius, kind=kind, period=repeats)
+        yield drive.name, (made,)
 
 
 def _drive_forces(c: _Collector) -> Named:

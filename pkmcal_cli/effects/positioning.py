@@ -80,7 +80,7 @@ PITCH = Effect(
         EffectParameter("s", "um", 40, "sine part", rotary="urad"),
     ),
     _wave,
-    options=(Option("period", "mm", "lead of the screw or period of the encoder", needed=True, rotary="deg"),),
+    options=(Option("period", "mm", "lead of screw or period of encoder; default the drive's", rotary="deg"),),
     common=False,
     cause="The screw, its coupling or the encoder of {at} runs out once in every period.",
     result="The positioning error of {at} oscillates with the period.",

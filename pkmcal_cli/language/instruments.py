@@ -76,6 +76,7 @@ class Actuator(Entity):
     column: str = Field(default="", description="Column of its reading; default its name")
     unit: ReadingUnit | None = Field(default=None, description="Unit of the column: deg, mm")
     sigma: Sigma | None = Field(default=None, description="Standard uncertainty of the reading, as travel")
+    period: Sigma | None = Field(default=None, description="Lead of its screw or period of its encoder, as travel")
 
     @property
     def target(self) -> str:

@@ -55,7 +55,7 @@ def _of_actuator(actuator: Actuator, field: str, units: FileUnits) -> Wanted | N
         return Wanted((reading,), reading_unit)
     if field == "zero":
         return Wanted((travel,))
-    if field == "sigma":
+    if field in ("sigma", "period"):
         return Wanted((travel, reading))
     if field == "scale":
         return _of_scale(actuator, units, reading_unit)

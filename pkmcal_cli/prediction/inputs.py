@@ -158,7 +158,15 @@ class SocketInputs:
     def option(self, name: str) -> float:
         """A constant of the effect."""
         given = self.placed.options.get(name)
-        return given[0] if given is not None else _DEFAULTS[name]
+        if given is not None:
+            return given[0]
+        value = self.socket.period if name == "period" else _DEFAULTS[name]
+        if np.isnan(value):
+            hint = f"give `{name}` here, or `period` of actuator `{self.socket.part}`"
+            raise BadInput.single(
+                f"effect `{self.placed.name}` needs `{name}`", Location(self.model.name), hint, "effect"
+            )
+        return value
 
     def _column(self, *names: str) -> Array:
         found = next((self.table.columns[name] for name in names if name in self.table.columns), None)

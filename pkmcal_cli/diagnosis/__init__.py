@@ -1,0 +1,1 @@
+"""From the residual to a named physical effect: detection, identification, adaptation (Baarda, Teunissen)."""

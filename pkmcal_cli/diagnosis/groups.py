@@ -1,0 +1,92 @@
+"""Nonparametric groups: smooth shapes of pose, time, temperature, direction and load, for what no effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.rotation import Array
+
+POSE, TIME, TEMPERATURE, DIRECTION, LOAD = "pose", "time", "temperature", "direction", "load"
+_SHARE = 6  # rows for each shape, at least
+_TIME_DEGREE, _WARM_DEGREE = 6, 3
+
+
+def group_columns(problem: Problem) -> dict[str, Array]:
+    """Columns (N * C, k) of every group that the table has, in whitened channels."""
+    return {name: _by_channel(problem, shapes) for name, shapes in _shapes(problem).items() if shapes.shape[1]}
+
+
+def _by_channel(problem: Problem, shapes: Array) -> Array:
+    """Each shape (N, k) in each channel, zero where nothing was measured: (N * C, k * C)."""
+    rows, channels = problem.readings.shape
+    out = np.zeros((rows, channels, shapes.shape[1], channels))
+    for c in range(channels):
+        out[:, c, :, c] = shapes * problem.measured[:, c, None]
+    return out.reshape(rows * channels, -1)
+
+
+def _shapes(problem: Problem) -> Mapping[str, Array]:
+    columns = problem.rows.columns
+    found = {POSE: pose_shapes(problem)}
+    if _varies(columns.get("time")):
+        found[TIME] = legvander(scaled(columns["time"]), _TIME_DEGREE)[:, 1:]
+    warm = [values for name, values in columns.items() if (name == "T" or name.startswith("T.")) and _varies(values)]
+    if warm:
+        found[TEMPERATURE] = np.hstack([legvander(scaled(v), _WARM_DEGREE)[:, 1:] for v in warm])
+    directions = [values for name, values in columns.items() if name.startswith("dir.") and _varies(values)]
+    if directions:
+        found[DIRECTION] = np.stack(directions, axis=1)
+    if _varies(columns.get("payload")):
+        found[LOAD] = legvander(scaled(columns["payload"]), 2)[:, 1:]
+    return found
+
+
+def _varies(values: Array | None) -> bool:
+    return values is not None and bool(np.isfinite(values).all()) and bool(np.ptp(values) > 0)
+
+
+def scaled(values: Array) -> Array:
+    """Values (N,) on -1 ... 1."""
+    low, spread = values.min(), np.ptp(values)
+    return np.asarray(2 * (values - low) / spread - 1)
+
+
+def coordinates(problem: Problem) -> Array:
+    """Coordinates (N, d) in which a pose is told: measured positions where all are, else readings of drives."""
+    places = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"]
+    if places and problem.measured[:, places].all():
+        chosen = problem.readings[:, places]
+        if problem.model.layout.width == len(places) and len(problem.model.independent_coordinates) <= len(places):
+            return np.asarray(chosen)
+    held = [a for a, d in enumerate(problem.model.layout.drives) if not d.force_controlled and not d.redundant]
+    return np.asarray(problem.rows.readings[:, held])
+
+
+def pose_shapes(problem: Problem) -> Array:
+    """Products of Legendre polynomials (N, k) of the pose, of as high a degree as the rows allow, at most 5."""
+    place = coordinates(problem)
+    axes = [scaled(c) for c in place.T if np.ptp(c) > 0]
+    if not axes:
+        return np.zeros((len(problem), 0))
+    best = np.zeros((len(problem), 0))
+    for degree in range(1, 6):
+        shapes = _products(axes, degree)
+        if shapes.shape[1] * _SHARE > len(problem):
+            break
+        best = shapes
+    return best
+
+
+def _products(axes: list[Array], degree: int) -> Array:
+    """All products of total degree up to `degree`."""
+    tables = [legvander(u, degree) for u in axes]
+    powers = np.array(np.meshgrid(*[np.arange(degree + 1)] * len(axes), indexing="ij")).reshape(len(axes), -1).T
+    chosen = powers[powers.sum(axis=1) <= degree]
+    out = np.ones((len(axes[0]), len(chosen)))
+    for table, power in zip(tables, chosen.T, strict=True):
+        out *= table[:, power]
+    return out

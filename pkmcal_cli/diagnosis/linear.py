@@ -1,0 +1,166 @@
+"""The calibrated problem near its solution, whitened: scores of hypotheses with the declared parameters projected out.
+
+With A the declared parameters' columns in standard deviations of their priors, V = I + A P A^T (P: infinite for the
+directions that the data determine, 1 for those that are held), r the residual and C a hypothesis: information
+I = C^T V^-1 C, score g = C^T V^-1 r, statistic T = g^T I^-1 g (Rao; the w test of Baarda and Teunissen).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import fdtrc
+
+from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.rotation import Array
+
+NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Baarda)
+_KEPT = 1e-4  # share of a column's squared length that must remain after projection
+PLAUSIBLE = 2.0  # standard deviations of the prior: what cannot be seen within its range is no candidate
+_MANY = 1e9  # degrees of freedom of a sigma that is known
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Square of the factor on the stated sigma, and its degrees of freedom."""
+
+    variance: float = 1.0
+    dof: float = _MANY
+
+    def p_value(self, statistic: Array, count: Array) -> Array:
+        """Of statistics T with so many degrees of freedom each: chi-square, or F where sigma is estimated."""
+        return np.asarray(fdtrc(count, self.dof, statistic / (self.variance * count)))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Whitened residual (n,), columns (n, q) of all parameters in standard deviations of their priors, by name.
+
+    `projected`: names of those that are projected out; `used` counts measured values.
+    """
+
+    residual: Array
+    columns: Array
+    names: tuple[str, ...]
+    ranges: Array  # (q,) SI, two standard deviations
+    projected: tuple[str, ...]
+    used: int
+    channels: int
+    extra: Array | None = None  # (n, k) further columns to project out, without names
+
+    @cached_property
+    def _factor(self) -> tuple[Array, tuple[Array, bool]]:
+        """Directions of the projected columns and the Cholesky factor of their normal matrix."""
+        a = self.columns[:, [self._index[n] for n in self.projected]]
+        found = directions(a / 2.0, self.projected, np.full(len(self.projected), 2.0))
+        a = a @ found.vectors.T
+        prior = np.where(found.held, 1.0, 0.0)
+        if self.extra is not None:
+            a, prior = np.hstack([a, self.extra]), np.append(prior, np.full(self.extra.shape[1], 1e-9))
+        normal = a.T @ a + np.diag(prior)
+        return a, cho_factor(normal) if len(normal) else (np.zeros((0, 0)), True)
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {name: k for k, name in enumerate(self.names)}
+
+    def free(self, x: Array) -> Array:
+        """V^-1 x of columns (n, k) or a vector (n,)."""
+        a, factor = self._factor
+        return x - a @ cho_solve(factor, a.T @ x) if a.shape[1] else x
+
+    @cached_property
+    def rest(self) -> Array:
+        """V^-1 r (n,)."""
+        return self.free(self.residual)
+
+    @cached_property
+    def chi2(self) -> float:
+        """r^T V^-1 r."""
+        return float(self.residual @ self.rest)
+
+    @property
+    def dof(self) -> int:
+        """Measured values less projected directions."""
+        return self.used - int(self._factor[0].shape[1])
+
+    def of(self, names: Sequence[str]) -> Array:
+        """Columns (n, k) of some parameters."""
+        return self.columns[:, [self._index[n] for n in names]]
+
+    def scale_of(self, names: Sequence[str]) -> Array:
+        """One standard deviation of the priors (k,), SI."""
+        return 0.5 * self.ranges[[self._index[n] for n in names]]
+
+    def projecting(self, names: tuple[str, ...], extra: Array | None = None, residual: Array | None = None) -> Linear:
+        """The same with other columns projected out, or another residual."""
+        return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
+
+    def score(self, columns: Array) -> Score:
+        """Score of a hypothesis with these columns (n, k), in the directions that remain."""
+        free = self.free(columns)
+        information = columns.T @ free
+        before = np.einsum("nk,nk->k", columns, columns)
+        values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+        whole = np.einsum("kd,k,kd->d", vectors, before, vectors)
+        seen = (values > _KEPT * whole) & (values > NONCENTRALITY / PLAUSIBLE**2)
+        basis = vectors[:, seen]
+        gradient = basis.T @ (columns.T @ self.rest)
+        return Score(basis, values[seen], gradient, float(values.max(initial=0.0)), float(before.max(initial=0.0)))
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of one hypothesis with k parameters: directions (k, m) that can be seen, their information (m,) and score (m,).
+
+    `best`: largest information of all directions, `length2`: largest squared length of a column before projection.
+    """
+
+    basis: Array
+    information: Array
+    gradient: Array
+    best: float
+    length2: float
+
+    @property
+    def count(self) -> int:
+        """Degrees of freedom m."""
+        return len(self.information)
+
+    @property
+    def statistic(self) -> float:
+        """T = g^T I^-1 g."""
+        return float((self.gradient**2 / self.information).sum())
+
+    @property
+    def estimate(self) -> Array:
+        """Parameters (k,) in standard deviations of their priors."""
+        return np.asarray(self.basis @ (self.gradient / self.information))
+
+    @property
+    def kept(self) -> float:
+        """Share of the column's length that is left after projection."""
+        return float(np.sqrt(max(self.best, 0.0) / self.length2)) if self.length2 > 0 else 0.0
+
+    @property
+    def mdb(self) -> float:
+        """Minimal detectable size of the best direction, in standard deviations of the prior."""
+        return float(np.sqrt(NONCENTRALITY / self.best)) if self.best > 0 else float("inf")
+
+
+def linear_problem(
+    problem: Problem, values: Array, selected: tuple[str, ...], others: Sequence[str], state: State | None
+) -> Linear:
+    """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates."""
+    names = (*selected, *others)
+    near = linearise(problem, evaluate(problem, values, names, state))
+    places = {p.name: k for k, p in enumerate(problem.model.parameters)}
+    ranges = problem.model.ranges[[places[n] for n in names]]
+    columns = near.jacobian * (0.5 * ranges)
+    return Linear(near.residual, columns, names, ranges, selected, problem.count, problem.readings.shape[1])

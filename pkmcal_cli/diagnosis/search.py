@@ -1,0 +1,194 @@
+"""Detection, identification, adaptation: calibrate, score, accept the best, refit, until nothing is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.diagnosis.groups import group_columns
+from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem
+from pkmcal_cli.diagnosis.noise import noise_scale
+from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
+from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
+from pkmcal_cli.rotation import Array
+
+MOST_EFFECTS = 5
+
+
+@dataclass(frozen=True)
+class Alpha:
+    """False-alarm rate of the whole diagnosis, and its parts."""
+
+    total: float
+
+    @property
+    def catalogue(self) -> float:
+        """For the effects of the catalogue."""
+        return 0.6 * self.total
+
+    @property
+    def groups(self) -> float:
+        """For what depends on pose, time ... and is in no catalogue."""
+        return 0.2 * self.total
+
+    @property
+    def rows(self) -> float:
+        """For single bad rows."""
+        return 0.2 * self.total
+
+
+@dataclass(frozen=True)
+class Scored:
+    """All hypotheses scored at one solution; `p_values`, `log_bayes` (H,)."""
+
+    linear: Linear
+    scale: Scale
+    hypotheses: tuple[Hypothesis, ...]
+    scores: tuple[Score, ...]
+    p_values: Array
+    log_bayes: Array
+    rows: RowScores
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where the search has come to: the problem without the rows taken out, its fit, what was accepted."""
+
+    candidates: Candidates
+    problem: Problem
+    declared: tuple[str, ...]
+    fit: Fit
+    accepted: tuple[Hypothesis, ...] = ()
+    refused: frozenset[str] = frozenset()
+    bad_rows: tuple[int, ...] = ()
+    p_values: dict[str, float] = field(default_factory=dict)
+    evidence: dict[str, float] = field(default_factory=dict)
+    critical: float = 0.0
+    tests: float = 0.0
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Parameters that are identified: the declared and those of accepted effects."""
+        extra = {name for h in self.accepted for name in h.parameters}
+        every = set(self.declared) | extra
+        return tuple(n for n in self.problem.model.names if n in every)
+
+    @property
+    def open(self) -> tuple[Hypothesis, ...]:
+        """Hypotheses that are not accepted."""
+        names = {h.name for h in self.accepted}
+        return tuple(h for h in self.candidates.hypotheses if h.name not in names)
+
+
+def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed: int) -> Search:
+    """Accept effects and take out rows until nothing significant is left. `problem`: of the candidates' model."""
+    now = Search(found, problem, fit.selected, fit)
+    scored = score_all(now, now.open)
+    draws = smallest_p(scored.linear, [scored.linear.of(h.parameters) for h in scored.hypotheses], scored.scores, seed)
+    now = replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
+    while True:
+        after = _advanced(now, scored, alpha)
+        if after is None:
+            return now
+        now = after
+        scored = score_all(now, now.open)
+
+
+def score_all(now: Search, hypotheses: Sequence[Hypothesis], without: Hypothesis | None = None) -> Scored:
+    """Scores of hypotheses at the present solution; `without`: an accepted one that is taken back, to first order."""
+    others = [n for h in hypotheses for n in h.parameters if n not in now.selected]
+    linear = linear_problem(now.problem, now.fit.values, now.selected, others, now.fit.after.state)
+    if without is not None:
+        linear = taken_back(linear, now, without)
+    return scored(linear, now.problem, hypotheses)
+
+
+def taken_back(linear: Linear, now: Search, hypothesis: Hypothesis) -> Linear:
+    """The problem as it would be had this accepted effect null value, to first order."""
+    names = tuple(n for n in linear.projected if n not in hypothesis.parameters)
+    index = [now.problem.model.names.index(n) for n in hypothesis.parameters]
+    size = now.fit.values[index] - now.problem.model.nominal[index]
+    back = linear.of(hypothesis.parameters) @ (size / linear.scale_of(hypothesis.parameters))
+    return linear.projecting(names, residual=linear.residual + back)
+
+
+def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores, p values and evidence (BIC) of hypotheses."""
+    scale = noise_scale(linear, group_columns(problem))
+    scores = tuple(linear.score(linear.of(h.parameters)) for h in hypotheses)
+    statistic = np.array([s.statistic for s in scores])
+    count = np.array([s.count for s in scores])
+    p = scale.p_value(statistic, np.maximum(count, 1))
+    p[count == 0] = 1.0
+    evidence = (statistic / scale.variance - count * np.log(linear.used)) / 2
+    evidence[count == 0] = -np.inf
+    return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(linear, problem.measured, scale))
+
+
+def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:
+    """One acceptance: rows where they have more evidence, else the best effect; None where nothing is left."""
+    rows = _bad_rows(now, scored, alpha)
+    evidence = np.where(scored.p_values < now.critical, scored.log_bayes, -np.inf)
+    evidence[[h.name in now.refused for h in scored.hypotheses]] = -np.inf
+    best = int(np.argmax(evidence)) if len(evidence) else -1
+    most = float(evidence[best]) if best >= 0 else -np.inf
+    if len(rows) and float(scored.rows.log_bayes(scored.linear.used)[rows].max()) > most:
+        return _without_rows(now, rows)
+    if most <= 0.0 or len(now.accepted) >= MOST_EFFECTS:
+        return None
+    return _accepted(now, scored, best)
+
+
+def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
+    """Rows to take out now: significant ones, of the size of the worst; none beyond the largest share."""
+    room = int(MOST * len(now.problem)) - len(now.bad_rows)
+    p = scored.rows.p_value
+    chosen = np.nonzero(p < alpha.rows / len(p))[0]
+    if not len(chosen) or room <= 0:
+        return np.zeros(0, dtype=np.intp)
+    size = scored.rows.statistic[chosen]
+    order = np.argsort(-size)
+    chosen = chosen[order][size[order] > 0.25 * size.max()]
+    return np.asarray(chosen[:room])
+
+
+def _without_rows(now: Search, rows: NDArray[np.intp]) -> Search:
+    """The same without some rows, calibrated again."""
+    measured = now.problem.measured.copy()
+    measured[rows] = False
+    problem = replace(now.problem, measured=measured)
+    fit = identify(problem, now.selected, now.fit.values)
+    return replace(now, problem=problem, fit=fit, bad_rows=(*now.bad_rows, *(int(r) for r in rows)))
+
+
+def _accepted(now: Search, scored: Scored, best: int) -> Search:
+    """The same with one more effect, if a fit with it succeeds and is better; else with one refused."""
+    hypothesis, score = scored.hypotheses[best], scored.scores[best]
+    after = replace(now, accepted=(*now.accepted, hypothesis))
+    fit = refit(after, now.fit.values, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
+    if fit is None or not now.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
+        return replace(now, refused=now.refused | {hypothesis.name})
+    p, evidence = dict(now.p_values), dict(now.evidence)
+    p[hypothesis.name], evidence[hypothesis.name] = float(scored.p_values[best]), float(scored.log_bayes[best])
+    return replace(after, fit=fit, p_values=p, evidence=evidence)
+
+
+def refit(now: Search, values: Array, starts: dict[Hypothesis, Array]) -> Fit | None:
+    """A calibration with the accepted effects from estimates (k,), SI, within their bounds; None where it fails."""
+    start = values.copy()
+    for hypothesis, estimate in starts.items():
+        for name, value in zip(hypothesis.parameters, estimate, strict=True):
+            k = now.problem.model.names.index(name)
+            parameter = now.problem.model.parameters[k]
+            start[k] = np.clip(start[k] + value, *parameter.bounds)
+    try:
+        fit = identify(now.problem, now.selected, start)
+    except RowsFailed:
+        return None
+    return fit if fit.status == "converged" else None
