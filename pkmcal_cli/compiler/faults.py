@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from pkmcal_cli.compiler.assemble import BadDrawing, Gap, Mobility
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.connection import loose_parts
 from pkmcal_cli.compiler.numbers import is_zero
 from pkmcal_cli.compiler.springs import stiffness_faults
 from pkmcal_cli.errors import Fault
-from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine import End, Joint, Machine
 from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.language.yaml_tree import Path
 from pkmcal_cli.model import Model
 from pkmcal_cli.tables.plausibility import limit_excess
 from pkmcal_cli.words import count
@@ -49,16 +52,33 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
 
 def _frozen_directions(machine: Machine) -> list[Fault]:
     """Directions that depend on parameters: they are drawn once and for all; frames turn instead."""
-    hint = "give numbers here, and turn the guide's frame or the body by the parameter"
-    places: list[tuple[str, str, str, object]] = [
-        ("guides", name, "along", guide.along) for name, guide in machine.guides.items()
-    ]
-    places += [("joints", n, "axis", j.axis) for n, j in machine.joints.items()]
+    hint = "give numbers here; a guide is turned by its frame, a body by where its points are"
     return [
-        machine.source.fault("direction", f"`{key}` must not depend on parameters", (section, name, key), hint)
-        for section, name, key, axis in places
+        machine.source.fault("direction", f"`{_key(path)}` must not depend on parameters", path, hint)
+        for path, axis in _directions(machine)
         if isinstance(axis, tuple) and any(q.names for q in axis)
     ]
+
+
+def _directions(machine: Machine) -> Iterator[tuple[Path, object]]:
+    """Every direction that the drawing fixes, and its place in the file."""
+    for name, guide in machine.guides.items():
+        yield ("guides", name, "along"), guide.along
+    joined: list[tuple[Path, Joint | End]] = [(("joints", n), joint) for n, joint in machine.joints.items()]
+    for name, beam in machine.beams.items():
+        yield ("beams", name, "up"), beam.up
+        joined += [(("beams", name, "ends", side), end) for side, end in enumerate(beam.ends)]
+    for path, joint in joined:
+        yield (*path, "axis"), joint.axis
+        yield from (((*path, "axes", k), axis) for k, axis in enumerate(joint.axes or ()))
+    for name, body in machine.bodies.items():
+        if any(direction.startswith("r") for direction in body.fixed):
+            yield ("bodies", name, "turn"), body.turn
+
+
+def _key(path: Path) -> str:
+    """The last key of a path that is a word."""
+    return next(str(part) for part in reversed(path) if isinstance(part, str))
 
 
 def _turned_carriages(machine: Machine) -> list[Fault]:

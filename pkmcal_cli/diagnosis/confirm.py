@@ -1,0 +1,110 @@
+"""Blocked cross-validation of accepted effects, linearised at the solution: do they help rows they have not seen?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.diagnosis.groups import coordinates, scaled
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.search import Search
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.rotation import Array
+
+FOLDS = 6
+_CELLS = 4
+
+
+@dataclass(frozen=True)
+class HeldOutGain:
+    """Root mean square (m or rad, of `kind` channels) on rows held out by blocks, with all effects and without one.
+
+    `gain` and its standard error over blocks: mean squares, whitened; `scheme` in words.
+    """
+
+    with_it: float
+    without: float
+    gain: float
+    error: float
+    scheme: str
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the gain is more than its standard error."""
+        return self.gain > self.error
+
+
+def held_out_gain(now: Search, hypothesis: Hypothesis) -> HeldOutGain:
+    """What one accepted effect gains on rows that were not used to fit."""
+    labels, scheme = blocks(now.problem, hypothesis)
+    selected = now.selected
+    rest = tuple(n for n in selected if n not in hypothesis.parameters)
+    raw_with, white_with = _held_out(now, selected, (), labels)
+    raw_without, white_without = _held_out(now, rest, hypothesis.parameters, labels)
+    folds = np.unique(labels)
+    gains = np.array([(white_without[labels == f] ** 2 - white_with[labels == f] ** 2).mean() for f in folds])
+    positions = [k for k, c in enumerate(now.problem.model.channels) if c.quantity == "position"]
+    kind = positions or list(range(len(now.problem.model.channels)))
+    measured = now.problem.measured[:, kind]
+    return HeldOutGain(
+        float(np.sqrt((raw_with[:, kind][measured] ** 2).mean())),
+        float(np.sqrt((raw_without[:, kind][measured] ** 2).mean())),
+        float(gains.mean()),
+        float(gains.std(ddof=1) / np.sqrt(len(folds))) if len(folds) > 1 else float("inf"),
+        scheme,
+    )
+
+
+def _held_out(
+    now: Search, selected: tuple[str, ...], nulled: tuple[str, ...], labels: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Residuals (N, C) of rows held out by blocks, SI and whitened, with `nulled` parameters at null."""
+    problem, model = now.problem, now.problem.model
+    names = (*selected, *nulled)
+    evaluation = evaluate(problem, now.fit.values, names, now.fit.after.state)
+    near = linearise(problem, evaluation)
+    index = [model.names.index(n) for n in names]
+    ranges = 0.5 * model.ranges[index]
+    moved = np.zeros(len(names))
+    moved[len(selected) :] = -(now.fit.values - model.nominal)[index][len(selected) :] / ranges[len(selected) :]
+    shape = problem.readings.shape
+    white = (near.residual - near.jacobian @ (ranges * moved)).reshape(shape)
+    assert evaluation.prediction.jacobian is not None
+    by_step = np.where(problem.measured[..., None], evaluation.prediction.jacobian, 0.0) * ranges
+    raw = evaluation.residual - by_step @ moved
+    columns = (near.jacobian * ranges).reshape(*shape, -1)[..., : len(selected)]
+    out_raw, out_white = raw.copy(), white.copy()
+    for fold in np.unique(labels):
+        train, test = labels != fold, labels == fold
+        a = columns[train].reshape(-1, len(selected))
+        step = np.linalg.solve(a.T @ a + 1e-6 * np.eye(len(selected)), a.T @ white[train].ravel())
+        out_raw[test] = raw[test] - by_step[test][..., : len(selected)] @ step
+        out_white[test] = white[test] - columns[test] @ step
+    return out_raw, out_white
+
+
+def blocks(problem: Problem, hypothesis: Hypothesis) -> tuple[NDArray[np.intp], str]:
+    """Fold (N,) of each row: stretches of time for what depends on time, mixed rows for directions, else cells."""
+    effect = catalogue().get(hypothesis.effect)
+    needs = effect.needs if effect is not None else ()
+    time = problem.rows.columns.get("time")
+    if time is not None and {"time", "temperature"} & set(needs):
+        rank = np.argsort(np.argsort(time, kind="stable"))
+        return np.asarray(rank * FOLDS * 2 // len(rank) % FOLDS, dtype=np.intp), "stretches of time"
+    if {"direction", "session", "payload", "spindle"} & set(needs):
+        return np.random.default_rng(0).permutation(len(problem)) % FOLDS, "rows at random"
+    return cells(problem), "cells of the workspace"
+
+
+def cells(problem: Problem, folds: int = FOLDS) -> NDArray[np.intp]:
+    """Fold (N,) by cells of the workspace, neighbouring cells in different folds."""
+    axes = [scaled(c) for c in coordinates(problem).T if np.ptp(c) > 0]
+    code = np.zeros(len(problem), dtype=np.intp)
+    for u in axes:
+        code = code * _CELLS + np.minimum(((u + 1) / 2 * _CELLS).astype(np.intp), _CELLS - 1)
+    _, inverse = np.unique(code, return_inverse=True)
+    order = np.random.default_rng(0).permutation(int(inverse.max()) + 1)
+    return np.asarray(order[inverse.ravel()] % folds, dtype=np.intp)

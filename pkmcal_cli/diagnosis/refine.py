@@ -1,0 +1,111 @@
+"""After the search: is each accepted effect needed, is another better, and which could stand in its place?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_all, scored, taken_back
+from pkmcal_cli.rotation import Array
+
+RIVALS = 4
+CREDIBLE = 0.95
+_BETTER = 0.5  # log evidence by which another set must be better
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A hypothesis that could stand in the place of an accepted one, and its weight among all."""
+
+    hypothesis: Hypothesis
+    weight: float
+    cosine: float  # of the angle between the two, declared parameters and other effects projected out
+
+
+def swapped(now: Search) -> Search:
+    """The search with effects dropped or replaced by rivals while that raises the evidence of the whole set."""
+    for _ in range(2 * len(now.accepted)):
+        better = next((s for h in now.accepted if (s := _improved(now, h)) is not None), None)
+        if better is None:
+            return now
+        now = better
+    return now
+
+
+def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
+    """The search with this effect dropped or replaced, if that is better; None if not."""
+    if len(now.accepted) < 2:
+        return None
+    linear = _linear(now)
+    rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
+    back = taken_back(linear, now, hypothesis)
+    found = scored(back, now.problem, (hypothesis, *now.open))
+    mine, price = float(found.log_bayes[0]), float(np.log(len(now.candidates.hypotheses)))
+    if mine < price - _BETTER and found.p_values[0] > now.critical:
+        fit = refit(rest, _without(now, hypothesis), {})
+        return None if fit is None else replace(rest, fit=fit)
+    order = np.argsort(-found.log_bayes[1:])[:RIVALS] + 1
+    for k in order:
+        if found.log_bayes[k] > mine + _BETTER:
+            after = replace(rest, accepted=(*rest.accepted, found.hypotheses[k]))
+            starts = {found.hypotheses[k]: found.scores[k].estimate * back.scale_of(found.hypotheses[k].parameters)}
+            fit = refit(after, _without(now, hypothesis), starts)
+            if fit is not None and _evidence(after, fit.chi2, found) > _evidence(now, now.fit.chi2, found) + _BETTER:
+                return _renamed(replace(after, fit=fit), found, int(k))
+    return None
+
+
+def _renamed(now: Search, found: Scored, k: int) -> Search:
+    name = found.hypotheses[k].name
+    p = now.p_values | {name: float(found.p_values[k])}
+    return replace(now, p_values=p, evidence=now.evidence | {name: float(found.log_bayes[k])})
+
+
+def _evidence(now: Search, chi2: float, found: Scored) -> float:
+    """Log evidence of a set of effects (BIC), with the price of choosing them."""
+    count = sum(len(h.parameters) for h in now.accepted)
+    price = len(now.accepted) * float(np.log(len(now.candidates.hypotheses)))
+    return -0.5 * (chi2 / found.scale.variance + count * float(np.log(found.linear.used))) - price
+
+
+def _without(now: Search, hypothesis: Hypothesis) -> Array:
+    """Parameter values with this effect at null."""
+    values = now.fit.values.copy()
+    names = now.problem.model.names
+    index = [names.index(n) for n in hypothesis.parameters]
+    values[index] = now.problem.model.nominal[index]
+    return values
+
+
+def _linear(now: Search) -> Linear:
+    return score_all(now, now.open).linear
+
+
+def credible_set(now: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:
+    """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first."""
+    linear = taken_back(_linear(now), now, hypothesis)
+    every = (hypothesis, *now.open)
+    found = scored(linear, now.problem, every)
+    evidence = found.log_bayes - found.log_bayes.max()
+    weight = np.exp(evidence) / np.exp(evidence).sum()
+    order = np.argsort(-weight, kind="stable")
+    last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
+    chosen = order[:last]
+    cosines = _cosines(linear, found, 0, [int(k) for k in chosen])
+    return tuple(Rival(every[k], float(weight[k]), c) for k, c in zip(chosen, cosines, strict=True))
+
+
+def _cosines(linear: Linear, found: Scored, one: int, others: Sequence[int]) -> list[float]:
+    """Cosines between what one hypothesis explains and what others could."""
+    basis = _basis(linear, found, one)
+    return [float(np.linalg.norm(_basis(linear, found, int(k)).T @ basis, 2)) for k in others]
+
+
+def _basis(linear: Linear, found: Scored, k: int) -> Array:
+    """Orthonormal columns that a hypothesis spans after projection, (n, m)."""
+    score = found.scores[k]
+    return linear.free(linear.of(found.hypotheses[k].parameters) @ score.basis) / np.sqrt(score.information)
