@@ -76,8 +76,8 @@ def test_without_names_what_is_undetermined_is_no_failure() -> None:
     done, result = calibrated(TRIGLIDE, "one.csv")
     assert done.code == 0 and any(p["std"] is None for p in result["parameters"])
     assert result["heldout"]["rms_after"] is None
-    assert result["heldout"]["reason"] == "1 rows for 9 parameters: fewer than 3 rows a parameter"
-    assert "no held-out error: 1 rows for 9 parameters" in done.err
+    assert result["heldout"]["reason"] == "1 row for 9 parameters: fewer than 3 rows a parameter"
+    assert "no held-out error: 1 row for 9 parameters" in done.err
 
 
 def test_nothing_identifiable() -> None:

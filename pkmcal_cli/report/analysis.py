@@ -14,6 +14,7 @@ from pkmcal_cli.model import Model
 from pkmcal_cli.report.console import Reporter, bar
 from pkmcal_cli.report.numbers import finite, readable, short
 from pkmcal_cli.report.parameters import combination_json, parameter_unit
+from pkmcal_cli.words import count
 
 
 def show_sensitivity(to: Reporter, model: Model, units: FileUnits, found: Sensitivity, rows: int) -> None:
@@ -24,7 +25,7 @@ def show_sensitivity(to: Reporter, model: Model, units: FileUnits, found: Sensit
         unit = parameter_unit(model, p.name)
         shift, turn = readable(p.position, units.length), readable(p.orientation, units.angle)
         table.append((p.name, f"+-{p.range / unit.scale:.4g} {unit.text}", shift, bar(p.position / largest), turn))
-    title = f"Mean shift and turn of the TCP for one range of each parameter, {rows} positions (eq. 23)"
+    title = f"Mean shift and turn of the TCP for one range of each parameter, {count(rows, 'position')} (eq. 23)"
     to.table(title, ("parameter", "range", "shift", "", "turn"), table)
 
 
@@ -57,7 +58,7 @@ def show_observability(to: Reporter, model: Model, selected: tuple[str, ...], fo
         share = "" if gone else f"{std / p.range:.3f}"
         remark = "" if gone or std < p.range / 2 else "no better than its range tells already"
         table.append((name, f"+-{p.range / unit.scale:.4g} {unit.text}", shown, share, remark))
-    title = f"Expected standard uncertainty from {found.count} measured values in {rows} positions"
+    title = f"Expected standard uncertainty from {count(found.count, 'measured value')} in {count(rows, 'position')}"
     to.table(title, ("parameter", "range", "standard uncertainty", "std/range", "remark"), table)
     to.say()
     to.say(f"rank {directions.rank} of {len(selected)}")

@@ -21,6 +21,7 @@ from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.words import count
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
@@ -156,7 +157,8 @@ def _held_out(s: _Setting, fit: Fit) -> tuple[HeldOut | str, dict[str, str]]:
     if scheme is not None and not 0 < len(scheme) <= _DIGITS:
         raise UsageError("--holdout: no such number of folds", hint="for example --holdout 5")
     if scheme is None and not enough_rows(s.problem, fit.selected):
-        return f"{len(s.problem)} rows for {len(fit.selected)} parameters: fewer than 3 rows a parameter", {}
+        rows, parameters = count(len(s.problem), "row"), count(len(fit.selected), "parameter")
+        return f"{rows} for {parameters}: fewer than 3 rows a parameter", {}
     try:
         labels, words = fold_labels(scheme or _FOLDS, s.problem, s.measured)
     except ValueError as error:
