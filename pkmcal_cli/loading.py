@@ -35,12 +35,15 @@ class LoadedMachine:
         return self.compiled.model
 
 
-def load_machine(path: str) -> LoadedMachine:
-    """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails."""
+def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
+    """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails.
+
+    `receptive`: effects that it does not declare can enter too.
+    """
     machine = read_machine(path)
     _raise_errors(structure_faults(machine))
     try:
-        compiled = compile_machine(machine)
+        compiled = compile_machine(machine, receptive)
     except BadDrawing as error:
         raise BadInput([drawing_fault(machine, error)]) from None
     except (ValueError, KeyError, np.linalg.LinAlgError) as error:

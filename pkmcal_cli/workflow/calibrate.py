@@ -137,10 +137,11 @@ def _fit(s: _Setting) -> Fit:
     try:
         return identify(s.problem, s.selected, s.start.values)
     except RowsFailed as failure:
-        raise _unsolved(s.measured, failure.evaluation.prediction) from None
+        raise unsolved(s.measured, failure.evaluation.prediction) from None
 
 
-def _unsolved(measured: Measurements, prediction: Prediction) -> BadInput:
+def unsolved(measured: Measurements, prediction: Prediction) -> BadInput:
+    """Rows that cannot be predicted, as an error."""
     lost = np.nonzero(~prediction.solved)[0]
     return failed_rows(lambda row: place_of(measured, row), {int(k): prediction.reason(int(k)) for k in lost})
 
@@ -180,7 +181,7 @@ def _validated(s: _Setting, fit: Fit, file: str) -> tuple[HeldOut | str, dict[st
     try:
         identify(problem, (), fit.values)  # nothing moves: every row must be within reach
     except RowsFailed as failure:
-        raise _unsolved(other, failure.evaluation.prediction) from None
+        raise unsolved(other, failure.evaluation.prediction) from None
     if fit.status != "converged":
         return f"the fit has not succeeded ({fit.status})", inputs
     return validate(problem, fit, f"rows of {other.files[0]}"), inputs
