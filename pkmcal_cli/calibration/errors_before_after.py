@@ -11,6 +11,7 @@ from pkmcal_cli.calibration.residual import Evaluation, Problem
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.layout import Drive, DriveKind
 from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import drive_travels
 from pkmcal_cli.rotation import Array
 
 KINDS = ("position", "orientation", "drive", "force", "length")
@@ -71,9 +72,9 @@ def length_residuals(problem: Problem, values: Array) -> Array:
         return out
     found = drive_positions(model, poses, values)
     slots = model.layout.slots.values(model.by_name(values))
-    read = _drive_readings(problem)
     gains = np.array([slots[model.actuators[a].gain_slot] for a in drives])
-    out[rows] = (read[rows][:, drives] - found.readings[:, drives]) * gains
+    travels = drive_travels(model, values, _drive_readings(problem), problem.rows)
+    out[rows] = travels[rows][:, drives] - found.readings[:, drives] * gains
     return out
 
 

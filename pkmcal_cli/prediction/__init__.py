@@ -10,7 +10,7 @@ from __future__ import annotations
 from pkmcal_cli.prediction.pipeline import predict, row_chunks
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose
-from pkmcal_cli.prediction.stages import drawing_slots, stage_slots
+from pkmcal_cli.prediction.stages import drawing_slots, drive_travels, stage_slots
 
 __all__ = [
     "Method",
@@ -18,6 +18,7 @@ __all__ = [
     "Request",
     "Rows",
     "drawing_slots",
+    "drive_travels",
     "joined_rows",
     "predict",
     "rigid_pose",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pkmcal_cli.layout import Index
 from pkmcal_cli.model import Model
-from pkmcal_cli.prediction.effects import Displacements
+from pkmcal_cli.prediction.effects import Displacements, displacements
 from pkmcal_cli.prediction.rows import Request, Rows
 from pkmcal_cli.rotation import Array
 
@@ -30,6 +30,20 @@ def commanded_slots(model: Model, base: Array, rows: Rows) -> Array:
         else:
             slots[:, drive.slot] += base[actuator.gain_slot] * rows.readings[:, a]
     return slots
+
+
+def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> Array:
+    """Travel (N, A) of every drive from reading zero at its reading (N, A), by its law and the effects on it, m or rad.
+
+    Effects that need reactions are left out.
+    """
+    layout, table = model.layout, replace(rows, readings=np.nan_to_num(readings))
+    base = layout.slots.values(model.by_name(values))
+    gains = base[[a.gain_slot for a in model.actuators]]
+    slots = np.tile(base, (len(table), 1))
+    displacements(model, values, table, (), None).apply(slots)
+    places = [drive.slot for drive in layout.drives]
+    return np.asarray(readings * gains + slots[:, places] - base[places])
 
 
 def drawing_slots(model: Model) -> Array:
