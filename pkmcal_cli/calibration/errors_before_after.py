@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +51,17 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     squares = squares[~np.isnan(squares)]
     if len(squares):
         out["length"] = _figures("length", squares, "length")
+    return out
+
+
+def pooled(figures: Sequence[dict[str, ErrorFigures]]) -> dict[str, ErrorFigures]:
+    """Figures of several parts of a table together."""
+    out: dict[str, ErrorFigures] = {}
+    for kind in dict.fromkeys(k for f in figures for k in f):
+        some = [f[kind] for f in figures if kind in f]
+        count, total = sum(f.count for f in some), sum(f.criterion for f in some)
+        largest = max(f.largest for f in some)
+        out[kind] = ErrorFigures(kind, float(np.sqrt(total / count)), largest, total, count, some[0].dimension)
     return out
 
 

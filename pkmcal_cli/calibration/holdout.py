@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Evaluation, Problem, evaluate
 from pkmcal_cli.rotation import Array
@@ -90,20 +90,8 @@ def cross_validate(problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme:
         predicted = evaluate(part, trained.values)
         residual[inside] = predicted.residual
         lengths.append((part, predicted))
-    after = _gathered(lengths)
+    after = pooled([error_figures(p, e) for p, e in lengths])
     return HeldOut(error_figures(problem, fit.before), after, scheme, len(folds), failed)
-
-
-def _gathered(parts: list[tuple[Problem, Evaluation]]) -> dict[str, ErrorFigures]:
-    """Figures of all folds together."""
-    figures = [error_figures(p, e) for p, e in parts]
-    out: dict[str, ErrorFigures] = {}
-    for kind in dict.fromkeys(k for f in figures for k in f):
-        some = [f[kind] for f in figures if kind in f]
-        count, total = sum(f.count for f in some), sum(f.criterion for f in some)
-        largest = max(f.largest for f in some)
-        out[kind] = ErrorFigures(kind, float(np.sqrt(total / count)), largest, total, count, some[0].dimension)
-    return out
 
 
 def validate(problem: Problem, fit: Fit, scheme: str) -> HeldOut:
