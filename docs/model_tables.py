@@ -24,8 +24,6 @@ from pkmcal_cli.language.units import SI
 
 TEXTS = ("column", "extends", "note")
 """Keys whose text is no name of a thing of the machine."""
-ELSEWHERE = ("effects",)
-"""Sections that are documented on pages of their own."""
 SIGNS = {"+": " > 0", "0+": " >= 0", "": ""}
 Cells = tuple[str, ...]
 
@@ -43,8 +41,9 @@ def models() -> dict[str, type[Entity]]:
     while queue:
         model = queue.pop(0)
         if found.setdefault(model.__name__, model) is model:
-            fields = [f for name, f in model.model_fields.items() if name not in ELSEWHERE]
-            queue += [m for f in fields for m in _entities(f.annotation) if m.__name__ not in found]
+            queue += [
+                m for f in model.model_fields.values() for m in _entities(f.annotation) if m.__name__ not in found
+            ]
     return found
 
 
@@ -57,7 +56,7 @@ def _entities(annotation: Any) -> Iterator[type[Entity]]:
 
 def model_table(model: type[Entity]) -> str:
     """The keys of one model: value, unit of a bare number, default, meaning."""
-    rows = [_row(name, about) for name, about in model.model_fields.items() if name not in ELSEWHERE]
+    rows = [_row(name, about) for name, about in model.model_fields.items()]
     made = table(("key", "value", "unit", "default", "meaning"), rows)
     if model.shorthand is not None:
         made = f"A bare value stands for `{model.shorthand}`.\n\n{made}"

@@ -16,6 +16,7 @@ import yaml
 from docs import model_tables
 from docs.model_tables import table
 from pkmcal_cli.compiler import compile_machine
+from pkmcal_cli.effects import PORTS, STAGES, catalogue
 from pkmcal_cli.elements.joint import JOINTS
 from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
 from pkmcal_cli.language.machine import Machine
@@ -24,7 +25,12 @@ from pkmcal_cli.words import count
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINES = ROOT / "machines"
-PAGES = (ROOT / "README.md", ROOT / "docs" / "machine-language.md", MACHINES / "README.md")
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "docs" / "machine-language.md",
+    MACHINES / "README.md",
+    ROOT / "docs" / "effects.md",
+)
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -115,10 +121,30 @@ def _lower(model: type[Actuator], key: str) -> str:
     return text[0].lower() + text[1:]
 
 
+def effects() -> str:
+    """The catalogue of effects."""
+    rows = [
+        (
+            f"`{e.keyword}`",
+            e.title + (f" ({e.symbol})" if e.symbol else ""),
+            f"{STAGES[e.port]}: {PORTS[e.port]}",
+            "; ".join(
+                f"`{p.name}` {p.text}, +-{p.range:g} {p.unit if p.unit != '1' else ''}".rstrip() for p in e.parameters
+            ),
+            ", ".join(e.needs),
+            e.source,
+        )
+        for e in catalogue().values()
+    ]
+    head = ("keyword", "effect", "where it enters", "parameters and plausible range", "needs", "source")
+    return table(head, rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "machines": machines,
     "measurements": measurements,
     "kinds": kinds,
+    "effects": effects,
     "units": model_tables.unit_table,
     "functions": model_tables.function_table,
     "joints": model_tables.joint_table,

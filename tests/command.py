@@ -22,6 +22,7 @@ MACHINES = ROOT / "machines"
 TRIGLIDE = str(MACHINES / "triglide.yaml")
 TRIGLIDE_DATA = str(MACHINES / "triglide.csv")
 SCISSORS = str(MACHINES / "scissors.yaml")
+SHOPFLOOR = str(MACHINES / "scissors-shopfloor.csv")
 HANGPRINTER = str(MACHINES / "hangprinter.yaml")
 HANGPRINTER_DATA = str(MACHINES / "hangprinter_2021-12-16.csv")
 GRID = "x=200:700:4,y=200:350:3"

@@ -9,7 +9,17 @@ from typing import Any
 
 import pytest
 
-from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, ROOT, TRIGLIDE, TRIGLIDE_DATA, run
+from tests.command import (
+    HANGPRINTER,
+    HANGPRINTER_DATA,
+    MACHINES,
+    ROOT,
+    SCISSORS,
+    SHOPFLOOR,
+    TRIGLIDE,
+    TRIGLIDE_DATA,
+    run,
+)
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
@@ -67,6 +77,11 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, TRIGLIDE_DATA],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"],
         ],
+        "diagnose": [
+            [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
+            [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")],
+        ],
+        "effects": [[], [TRIGLIDE]],
     }  # fmt: skip
 
 
@@ -82,7 +97,10 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 """
 
 
-@pytest.mark.parametrize("command", ["check", "simulate", "sensitivity", "observability", "calibrate"])
+SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects"]
+
+
+@pytest.mark.parametrize("command", SHOWN)
 def test_the_documented_keys_are_those_that_are_there(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

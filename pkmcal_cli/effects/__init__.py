@@ -6,9 +6,9 @@ import importlib
 import pkgutil
 from functools import cache
 
-from pkmcal_cli.effects.base import STAGES, WIDTHS, Column, Effect, EffectParameter, Inputs, Option, Port
+from pkmcal_cli.effects.base import PORTS, STAGES, WIDTHS, Column, Effect, EffectParameter, Inputs, Option, Port
 
-__all__ = ["STAGES", "WIDTHS", "Column", "Effect", "EffectParameter", "Inputs", "Option", "Port", "catalogue"]
+__all__ = ["PORTS", "STAGES", "WIDTHS", "Column", "Effect", "EffectParameter", "Inputs", "Option", "Port", "catalogue"]
 
 
 @cache

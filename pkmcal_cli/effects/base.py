@@ -32,6 +32,15 @@ Port = Literal[
 ]
 """Where effects enter the model: all but `frame` are slots of the engine."""
 
+PORTS: dict[Port, str] = {
+    "command": "position of a drive", "drive_force": "force of a force-controlled drive",
+    "length": "length of a bar, rope or beam", "guide": "place of the carriages across a guide",
+    "carriage": "turn of a carriage", "base": "place of a point, frame or guide of the base",
+    "tool": "place of what a sensor sees", "stiffness": "a stiffness", "weight": "all weights",
+    "load": "force at what the first sensor sees", "frame": "what a sensor reads",
+}  # fmt: skip
+"""The ports in words."""
+
 WIDTHS: dict[Port, int] = {
     "command": 1, "drive_force": 1, "length": 1, "guide": 1, "carriage": 1, "base": 3, "tool": 3, "stiffness": 1,
     "weight": 1, "load": 3, "frame": 10,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +20,20 @@ _STEP = 1e-40
 
 @dataclass(frozen=True)
 class Displacement:
-    """Of one socket: d (N, W); derivatives (N, W, P) with respect to asked parameters, numbered by `columns` (P,)."""
+    """Of one socket: d (N, W); derivatives (N, W, P) with respect to asked parameters, numbered by `columns` (P,);
+    by_reading (N, W) with respect to the reading of the socket's drive.
+    """
 
     socket: Socket
     d: Array
     by_parameter: Array
     columns: Index
+    by_reading: Array
 
     def take(self, rows: slice) -> Displacement:
         """Some rows."""
-        return Displacement(self.socket, self.d[rows], self.by_parameter[rows], self.columns)
+        parts = self.d[rows], self.by_parameter[rows], self.columns, self.by_reading[rows]
+        return Displacement(self.socket, *parts)
 
 
 @dataclass(frozen=True)
@@ -49,18 +53,19 @@ class Displacements:
             mine, moved = each.socket.slots, each.d @ each.socket.matrix.T
             slots[:, mine] = slots[:, mine] * np.exp(moved) if each.socket.scales else slots[:, mine] + moved
 
-    def chain(self, slots: Array, by_slot: Array, jacobian: Array | None) -> None:
-        """Add the share of the effects' parameters to `jacobian` (N, C, P'), given that of the displaced slots.
+    def chain(self, slots: Array, by_slot: Array, jacobian: Array | None, by_drive: Array) -> None:
+        """Add what the effects' parameters do to `jacobian` (N, C, P'), and what readings do to `by_drive` (N, C, A).
 
         Afterwards `by_slot` (N, C, S) is that with respect to the slots before they are displaced.
         """
-        for each in self.slots if jacobian is not None else ():
-            if len(each.columns):
-                mine = each.socket.slots
-                by_moved = by_slot[..., mine]
-                if each.socket.scales:
-                    by_moved = by_moved * slots[:, None, mine]
-                jacobian[..., each.columns] += (by_moved @ each.socket.matrix) @ each.by_parameter  # type: ignore[index]
+        for each in self.slots:
+            mine = each.socket.slots
+            by_moved = by_slot[..., mine] * slots[:, None, mine] if each.socket.scales else by_slot[..., mine]
+            by_d = by_moved @ each.socket.matrix  # (N, C, W)
+            if jacobian is not None and len(each.columns):
+                jacobian[..., each.columns] += by_d @ each.by_parameter
+            if each.by_reading.any():
+                by_drive[..., each.socket.actuator] += (by_d @ each.by_reading[..., None])[..., 0]
         for each in self.slots:
             if each.socket.scales:
                 moved = each.d @ each.socket.matrix.T
@@ -101,7 +106,11 @@ def _displacement(
         stepped = [value + 1j * _STEP * (i == k) for i, value in enumerate(mine)]
         by_parameter[..., j] = np.imag(placed.effect.displacement(at, stepped, planar)) / _STEP * on
     columns = np.array([asked[placed.parameters[k]] for k in chosen], dtype=np.intp)
-    return Displacement(at.socket, d, by_parameter, columns)
+    by_reading = np.zeros_like(d)
+    if d.any() and at.socket.actuator >= 0:
+        stepped_at = replace(at, step=1j * _STEP)
+        by_reading = np.imag(placed.effect.displacement(stepped_at, mine, planar)) / _STEP * on
+    return Displacement(at.socket, d, by_parameter, columns, by_reading)
 
 
 def _rows_of(placed: PlacedEffect, at: SocketInputs) -> NDArray[np.float64] | float:

@@ -38,6 +38,7 @@ class SocketInputs:
     placed: PlacedEffect
     socket: Socket
     reactions: Reactions | None
+    step: complex = 0.0  # on the drive's reading, for its derivative
 
     @property
     def rows(self) -> int:
@@ -47,16 +48,16 @@ class SocketInputs:
     @property
     def reading(self) -> Array:
         """Reading of the drive."""
-        return np.asarray(self.table.readings[:, self.socket.actuator])
+        read = self.table.readings[:, self.socket.actuator]
+        return np.asarray(read + self.step if self.step else read)
 
     @property
     def travel(self) -> Array:
         """Travel of the drive from its reading zero, by its nominal law."""
-        return np.asarray(self._travel(self.socket.actuator))
+        return np.asarray(self._gain(self.socket.actuator) * self.reading)
 
-    def _travel(self, actuator: int) -> Array:
-        gain = self.model.layout.slots.constants[self.model.actuators[actuator].gain_slot]
-        return np.asarray(gain * self.table.readings[:, actuator])
+    def _gain(self, actuator: int) -> float:
+        return float(self.model.layout.slots.constants[self.model.actuators[actuator].gain_slot])
 
     @cached_property
     def share(self) -> Array:
@@ -73,9 +74,9 @@ class SocketInputs:
         drives = sorted({s.actuator for s in self.placed.sockets if s.part == self.socket.part})
         ends: list[float] = []
         for a in drives:
-            gain = float(self.model.layout.slots.constants[self.model.actuators[a].gain_slot])
+            gain = self._gain(a)
             limits = [gain * limit for limit in self.model.actuators[a].limits]
-            travel = self._travel(a)
+            travel = gain * self.table.readings[:, a]
             ends += limits if np.isfinite(limits).all() else [float(travel.min()), float(travel.max())]
         low, high = min(ends), max(ends)
         return (low, high) if high > low else (low - 0.5, low + 0.5)

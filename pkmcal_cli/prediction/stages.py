@@ -74,14 +74,14 @@ class Chain:
         Effects and then the command stage add their share to `by_slot`.
         """
         jacobian = None if self.jacobian is None else np.zeros((*by_slot.shape[:2], self.jacobian.shape[1]))
-        moved.chain(slots, by_slot, jacobian)
         by_drive = np.zeros((*by_slot.shape[:2], len(self.model.actuators)))
+        moved.chain(slots, by_slot, jacobian, by_drive)
         for a, (drive, actuator) in enumerate(zip(self.model.layout.drives, self.model.actuators, strict=True)):
             if drive.force_controlled:
                 given = np.isnan(rows.forces[:, a])[:, None] * drive.force_sign  # by the machine, not by a column
                 by_slot[..., actuator.force_slot] += given * by_slot[..., drive.force_slot]
             else:
-                by_drive[..., a] = by_slot[..., drive.slot] * slots[:, None, actuator.gain_slot]
+                by_drive[..., a] += by_slot[..., drive.slot] * slots[:, None, actuator.gain_slot]
                 by_slot[..., actuator.gain_slot] += by_slot[..., drive.slot] * rows.readings[:, None, a]
         if jacobian is not None and self.jacobian is not None:
             jacobian += by_slot[..., self.slots] @ self.jacobian

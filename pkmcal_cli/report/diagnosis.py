@@ -46,7 +46,9 @@ class DiagnosisReport:
             "unknown": [self._unknown_json(u) for u in found.unknown],
             "not_testable": [{"effect": name, "needs": needs} for name, needs in found.not_testable],
             "invisible": [self._invisible_json(i) for i in found.invisible],
-            "same_as": [{"effect": name, "parameter": other} for name, other in found.same.items()],
+            "same_as": [
+                {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")} for name, other in found.same.items()
+            ],
             "effective_tests": finite(found.search.tests),
             "seed": found.seed,
         }
