@@ -188,6 +188,11 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     )
 
 
+def linearise_at(problem: Problem, values: Array, parameters: tuple[str, ...], start: State | None) -> Linearised:
+    """The problem linearised at parameter values (P,), without drive errors."""
+    return linearise(problem, evaluate(problem, values, parameters, start))
+
+
 def chi_square(problem: Problem, evaluation: Evaluation) -> float:
     """Sum of squares of reading errors and drive errors, each in its standard uncertainty."""
     read = np.where(problem.measured, evaluation.residual / np.where(problem.measured, problem.sigma, 1.0), 0.0)

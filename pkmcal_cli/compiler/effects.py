@@ -52,7 +52,8 @@ def placed_effect(
     for spec in effect.used(planar):
         unit, entry = unit_at(spec, rotary), entries.get(spec.name, EffectNumber())
         spread = spec.range * unit.scale if entry.range is None else entry.range
-        bounds = entry.bounds or (-math.inf, math.inf)
+        natural = (-math.inf, math.inf) if spec.most is None else (0.0, spec.most * unit.scale)
+        bounds = entry.bounds or natural
         name = f"{effect.keyword}@{at}.{spec.name}"
         dimension = unit.dimension.name
         text = "" if unit.text == "1" else unit.text

@@ -13,6 +13,7 @@ from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.refine import Rival, credible_set, swapped
+from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
 from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
 from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
@@ -88,6 +89,9 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     now = restored(swapped(run_search(found, problem, before, parts, seed)), parts)
     last = score_all(now, now.open)
     unknown = tuple(unknown_effects(last.linear, now.problem, last.scale, parts.groups, now.bad_rows))
+    if unknown and now.accepted:  # unless a richer shape of what was found explains it
+        shaped = last.linear.projecting(last.linear.projected, extra=residue_columns(now, now.accepted))
+        unknown = tuple(unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows))
     findings = tuple(_finding(now, h, before, last, bool(unknown)) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
     hidden = invisible(first, now)

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import fdtrc
 
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.calibration.residual import Problem, linearise_at
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.rotation import Array
 
@@ -159,7 +159,7 @@ def linear_problem(
 ) -> Linear:
     """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates."""
     names = (*selected, *others)
-    near = linearise(problem, evaluate(problem, values, names, state))
+    near = linearise_at(problem, values, names, state)
     places = {p.name: k for k, p in enumerate(problem.model.parameters)}
     ranges = problem.model.ranges[[places[n] for n in names]]
     columns = near.jacobian * (0.5 * ranges)

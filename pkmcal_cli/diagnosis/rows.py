@@ -18,7 +18,7 @@ _CLEARLY = 4.0  # log-likelihood by which heavy tails must be the better descrip
 
 @dataclass(frozen=True)
 class RowScores:
-    """Statistic, degrees of freedom and p value of every row, (N,)."""
+    """Statistic in units of the noise, degrees of freedom and p value of every row, (N,)."""
 
     statistic: Array
     count: NDArray[np.int_]
@@ -49,7 +49,7 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     freedom = heavy_tails(np.sort(statistic[count > 0] / np.maximum(count[count > 0], 1) / scale.variance))
     if freedom is not None:
         p = np.maximum(p, _heavy_p(statistic / scale.variance, count, freedom))
-    return RowScores(np.where(count > 0, statistic, 0.0), count, p)
+    return RowScores(np.where(count > 0, statistic, 0.0) / scale.variance, count, p)
 
 
 def heavy_tails(squares: Array) -> float | None:

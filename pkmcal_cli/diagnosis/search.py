@@ -142,7 +142,29 @@ def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:
         return _without_rows(now, rows)
     if most <= 0.0 or len(now.accepted) >= MOST_EFFECTS:
         return None
+    if _is_residue(now, scored, best):
+        return replace(now, refused=now.refused | {scored.hypotheses[best].name})
     return _accepted(now, scored, best)
+
+
+def _is_residue(now: Search, scored: Scored, best: int) -> bool:
+    """Whether a hypothesis is significant only as long as accepted effects have no free shape.
+
+    A richer shape of the same place is no residue: it has a name.
+    """
+    from pkmcal_cli.diagnosis.residue import residue_columns
+
+    hypothesis = scored.hypotheses[best]
+    others = [h for h in now.accepted if h.at != hypothesis.at]
+    extra = residue_columns(now, others)
+    if not extra.shape[1]:
+        return False
+    free = scored.linear.projecting(scored.linear.projected, extra=extra)
+    score = free.score(free.of(hypothesis.parameters))
+    if not score.count:
+        return True
+    p = scored.scale.p_value(np.array([score.statistic]), np.array([score.count]))[0]
+    return bool(p > now.critical) and score.statistic < 0.5 * scored.scores[best].statistic
 
 
 def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:

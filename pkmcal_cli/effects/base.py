@@ -102,7 +102,7 @@ Formula = Callable[..., Any]
 class EffectParameter:
     """A parameter: `range` in `unit` is the half-width of what is plausible, two standard deviations; null is 0.
 
-    `rotary`: the unit where the drive turns; `axis` in ("y", "z", ""): used by planar machines unless it needs z.
+    `rotary`: the unit where the drive turns; `spatial`: only in space; `most`: from 0 to this, else unbounded.
     """
 
     name: str
@@ -111,6 +111,7 @@ class EffectParameter:
     text: str
     rotary: str | None = None
     spatial: bool = False
+    most: float | None = None
 
 
 @dataclass(frozen=True)

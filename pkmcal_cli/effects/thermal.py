@@ -22,7 +22,7 @@ STRUT = Effect(
     "length",
     (
         EffectParameter("a", _EXPANSION, 50, "expansion coefficient (steel 11.5, aluminium 23, CFRP 0 to 2)"),
-        EffectParameter("lag", "min", 120, "time constant of the member behind its sensor"),
+        EffectParameter("lag", "min", 120, "time constant of the member behind its sensor", most=1000),
     ),
     lambda at, a, lag: a * at.length * at.lagged(lag),
     needs=("temperature",),
