@@ -7,6 +7,7 @@ stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and 
 
 from __future__ import annotations
 
+from pkmcal_cli.prediction.inputs import settled_options
 from pkmcal_cli.prediction.pipeline import predict, row_chunks
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose
@@ -23,5 +24,6 @@ __all__ = [
     "predict",
     "rigid_pose",
     "row_chunks",
+    "settled_options",
     "stage_slots",
 ]

@@ -204,3 +204,23 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
     out = np.empty_like(rest)
     out[order] = rest
     return np.asarray(out)
+
+
+def settled_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, tuple[tuple[float, ...], str]]:
+    """Constants of an effect as the table settles them, SI, with the unit in which they are written."""
+    out: dict[str, tuple[tuple[float, ...], str]] = {}
+    inputs = SocketInputs(model, rows, placed, placed.sockets[0], None)
+    for option in placed.effect.options:
+        unit = option.rotary if option.rotary is not None and placed.sockets[0].kind == "rotary" else option.unit
+        given = placed.options.get(option.name)
+        if given is not None:
+            out[option.name] = (given, unit)
+        elif option.name == "over":
+            out[option.name] = (inputs.over, unit)
+        elif option.name == "during":
+            out[option.name] = (inputs.during, unit)
+        elif option.name == "reference":
+            out[option.name] = ((_REFERENCE,), unit)
+        else:
+            out[option.name] = ((inputs.option(option.name),), unit)
+    return out

@@ -1,0 +1,39 @@
+"""`pkmcal improve`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pkmcal_cli.commands._options import Force, Json, MachineFile, Quiet, Select
+
+
+def improve(
+    machine: MachineFile,
+    measurements: Annotated[
+        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
+    ],
+    validation: Annotated[
+        str | None, typer.Option("--validation", metavar="VAL.csv", help="Rows that only report.")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", metavar="M-improved.yaml", help="Improved machine to write.")
+    ] = None,
+    select: Select = "auto",
+    alpha: Annotated[float, typer.Option("--alpha", help="False-alarm rate of the diagnosis.")] = 0.005,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Which effect must be added to the machine, and what is gained on points that had no part in it?
+
+    Example: pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv -o improved.yaml
+    """
+    from pkmcal_cli.workflow.improve import ImproveRequest, run_improvement
+
+    request = ImproveRequest(
+        machine, tuple(measurements), validation, output, select, alpha, seed, as_json, quiet, force
+    )
+    raise typer.Exit(run_improvement(request))

@@ -1,0 +1,232 @@
+"""The result of `improve`: steps, errors before and after, the overlay machine, JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.diagnosis.improve import Errors, Improvement, Step
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.figures import figure_unit, figures_json
+from pkmcal_cli.report.numbers import finite, readable, uncertain
+from pkmcal_cli.tables.measurement_set import Measurements
+
+
+class ImprovementReport:
+    """One run of the loop, ready to be shown and written."""
+
+    def __init__(self, machine: Machine, measured: Measurements, found: Improvement) -> None:
+        self.machine, self.measured, self.found = machine, measured, found
+        self.model = found.problem.model
+        self.diagnosis = DiagnosisReport(machine, measured, found.whole)
+
+    @property
+    def verdict(self) -> str:
+        """`clean`, `improved`, `not_confirmed`, or what the diagnosis says of doubt."""
+        if self.found.whole.verdict == "clean":
+            return "clean"
+        return "improved" if self.found.confirmed else "not_confirmed"
+
+    # --- JSON ------------------------------------------------------------------------------
+    def json(self, machine: str | None, parameters: str | None) -> dict[str, Any]:
+        """The JSON result."""
+        found, unit = self.found, self._length
+        gain = found.rms_gain
+        return {
+            "verdict": self.verdict,
+            "diagnosis": found.whole.verdict,
+            "rotations": found.rotations,
+            "steps": [self._step_json(s) for s in found.steps],
+            "before": figures_json(self.machine, found.before.report),
+            "after": figures_json(self.machine, found.after.report),
+            "chi2_before": finite(found.before.chi2),
+            "chi2_after": finite(found.after.chi2),
+            "improvement": {
+                "value": finite(gain.value / unit.scale),
+                "low": finite(gain.low / unit.scale),
+                "high": finite(gain.high / unit.scale),
+                "unit": unit.text,
+            },
+            "outliers": self.diagnosis.json()["outliers"],
+            "machine": machine,
+            "parameters": parameters,
+        }
+
+    def _step_json(self, step: Step) -> dict[str, Any]:
+        return {
+            "effect": step.hypothesis.effect,
+            "at": step.hypothesis.at,
+            "accepted": step.accepted,
+            "reason": self._reason(step),
+            "chosen": step.chosen,
+            "fit": self._rms_json(step.errors.fit),
+            "choose": self._rms_json(step.errors.choose),
+            "report": self._rms_json(step.errors.report),
+        }
+
+    def _rms_json(self, figures: dict[str, ErrorFigures]) -> dict[str, Any]:
+        return {
+            kind: {"rms": finite(f.rms / figure_unit(self.machine, f).scale), "unit": figure_unit(self.machine, f).text}
+            for kind, f in figures.items()
+        }
+
+    # --- tables ----------------------------------------------------------------------------
+    def show(self, to: Reporter) -> None:
+        """What was tried, what it brought, what was not done."""
+        found = self.found
+        to.say(self.diagnosis.verdict_line())
+        for row in found.whole.bad_rows:
+            to.say(f"bad row: {self.measured.place(row)}: not used, neither to fit nor to report")
+        if found.steps:
+            self._show_steps(to)
+            self._show_errors(to)
+        for step in found.steps:
+            if not step.accepted:
+                to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
+        for unknown in found.whole.unknown:
+            to.say(f"left as it is: something unknown that depends on {unknown.depends_on}; see `pkmcal diagnose`")
+        to.say(self._summary())
+
+    def _show_steps(self, to: Reporter) -> None:
+        kinds = list(self.found.before.report)
+        kind = "length" if "length" in kinds else kinds[0]
+        rows = [("calibrated", *self._three(self.found.before, kind), "", "")]
+        for step in self.found.steps:
+            chosen = f"{step.chosen} of {self.found.rotations}"
+            rows.append((f"+ {step.hypothesis.name}", *self._three(step.errors, kind), chosen, _added(step)))
+        to.say()
+        headers = ("effect", "rms fit", "choose", "report", "chosen", "")
+        to.table(f"Steps ({kind})", headers, rows)
+
+    def _three(self, errors: Errors, kind: str) -> tuple[str, str, str]:
+        fit, choose, report = (readable(f[kind].rms, figure_unit(self.machine, f[kind])) for f in _parts(errors))
+        return fit, choose, report
+
+    def _show_errors(self, to: Reporter) -> None:
+        before, after = self.found.before.report, self.found.after.report
+        rows = []
+        for kind, new in after.items():
+            unit, old = figure_unit(self.machine, new), before[kind]
+            numbers = (old.rms, new.rms, old.largest, new.largest)
+            squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
+            rows.append((kind, *(readable(x, unit) for x in numbers), *squares))
+        rows.append(("chi-square", f"{self.found.before.chi2:.3g}", f"{self.found.after.chi2:.3g}", "", "", "", ""))
+        to.say()
+        headers = ("error", "rms before", "rms after", "max before", "max after", "criterion before", "after")
+        to.table("On rows that neither fitted nor chose", headers, rows)
+
+    def _summary(self) -> str:
+        found = self.found
+        if found.whole.verdict == "clean":
+            return "nothing to improve: nothing is left above noise"
+        gain = found.rms_gain
+        value, low, high = (f"{x / self._length.scale:.4g}" for x in (gain.value, gain.low, gain.high))
+        interval = f"position rms falls by {value} {self._length.text}, 95 % interval {low} to {high}"
+        if not found.confirmed:
+            return f"NOT IMPROVED: no effect is confirmed by rows that neither fitted nor chose ({interval})"
+        names = ", ".join(h.name for h in found.accepted)
+        return f"improved by {names}: {interval}"
+
+    def _reason(self, step: Step) -> str | None:
+        if step.accepted:
+            return None
+        if 2 * step.chosen <= self.found.rotations:
+            return f"chosen in {step.chosen} of {self.found.rotations} rotations only"
+        if step.gain.low <= 0:
+            return "the error on the report rows does not fall for sure"
+        return "its calibration did not converge"
+
+    # --- files -----------------------------------------------------------------------------
+    def overlay(self, base: str) -> str:
+        """The text of the improved machine."""
+        released = [h.at for h in self.found.accepted if h.effect == RELEASE]
+        lines = ["# Written by `pkmcal improve`: effects found in measurements, to be reviewed.", f"extends: {base}"]
+        if released:
+            lines.append("parameters:")
+            lines += [f"  {name}: {{identify: true}}" for name in released]
+        placed = [h for h in self.found.accepted if h.effect != RELEASE]
+        if placed:
+            lines.append("effects:")
+            for h in placed:
+                lines += self._effect_lines(h)
+        return "\n".join(lines) + "\n"
+
+    def _effect_lines(self, hypothesis: Hypothesis) -> list[str]:
+        step = next(s for s in self.found.steps if s.hypothesis == hypothesis)
+        evidence = self.found.whole.search.evidence.get(hypothesis.name, float("nan"))
+        remark = f"log evidence {evidence:.1f}, chosen in {step.chosen} of {self.found.rotations} rotations"
+        lines = [f"  # {catalogue()[hypothesis.effect].title}: {remark}{self._validity()}", f"  {hypothesis.name}:"]
+        for name in hypothesis.parameters:
+            value, std = self._estimate(name)
+            unit = self._unit(name)
+            text = "" if unit.text == "1" else f" {unit.text}"
+            uncertainty = "" if std is None else f", std: {std / unit.scale:.3g}{text}"
+            lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{uncertainty}}}")
+        return lines + self._option_lines(hypothesis)
+
+    def _option_lines(self, hypothesis: Hypothesis) -> list[str]:
+        """Constants that the table decided, so that other tables see the same effect."""
+        from pkmcal_cli.prediction import settled_options
+
+        placed = next(e for e in self.model.effects if e.name == hypothesis.name)
+        out = []
+        for name, (values, unit) in settled_options(self.model, placed, self.found.problem.rows).items():
+            shown = ", ".join(f"{parse_unit(unit).from_si(v):.8g} {unit}" for v in values)
+            out.append(f"    {name}: " + (f"[{shown}]" if len(values) > 1 else shown))
+        return out
+
+    def _validity(self) -> str:
+        """Range of the table: temperature where it was logged."""
+        warm = self.found.problem.rows.columns.get("T")
+        if warm is None or not np.isfinite(warm).all():
+            return ""
+        return f"; valid from {warm.min() - 273.15:.1f} to {warm.max() - 273.15:.1f} degC"
+
+    def _estimate(self, name: str) -> tuple[float, float | None]:
+        fit = self.found.fit
+        value = float(fit.values[self.model.names.index(name)])
+        std = float(fit.std[fit.selected.index(name)]) if name in fit.selected else float("nan")
+        return value, std if np.isfinite(std) else None
+
+    def parameter_file(self, provenance: dict[str, Any]) -> str:
+        """Text of the parameter file: declared parameters and those of accepted effects."""
+        fit = self.found.fit
+        effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
+        entries = []
+        for p in self.model.parameters:
+            if p.name in effects:
+                continue
+            value, std = self._estimate(p.name)
+            unit = parse_unit(p.unit or "1")
+            shown = None if std is None else std / unit.scale
+            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, p.name in fit.selected))
+        return dump_parameters(entries, ((), []), provenance)
+
+    @property
+    def _length(self) -> Unit:
+        return self.machine.file_units.length
+
+    def _unit(self, parameter: str) -> Unit:
+        return parse_unit(self.model.parameters[self.model.names.index(parameter)].unit or "1")
+
+    def estimate_text(self, name: str) -> str:
+        """An estimate with its uncertainty."""
+        value, std = self._estimate(name)
+        unit = self._unit(name)
+        return uncertain(unit.from_si(value), None if std is None else std / unit.scale, unit.text)
+
+
+def _parts(errors: Errors) -> tuple[dict[str, ErrorFigures], ...]:
+    return errors.fit, errors.choose, errors.report
+
+
+def _added(step: Step) -> str:
+    return "added" if step.accepted else "not added"

@@ -1,0 +1,97 @@
+"""The closed loop from files to files: improved machine (an overlay), parameter file, figures before and after."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.residual import Problem, problem_of
+from pkmcal_cli.diagnosis.improve import Improvement, improve
+from pkmcal_cli.errors import BadInput, UsageError
+from pkmcal_cli.files import check_target, is_stream, write_text
+from pkmcal_cli.loading import load_measurements
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.workflow.calibrate import unsolved
+from pkmcal_cli.workflow.diagnose import Case, prepare
+from pkmcal_cli.workflow.hints import nothing_measured
+
+
+@dataclass(frozen=True)
+class ImproveRequest:
+    """The arguments of `improve`."""
+
+    machine: str
+    measurements: tuple[str, ...]
+    validation: str | None
+    output: str | None
+    select: str
+    alpha: float
+    seed: int
+    as_json: bool
+    quiet: bool
+    force: bool
+
+
+def run_improvement(request: ImproveRequest) -> int:
+    """Run the loop, show it, write what was accepted; returns the exit code. Raises PkmcalError."""
+    targets = _targets(request)
+    to = Reporter(request.quiet)
+    case = prepare(request.machine, request.measurements, request.select, to)
+    validation = None if request.validation is None else _validation(case, request.validation)
+    try:
+        found = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)
+    except RowsFailed as failure:
+        raise unsolved(case.measured, failure.evaluation.prediction) from None
+    report = ImprovementReport(case.loaded.machine, case.measured, found)
+    report.show(to)
+    written = _write(request, case, report, found, targets, to)
+    if request.as_json:
+        emit_json(report.json(*written))
+    return 0 if found.confirmed or found.whole.verdict == "clean" else 1
+
+
+def _targets(request: ImproveRequest) -> tuple[str, str] | None:
+    """Files to write: the machine and, beside it, its parameters. Raises UsageError or OutputError."""
+    if request.output is None:
+        return None
+    if is_stream(request.output):
+        raise UsageError("improve: the machine and its parameters go to two files", hint="-o M-improved.yaml")
+    stem = os.path.splitext(request.output)[0]
+    targets = (request.output, f"{stem}.params.yaml")
+    for target in targets:
+        check_target(target, force=request.force)
+    return targets
+
+
+def _validation(case: Case, file: str) -> Problem:
+    """The rows of a validation file, of the candidates' model."""
+    problem = problem_of(case.candidates.model, load_measurements(case.loaded, [file]))
+    if not problem.count:
+        raise BadInput([nothing_measured(case.loaded, problem)])
+    return problem
+
+
+def _write(
+    request: ImproveRequest,
+    case: Case,
+    report: ImprovementReport,
+    found: Improvement,
+    targets: tuple[str, str] | None,
+    to: Reporter,
+) -> tuple[str | None, str | None]:
+    """Write the overlay and the parameters of accepted effects; their names, None where nothing was written."""
+    if targets is None or not found.confirmed:
+        if targets is not None:
+            to.say("nothing written: no effect was accepted")
+        return None, None
+    inputs = dict(case.loaded.machine.files) | dict(zip(case.measured.files, case.measured.sha256, strict=True))
+    head = provenance(inputs, seed=request.seed, status=found.fit.status)
+    base = os.path.relpath(request.machine, os.path.dirname(targets[0]) or ".")
+    for target, text in zip(targets, (report.overlay(base), report.parameter_file(head)), strict=True):
+        with write_text(target, force=request.force) as file:
+            file.write(text)
+    to.say(f"written: {targets[0]} (effects, an overlay of {base}), {targets[1]} (parameters)")
+    return targets
