@@ -23,7 +23,7 @@ from tests.command import (
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
-    "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND", "heldout.after": "KIND",
+    "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND", "heldout.after": "KIND",
     "undetermined[].parameters": "NAME", "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip
 
@@ -82,6 +82,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")],
         ],
         "effects": [[], [TRIGLIDE]],
+        "improve": [[SCISSORS, SHOPFLOOR, "-o", "improved.yaml"]],
     }  # fmt: skip
 
 
@@ -97,7 +98,7 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 """
 
 
-SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects"]
+SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects", "improve"]
 
 
 @pytest.mark.parametrize("command", SHOWN)

@@ -90,7 +90,9 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     last = score_all(now, now.open)
     unknown = tuple(unknown_effects(last.linear, now.problem, last.scale, parts.groups, now.bad_rows))
     if unknown and now.accepted:  # unless a richer shape of what was found explains it
-        shaped = last.linear.projecting(last.linear.projected, extra=residue_columns(now, now.accepted))
+        shaped = last.linear.projecting(
+            last.linear.projected, extra=residue_columns(now.problem, now.fit, now.accepted)
+        )
         unknown = tuple(unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows))
     findings = tuple(_finding(now, h, before, last, bool(unknown)) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.calibration.residual import linearise_at
+from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.calibration.residual import Problem, linearise_at
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.search import Search
 from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
 from pkmcal_cli.effects.base import legendre
 from pkmcal_cli.model import ModelParameter
@@ -27,18 +27,18 @@ _TIME = range(3, 9)
 _GUIDED = ("command", "guide", "carriage")
 
 
-def residue_columns(now: Search, accepted: Sequence[Hypothesis]) -> Array:
+def residue_columns(problem: Problem, fit: Fit, accepted: Sequence[Hypothesis]) -> Array:
     """Columns (n, k) of the residues of accepted effects, whitened, of unit length; none (n, 0) for parameters."""
-    model = now.problem.model
+    model = problem.model
     placed = {e.name: e for e in model.effects}
     made = [_residue(placed[h.name], model.layout.planar) for h in accepted if h.name in placed]
     names = tuple(n for e in made for n in e.parameters)
     if not names:
-        return np.zeros((now.problem.readings.size, 0))
+        return np.zeros((problem.readings.size, 0))
     parameters = tuple(ModelParameter(n, 0.0, 1.0, (-np.inf, np.inf), "", "", True) for n in names)
-    problem = replace(now.problem, model=model.with_effects(tuple(made), parameters))
-    values = np.append(now.fit.values, np.zeros(len(names)))
-    columns = linearise_at(problem, values, names, now.fit.after.state).jacobian
+    wide = replace(problem, model=model.with_effects(tuple(made), parameters))
+    values = np.append(fit.values, np.zeros(len(names)))
+    columns = linearise_at(wide, values, names, fit.after.state).jacobian
     length = np.sqrt((columns**2).sum(axis=0))
     return np.asarray(columns[:, length > 0] / length[length > 0])
 

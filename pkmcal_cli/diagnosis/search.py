@@ -14,6 +14,7 @@ from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem
 from pkmcal_cli.diagnosis.noise import noise_scale
+from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 from pkmcal_cli.rotation import Array
@@ -152,11 +153,9 @@ def _is_residue(now: Search, scored: Scored, best: int) -> bool:
 
     A richer shape of the same place is no residue: it has a name.
     """
-    from pkmcal_cli.diagnosis.residue import residue_columns
-
     hypothesis = scored.hypotheses[best]
     others = [h for h in now.accepted if h.at != hypothesis.at]
-    extra = residue_columns(now, others)
+    extra = residue_columns(now.problem, now.fit, others)
     if not extra.shape[1]:
         return False
     free = scored.linear.projecting(scored.linear.projected, extra=extra)
