@@ -23,7 +23,9 @@ from tests.command import (
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
-    "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND", "heldout.after": "KIND",
+    "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND",
+    "heldout.after": "KIND",
+    "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "undetermined[].parameters": "NAME", "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip
 
