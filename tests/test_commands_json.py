@@ -25,7 +25,7 @@ from tests.command import (
 NAMED = {
     "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND",
     "heldout.after": "KIND",
-    "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
+    "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "undetermined[].parameters": "NAME", "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip
 
@@ -84,6 +84,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")],
         ],
         "effects": [[], [TRIGLIDE]],
+        "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR]],
         "improve": [[SCISSORS, SHOPFLOOR, "-o", "improved.yaml"]],
     }  # fmt: skip
 
@@ -100,7 +101,7 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 """
 
 
-SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects", "improve"]
+SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects", "improve", "plan"]
 
 
 @pytest.mark.parametrize("command", SHOWN)

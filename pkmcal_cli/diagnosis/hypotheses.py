@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.compiler.effects import placed_effect, possible_effects
-from pkmcal_cli.effects import Column, Effect
+from pkmcal_cli.covariates import with_covariates
+from pkmcal_cli.effects import Column, Effect, catalogue
 from pkmcal_cli.model import Model, ModelParameter
+from pkmcal_cli.prediction import Rows
 from pkmcal_cli.sockets import PlacedEffect, Socket
 from pkmcal_cli.tables.measurement_set import Measurements
 
@@ -49,9 +51,15 @@ class Candidates:
 
 
 def candidates(model: Model, selected: tuple[str, ...], measurements: Measurements) -> Candidates:
+    """Hypotheses that a table of measurements can show; see `candidates_of`."""
+    return candidates_of(model, selected, with_covariates(Rows.at(measurements.actuators), measurements))
+
+
+def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candidates:
     """Hypotheses for a model that takes effects, of which `selected` parameters are identified anyway."""
     planar = model.layout.planar
-    sessions = measurements.sessions if len(measurements.sessions) > 1 else ()
+    names = [name.removeprefix("session.") for name in rows.columns if name.startswith("session.")]
+    sessions = tuple(names) if len(names) > 1 else ()
     declared = {(e.effect.keyword, e.at) for e in model.effects}
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []
@@ -60,7 +68,7 @@ def candidates(model: Model, selected: tuple[str, ...], measurements: Measuremen
     for effect, at, sockets in possible_effects(model, sessions):
         if (effect.keyword, at) in declared:
             continue
-        missing = list(_missing(effect, sockets, measurements))
+        missing = list(_missing(effect, sockets, rows))
         if missing:
             lacking.setdefault(effect.keyword, missing[0])
             continue
@@ -69,7 +77,7 @@ def candidates(model: Model, selected: tuple[str, ...], measurements: Measuremen
         parameters += mine
         found.append(Hypothesis(effect.keyword, at, placed.parameters, effect.measurement))
     if not sessions:
-        lacking |= {e.keyword: _WORDS["session"] for e in _session_effects()}
+        lacking |= {e.keyword: _WORDS["session"] for e in catalogue().values() if e.places == "session"}
     held = [p.name for p in model.parameters if p.name not in selected]
     found += [Hypothesis(RELEASE, name, (name,)) for name in held]
     tested = {h.effect for h in found}
@@ -77,15 +85,9 @@ def candidates(model: Model, selected: tuple[str, ...], measurements: Measuremen
     return Candidates(model.with_effects(tuple(effects), tuple(parameters)), tuple(found), not_testable)
 
 
-def _session_effects() -> list[Effect]:
-    from pkmcal_cli.effects import catalogue
-
-    return [e for e in catalogue().values() if e.places == "session"]
-
-
-def _missing(effect: Effect, sockets: tuple[Socket, ...], measurements: Measurements) -> Iterator[str]:
+def _missing(effect: Effect, sockets: tuple[Socket, ...], rows: Rows) -> Iterator[str]:
     """What the table or the machine file lacks for an effect at these sockets."""
-    columns = {name: bool(np.isfinite(values).all()) for name, values in measurements.covariates.items()}
+    columns = {name: bool(np.isfinite(values).all()) for name, values in rows.columns.items()}
     parts = {s.part for s in sockets}
     for need in effect.needs:
         if need == "temperature":

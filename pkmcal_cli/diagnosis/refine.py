@@ -38,14 +38,12 @@ def swapped(now: Search) -> Search:
 
 def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
     """The search with this effect dropped or replaced, if that is better; None if not."""
-    if len(now.accepted) < 2:
-        return None
     linear = _linear(now)
     rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
     back = taken_back(linear, now, hypothesis)
     found = scored(back, now.problem, (hypothesis, *now.open))
     mine, price = float(found.log_bayes[0]), float(np.log(len(now.candidates.hypotheses)))
-    if mine < price - _BETTER and found.p_values[0] > now.critical:
+    if len(now.accepted) > 1 and mine < price - _BETTER and found.p_values[0] > now.critical:
         fit = refit(rest, _without(now, hypothesis), {})
         return None if fit is None else replace(rest, fit=fit)
     order = np.argsort(-found.log_bayes[1:])[:RIVALS] + 1

@@ -1,0 +1,219 @@
+"""Before anyone measures: what a plan of poses can detect and tell apart, and which points are best added to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.diagnosis.diagnose import absorbing
+from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.linear import NONCENTRALITY, PLAUSIBLE, Linear, Score, linear_problem
+from pkmcal_cli.rotation import Array
+
+ALIKE = 0.95  # cosine above which two effects are an ambiguity group
+_KEPT = 0.01
+Status = Literal["detectable", "weak", "invisible"]
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """What a plan says of one hypothesis: minimal detectable and separable size of `parameter`, and plausible, SI.
+
+    `rival`: the hypothesis most like it, `cosine` of their angle; `absorbed_by` where declared parameters take it up.
+    """
+
+    hypothesis: Hypothesis
+    parameter: str
+    mdb: float
+    plausible: float
+    msb: float
+    rival: str
+    cosine: float
+    absorbed_by: tuple[str, ...]
+
+    @property
+    def status(self) -> Status:
+        """Detectable below half the plausible range (one standard deviation), weak below the range."""
+        if not self.mdb < self.plausible:
+            return "invisible"
+        return "detectable" if self.mdb < 0.5 * self.plausible else "weak"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan of poses and what it shows; `groups`: names of hypotheses that it cannot tell apart."""
+
+    candidates: Candidates
+    problem: Problem
+    linear: Linear
+    scores: tuple[Score, ...]
+    cosines: Array  # (H, H)
+
+    @cached_property
+    def visibilities(self) -> tuple[Visibility, ...]:
+        """Of every hypothesis."""
+        return tuple(self._visibility(k) for k in range(len(self.scores)))
+
+    @cached_property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """Ambiguity groups: connected by cosines above 0.95."""
+        alike = csr_array((self.cosines > ALIKE).astype(float))
+        count, label = connected_components(alike, directed=False)
+        names = np.array([h.name for h in self.candidates.hypotheses])
+        found = [tuple(names[label == k].tolist()) for k in range(count)]
+        return tuple(g for g in found if len(g) > 1)
+
+    def _visibility(self, k: int) -> Visibility:
+        hypothesis, score = self.candidates.hypotheses[k], self.scores[k]
+        scale = self.linear.scale_of(hypothesis.parameters)
+        lengths = (self.linear.of(hypothesis.parameters) ** 2).sum(axis=0)
+        j = int(np.argmax(lengths))
+        others = self.cosines[k].copy()
+        others[k] = 0.0
+        rival = int(np.argmax(others))
+        size, cosine = score.mdb * float(scale[j]), float(others[rival])
+        sine = np.sqrt(max(1 - cosine**2, 0.0))
+        by = absorbing(self.linear, hypothesis, j) if score.kept < _KEPT and lengths[j] > 0 else ()
+        return Visibility(
+            hypothesis,
+            hypothesis.parameters[j],
+            size,
+            PLAUSIBLE * float(scale[j]),
+            size / sine if sine > 0 else float("inf"),
+            self.candidates.hypotheses[rival].name if cosine > 0 else "",
+            cosine,
+            by,
+        )
+
+
+def plan_of(found: Candidates, problem: Problem, values: Array, selected: tuple[str, ...]) -> Plan:
+    """What a plan can show, at parameter values (P,)."""
+    others = [n for h in found.hypotheses for n in h.parameters]
+    linear = linear_problem(problem, values, selected, others, None)
+    scores = tuple(linear.score(linear.of(h.parameters)) for h in found.hypotheses)
+    return Plan(found, problem, linear, scores, _cosines(linear, found.hypotheses, scores))
+
+
+def _cosines(linear: Linear, hypotheses: Sequence[Hypothesis], scores: Sequence[Score]) -> Array:
+    """Cosines (H, H) of the angles between what hypotheses explain after projection.
+
+    Of several principal angles the largest one of the smaller hypothesis: 1 where the larger one contains it.
+    """
+    bases = []
+    for h, s in zip(hypotheses, scores, strict=True):
+        free = linear.free(linear.of(h.parameters) @ s.basis)
+        bases.append(np.linalg.qr(free)[0] if s.count else np.zeros((len(free), 0)))
+    out = np.eye(len(bases))
+    for i, a in enumerate(bases):
+        for j in range(i):
+            if a.shape[1] and bases[j].shape[1]:
+                out[i, j] = out[j, i] = min(float(np.linalg.svd(a.T @ bases[j], compute_uv=False)[-1]), 1.0)
+    return out
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What further points are for: to see a hypothesis, to tell several apart, or to determine parameters."""
+
+    kind: Literal["see", "separate", "determine"]
+    parameters: tuple[tuple[str, ...], ...]  # by hypothesis
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Rows chosen out of the candidates' and the aim's figure before and after: information in prior units."""
+
+    rows: NDArray[np.intp]
+    before: float
+    after: float
+
+
+def best_points(linear: Linear, blocks: Array, planned: int, aim: Aim, count: int) -> Chosen:
+    """The best `count` rows to add to the first `planned` ones; `blocks` (M, C, q): whitened rows of all columns.
+
+    Greedy, then exchanged one by one while that is better (Fedorov).
+    """
+    names = list(dict.fromkeys([*linear.projected, *(n for group in aim.parameters for n in group)]))
+    index = [linear.names.index(n) for n in names]
+    rows = blocks[..., index]
+    normals = np.einsum("mca,mcb->mab", rows, rows)
+    prior = np.diag(np.where(np.isin(names, linear.projected), 1e-6, 0.0) + 1e-9)
+    start = normals[:planned].sum(axis=0) + prior
+    groups = [np.array([names.index(n) for n in group]) for group in aim.parameters]
+    pool = normals[planned:]
+    chosen: list[int] = []
+    for _ in range(count):
+        chosen.append(_best(start, pool, chosen, groups, aim.kind))
+    chosen = _exchanged(start, pool, chosen, groups, aim.kind)
+    total = start + pool[chosen].sum(axis=0)
+    return Chosen(
+        np.array(chosen, dtype=np.intp),
+        float(_figure(start[None], groups, aim.kind)[0]),
+        float(_figure(total[None], groups, aim.kind)[0]),
+    )
+
+
+def _best(start: Array, pool: Array, chosen: list[int], groups: list[NDArray[np.intp]], kind: str) -> int:
+    """The row of the pool that raises the aim's figure most."""
+    figure = _figure(start + pool[chosen].sum(axis=0) + pool, groups, kind)
+    figure[chosen] = -np.inf
+    return int(np.argmax(figure))
+
+
+def _exchanged(
+    start: Array, pool: Array, chosen: list[int], groups: list[NDArray[np.intp]], kind: str, rounds: int = 3
+) -> list[int]:
+    """Rows exchanged one by one while the figure rises."""
+    for _ in range(rounds):
+        before = list(chosen)
+        for k in range(len(chosen)):
+            rest = chosen[:k] + chosen[k + 1 :]
+            chosen = [*rest[:k], _best(start, pool, rest, groups, kind), *rest[k:]]
+        if chosen == before:
+            break
+    return chosen
+
+
+def _figure(normal: Array, groups: list[NDArray[np.intp]], kind: str) -> Array:
+    """Aim's figure (M,) of normal matrices (M, q, q): the smallest information of a group, others projected out.
+
+    `determine`: log determinant of the parameters' own information.
+    """
+    inverse = np.linalg.inv(normal)
+    if kind == "determine":
+        mine = np.concatenate(groups)
+        return np.asarray(-np.linalg.slogdet(inverse[:, mine[:, None], mine[None]])[1])
+    smallest = [np.linalg.eigvalsh(np.linalg.inv(inverse[:, g[:, None], g[None]]))[:, -1] for g in groups]
+    return np.asarray(np.min(smallest, axis=0))
+
+
+def whitened_blocks(linear: Linear, rows: int) -> Array:
+    """Whitened rows (M, C, q) of a problem's columns."""
+    return linear.columns.reshape(rows, linear.channels, -1)
+
+
+def detectable(information: float) -> float:
+    """Minimal detectable size in prior units at this information."""
+    return float(np.sqrt(NONCENTRALITY / information)) if information > 0 else float("inf")
+
+
+def with_rows(problem: Problem, rows: Problem) -> Problem:
+    """Two problems of one model as one table."""
+    from pkmcal_cli.prediction import joined_rows
+
+    return replace(
+        problem,
+        rows=joined_rows([problem.rows, rows.rows]),
+        readings=np.vstack([problem.readings, rows.readings]),
+        sigma=np.vstack([problem.sigma, rows.sigma]),
+        drive_sigma=np.vstack([problem.drive_sigma, rows.drive_sigma]),
+        measured=np.vstack([problem.measured, rows.measured]),
+    )

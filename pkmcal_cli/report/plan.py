@@ -1,0 +1,146 @@
+"""The result of `plan`: what it can detect and tell apart, which points to add; JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.words import count
+
+_NEVER = 1e4  # times the plausible size
+_ORDER = ("detectable", "weak", "invisible")
+
+
+class PlanReport:
+    """A plan, ready to be shown."""
+
+    def __init__(
+        self, machine: Machine, plan: Plan, aim: Aim | None, added: Problem | None, chosen: Chosen | None
+    ) -> None:
+        self.machine, self.plan, self.aim, self.added, self.chosen = machine, plan, aim, added, chosen
+        self.model = plan.problem.model
+
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        return {
+            "n_rows": len(self.plan.problem),
+            "effects": [self._json(v) for v in self.plan.visibilities],
+            "groups": [list(g) for g in self.plan.groups],
+            "not_testable": [{"effect": k, "needs": why} for k, why in self.plan.candidates.not_testable],
+            "aim": self._aim_json(),
+            "points": self._points(),
+        }
+
+    def _json(self, v: Visibility) -> dict[str, Any]:
+        scale = self._unit(v).scale
+        return {
+            "effect": v.hypothesis.effect,
+            "at": v.hypothesis.at,
+            "parameter": v.parameter,
+            "status": v.status,
+            "mdb": finite(v.mdb / scale),
+            "msb": finite(v.msb / scale),
+            "plausible": finite(v.plausible / scale),
+            "unit": self._unit(v).text,
+            "rival": v.rival or None,
+            "cosine": v.cosine,
+            "absorbed_by": list(v.absorbed_by),
+        }
+
+    def _aim_json(self) -> dict[str, Any] | None:
+        if self.aim is None or self.chosen is None:
+            return None
+        before, after = self._figures()
+        what = "mdb" if self.aim.kind != "determine" else "log_determinant"
+        return {"kind": self.aim.kind, "figure": what, "before": finite(before), "after": finite(after)}
+
+    def _figures(self) -> tuple[float, float]:
+        """Before and after: minimal detectable size in prior standard deviations, or log determinant."""
+        assert self.aim is not None and self.chosen is not None
+        pair = (self.chosen.before, self.chosen.after)
+        return pair if self.aim.kind == "determine" else (detectable(pair[0]), detectable(pair[1]))
+
+    def _points(self) -> list[dict[str, Any]]:
+        if self.added is None:
+            return []
+        out = []
+        for readings, k in zip(self.added.rows.readings, range(len(self.added)), strict=True):
+            cells: dict[str, Any] = {}
+            for a, actuator in enumerate(self.model.actuators):
+                unit = parse_unit(actuator.unit)
+                cells[actuator.name] = finite(unit.from_si(float(readings[a])))
+                cells[f"dir.{actuator.name}"] = finite(float(self.added.rows.columns[f"dir.{actuator.name}"][k]))
+            out.append(cells)
+        return out
+
+    def show(self, to: Reporter) -> None:
+        """Tables for people."""
+        counts = {s: sum(v.status == s for v in self.plan.visibilities) for s in _ORDER}
+        rows = count(len(self.plan.problem), "pose")
+        to.say(
+            f"{rows}: " + ", ".join(f"{n} {s}" for s, n in counts.items()) + f" of {len(self.plan.scores)} hypotheses"
+        )
+        for status in _ORDER:
+            self._show(to, status)
+        for group in self.plan.groups:
+            to.say(f"not told apart: {', '.join(group[:8])}{' ...' if len(group) > 8 else ''}")
+        for name, needs in self.plan.candidates.not_testable:
+            to.say(f"not testable: {name}: needs {needs}")
+        self._show_added(to)
+
+    def _show(self, to: Reporter, status: str) -> None:
+        rows = [self._cells(v) for v in self.plan.visibilities if v.status == status]
+        if rows:
+            to.say()
+            headers = (
+                "effect",
+                "smallest detectable",
+                "to be told apart",
+                "plausible",
+                "most like",
+                "cosine",
+                "remark",
+            )
+            to.table(status.capitalize(), headers, rows)
+
+    def _cells(self, v: Visibility) -> tuple[str, ...]:
+        unit = self._unit(v)
+        sizes = (_size(x if x < _NEVER * v.plausible else np.inf, unit) for x in (v.mdb, v.msb, v.plausible))
+        why = f"absorbed by {', '.join(v.absorbed_by)}" if v.absorbed_by else ""
+        if not np.isfinite(v.mdb) and not why:
+            why = "without influence here"
+        return v.hypothesis.name, *sizes, v.rival, f"{v.cosine:.2f}" if v.rival else "", why
+
+    def _show_added(self, to: Reporter) -> None:
+        if self.aim is None or self.added is None:
+            return
+        before, after = self._figures()
+        words = {
+            "see": "smallest detectable size",
+            "separate": "smallest size that tells them apart",
+            "determine": "log determinant of the information",
+        }[self.aim.kind]
+        unit = "" if self.aim.kind == "determine" else " prior standard deviations"
+        to.say()
+        to.say(f"{count(len(self.added), 'further point')}: {words} {before:.3g} -> {after:.3g}{unit}")
+        headers = [a.name for a in self.model.actuators]
+        cells = [
+            tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in headers)
+            for p in self._points()
+        ]
+        to.table("Points to add, set values and side of approach", tuple(headers), cells, left=0)
+
+    def _unit(self, v: Visibility) -> Unit:
+        return parse_unit(self.model.parameters[self.model.names.index(v.parameter)].unit or "1")
+
+
+def _size(value: float, unit: Unit) -> str:
+    text = "" if unit.text == "1" else f" {unit.text}"
+    return f"{value / unit.scale:.3g}{text}" if np.isfinite(value) else "never"

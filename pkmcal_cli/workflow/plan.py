@@ -1,0 +1,167 @@
+"""Plans from files to tables, JSON and a table of points that the machine can run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.calibration.residual import Problem, design_problem
+from pkmcal_cli.covariates import with_directions
+from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
+from pkmcal_cli.diagnosis.linear import linear_problem
+from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, best_points, plan_of, whitened_blocks, with_rows
+from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.files import check_target, is_stream
+from pkmcal_cli.inverse import DIRECTIONS, drive_positions
+from pkmcal_cli.loading import load_machine, load_parameters
+from pkmcal_cli.model import Model
+from pkmcal_cli.poses import PoseSource
+from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.plan import PlanReport
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.schedule import write_schedule
+
+_POOL = 400  # candidate points
+_WIDER = 0.1  # by which share of the plan's box candidates may lie outside it
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """The arguments of `plan`."""
+
+    machine: str
+    poses: str | None
+    grid: str | None
+    parameters: str | None
+    select: str
+    see: str | None
+    separate: str | None
+    determine: str | None
+    points: int
+    output: str | None
+    seed: int
+    as_json: bool
+    quiet: bool
+    force: bool
+
+
+def run_plan(request: PlanRequest) -> int:
+    """Show what a plan can do and which points to add; returns the exit code. Raises PkmcalError."""
+    aims = [a for a in (request.see, request.separate, request.determine) if a is not None]
+    if len(aims) > 1:
+        raise UsageError("give one of --see, --separate and --determine", hint="one aim at a time")
+    if request.as_json and request.output is not None and is_stream(request.output):
+        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    if request.output is not None:
+        check_target(request.output, force=request.force)
+    one_stdin(request.machine, request.poses, request.parameters)
+    to = Reporter(request.quiet)
+    loaded = load_machine(request.machine, receptive=True)
+    selected = selection(loaded.model, request.select)
+    source = PoseSource(loaded, request.poses, request.grid)
+    rows = with_directions(source.together().rows, [a.name for a in loaded.model.actuators])
+    found = candidates_of(loaded.model, selected, rows)
+    values = np.append(load_parameters(loaded.model, request.parameters).values, _nulls(found, loaded.model))
+    problem = design_problem(found.model, rows)
+    if not problem.count:
+        what, hint = "no channel has a sigma: nothing would be measured", "declare a sensor with `reads:` and `sigma:`"
+        raise BadInput.single(what, Location(request.machine), hint, "sensors")
+    plan = plan_of(found, problem, values, selected)
+    aim = None if not aims else _aim(request, found, selected)
+    added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
+    report = PlanReport(loaded.machine, plan, aim, added, chosen)
+    report.show(to)
+    if request.output is not None:
+        every = problem.rows if added is None else with_rows(problem, added).rows
+        write_schedule(loaded, every, len(problem), request.seed, request.output, request.force)
+    if request.as_json:
+        emit_json(report.json())
+    return 0
+
+
+def _nulls(found: Candidates, model: Model) -> Array:
+    return found.model.nominal[len(model.parameters) :]
+
+
+def _aim(request: PlanRequest, found: Candidates, selected: tuple[str, ...]) -> Aim:
+    """What further points are for. Raises UsageError."""
+    if request.determine is not None:
+        names = selection(found.model, request.determine)
+        lost = [n for n in names if n not in selected]
+        if lost:
+            raise UsageError(f"--determine: `{lost[0]}` is not selected", hint=f"--select auto,{lost[0]}")
+        return Aim("determine", (names,))
+    text, option = (request.see, "--see") if request.see is not None else (request.separate, "--separate")
+    assert text is not None
+    chosen = [_hypothesis(part.strip(), found, option) for part in text.split(",")]
+    if option == "--see":
+        return Aim("see", tuple(h.parameters for h in chosen))
+    if len(chosen) < 2:
+        raise UsageError("--separate: give two effects or more", hint="--separate backlash@q1,drift")
+    return Aim("separate", tuple(h.parameters for h in chosen))
+
+
+def _hypothesis(name: str, found: Candidates, option: str) -> Hypothesis:
+    """A hypothesis by its name, or by its keyword where it has one place only."""
+    known = {h.name: h for h in found.hypotheses}
+    if name in known:
+        return known[name]
+    places = [h for h in found.hypotheses if h.effect == name]
+    if len(places) == 1:
+        return places[0]
+    why = dict(found.not_testable).get(name.partition("@")[0])
+    if why is not None:
+        raise UsageError(f"{option}: `{name}` cannot be seen by this plan", hint=f"it needs {why}")
+    hint = f"one of {', '.join(h.name for h in places[:8])}" if places else did_you_mean(name, known)
+    raise UsageError(f"{option}: no effect `{name}` on this machine", hint=hint)
+
+
+def _added(
+    plan: Plan, problem: Problem, values: Array, selected: tuple[str, ...], aim: Aim, request: PlanRequest
+) -> tuple[Problem, Chosen]:
+    """Points to add, out of reachable ones within and a little around the plan."""
+    pool = _pool(problem, values, request.seed)
+    both = with_rows(problem, pool)
+    others = [n for group in aim.parameters for n in group if n not in selected]
+    linear = linear_problem(both, values, selected, others, None)
+    chosen = best_points(linear, whitened_blocks(linear, len(both)), len(problem), aim, request.points)
+    return pool.take(chosen.rows), chosen
+
+
+def _pool(problem: Problem, values: Array, seed: int) -> Problem:
+    """Candidate points: random reachable poses, directions and covariates within those of the plan."""
+    model, rng = problem.model, np.random.default_rng(seed)
+    place = _places(model, problem.rows, values)
+    low, high = place.min(axis=0), place.max(axis=0)
+    wide = _WIDER * (high - low)
+    drawn = rng.uniform(low - wide, high + wide, (_POOL, 6))
+    drawn[:, [k for k, c in enumerate(DIRECTIONS) if c not in model.independent_coordinates]] = np.nan
+    found = drive_positions(model, drawn)
+    good = found.status == 0
+    for a, actuator in enumerate(model.actuators):
+        lower, upper = actuator.limits
+        good &= (found.readings[:, a] >= lower) & (found.readings[:, a] <= upper)
+    readings = found.readings[good]
+    some = rng.integers(0, len(problem), len(readings))  # covariates of rows of the plan, directions at random
+    columns = {
+        name: rng.choice([-1.0, 1.0], len(some)) if name.startswith("dir.") else column[some]
+        for name, column in problem.rows.columns.items()
+    }
+    rows = Rows(readings, np.full(readings.shape, np.nan), columns)
+    solved = predict(model, values, rows, Request()).solved
+    return design_problem(model, rows.take(np.nonzero(solved)[0]))
+
+
+def _places(model: Model, rows: Rows, values: Array) -> Array:
+    """TCP coordinates (N, 6) of rows, rotation vectors in the drawing's sense."""
+    from pkmcal_cli.model import tcp_model
+
+    bare = replace(tcp_model(model), effects=(), parameters=model.parameters)
+    found = predict(bare, values, rows).values
+    out = np.zeros((len(rows), 6))
+    for k, channel in enumerate(bare.channels):
+        out[:, DIRECTIONS.index(channel.name)] = found[:, k]
+    return out
