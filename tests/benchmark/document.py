@@ -1,0 +1,159 @@
+"""The document: what was reached, beside what was to be reached, and every miss."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from tests.benchmark.cases import LEVELS, TESTS
+from tests.benchmark.counts import Share, median, of_test, table
+from tests.benchmark.judge import RULES, Result
+from tests.benchmark.summary import clear, reported, rows_of
+
+HEAD = """# Diagnosis: what it finds, and what it misses
+
+Simulated campaigns with effects that the machine file does not declare, diagnosed at the usual false-alarm rate of
+0.5 %. The simulator (`tests/truth/`) shares neither code nor formulation with the engine: it minimises energy, and its
+effects have shapes of their own. Four machines take turns: Triglide, the same without redundancy, Scissors, a spatial
+delta with a redundant column. 192 poses each, two sessions over four hours, 10 um noise (Scissors 0.5 um). A case
+follows from its test and its number alone. Effects are drawn keyword by keyword, then place by place, and no larger
+than is plausible (the range in the catalogue) nor such as declared parameters absorb.
+
+Written by `python -m tests.benchmark > docs/diagnosis-benchmark.md`; do not edit.
+"""
+BADLY = ("nothing", "sigma", "t4", "ar1", "rows")
+"""Tests in which nothing is to be named."""
+
+
+def document(results: Sequence[Result]) -> str:
+    """All of it."""
+    parts = [
+        HEAD,
+        run_of(results),
+        "## Results\n\n95 % intervals (Wilson) in brackets.\n",
+        table(("test", "measure", "reached", "to reach", "met"), (r.cells for r in rows_of(results))),
+        "## Rules\n" + RULES,
+        "## Outcomes by machine\n",
+        outcomes(results),
+        "## Power\n",
+        power(results),
+        "## What was named\n\nTest `single`, by keyword; rows: planted, cells: first finding.\n",
+        confusion(results),
+        "## Every miss\n",
+        *misses(results),
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def run_of(results: Sequence[Result]) -> str:
+    """How many cases of each test were run, and what they cost."""
+    counts = Counter(r.test for r in results)
+    whole = sum(count for count, _ in TESTS.values())
+    listed = ", ".join(f"{t} {counts[t]} of {n}" for t, (n, _) in TESTS.items())
+    share = "all cases" if len(results) == whole else f"**a reduced run, {len(results)} of {whole} cases**"
+    seconds = median([r.seconds for r in results])
+    crashed = sum(r.outcome == "crash" for r in results)
+    cost = f"Median time of a diagnosis {seconds:.2f} s, one core; {crashed} crashed."
+    return f"Run: {share} ({listed}). {cost}\n"
+
+
+def outcomes(results: Sequence[Result]) -> str:
+    """Counts of outcomes by test and machine."""
+    rows = []
+    for test in TESTS:
+        mine = of_test(results, test)
+        for machine in dict.fromkeys(r.machine for r in mine):
+            here = [r for r in mine if r.machine == machine]
+            found = Counter(r.outcome for r in here)
+            words = ", ".join(f"{k} {n}" for k, n in found.most_common())
+            rows.append((test, machine, len(here), words, sum(r.residues > 0 for r in here)))
+    return table(("test", "machine", "cases", "outcomes", "with a shape residue"), rows)
+
+
+def power(results: Sequence[Result]) -> str:
+    """Share of effects found by size."""
+    every = of_test(results, "power")
+    if not every:
+        return ""
+    rows = []
+    for level in LEVELS:
+        mine = [r for r in every if r.size == level]
+        shares = (
+            Share.of(mine, reported),
+            Share.of(mine, lambda r: r.in_set),
+            Share.of(mine, lambda r: r.outcome == "exact"),
+        )
+        rows.append((f"{level:g}", *shares))
+    return table(("size in MDB", "anything reported", "truth in a set", "exact"), rows)
+
+
+def confusion(results: Sequence[Result]) -> str:
+    """First findings by planted keyword."""
+    every = of_test(results, "single")
+    named = {r.number: (r.found[0]["name"].partition("@")[0].split()[0] if r.found else "-") for r in every}
+    rows = []
+    for keyword in sorted({_keyword(r) for r in every}):
+        mine = [r for r in every if _keyword(r) == keyword]
+        right = Share.of(mine, lambda r: r.outcome == "exact")
+        other = Counter(named[r.number] for r in mine if r.outcome != "exact")
+        words = ", ".join(f"{k} {n}" for k, n in other.most_common())
+        rows.append((keyword, len(mine), sum(map(clear, mine)), right.hits, words))
+    return table(("planted", "cases", "separable, above 1.5 MDB", "exact", "else first named (`-`: nothing)"), rows)
+
+
+def _keyword(r: Result) -> str:
+    return str(r.planted[0]["name"].partition("@")[0])
+
+
+def misses(results: Sequence[Result]) -> list[str]:
+    """Cases that are not exact, one by one, with what explains them."""
+    parts = []
+    for test in TESTS:
+        mine = [r for r in of_test(results, test) if missed(r)]
+        if mine:
+            rows = [(r.number, r.machine, _planted(r), r.outcome, _found(r), why(r)) for r in mine]
+            parts.append(f"### {test}\n")
+            parts.append(table(("case", "machine", "planted", "outcome", "found (evidence lnB; set)", "why"), rows))
+    return parts
+
+
+def missed(r: Result) -> bool:
+    """Whether a case belongs on the list of misses."""
+    if r.test == "rows":
+        return r.rows["found"] < r.rows["bad"] or r.rows["lost"] > 0 or r.outcome != "exact"
+    if r.test in BADLY:
+        return reported(r)
+    if "unknown" in r.test:
+        return not r.unknown
+    return r.outcome != "exact" and r.test not in ("power", "no_temperature", "no_direction")
+
+
+def _planted(r: Result) -> str:
+    sizes = [f" {p['size']:.1f}" if "size" in p else f" {r.size:.1f} sigma" for p in r.planted]
+    return ", ".join(p["name"] + s for p, s in zip(r.planted, sizes, strict=True)) or "-"
+
+
+def _found(r: Result) -> str:
+    named = []
+    for f in r.found:
+        members = ", ".join(f"{n} {w:.2f}" for n, w in f["set"][:4]) + (", ..." if len(f["set"]) > 4 else "")
+        named.append(f"{f['name']} ({f['evidence']:.0f}; {members})")
+    named += [f"unknown: {u[0]} (p {u[1]:.0e}) {u[2]}".strip() for u in r.unknown]
+    if r.bad_rows:
+        named.append(f"{len(r.bad_rows)} bad rows ({r.rows['lost']} of them good)")
+    return "; ".join(named) or "-"
+
+
+def why(r: Result) -> str:
+    """What is known of the cause: small, near a rival, of a shape of its own."""
+    reasons = []
+    for p in r.planted:
+        if p.get("joint", 9.0) < 1.5:
+            reasons.append(f"small: {p['joint']:.1f} MDB")
+        if p.get("cosine", 0.0) > 0.95:
+            reasons.append(f"{p['rival']} does the same (cosine {p['cosine']:.3f})")
+        elif p.get("cosine", 0.0) > p.get("own", 1.0) - 0.05:
+            reasons.append(f"own shape: {p['own']:.2f} to its own hypothesis, {p['cosine']:.2f} to {p['rival']}")
+        elif p.get("own", 1.0) < 0.95:
+            reasons.append(f"own shape: cosine {p['own']:.2f} to its hypothesis")
+    return "; ".join(reasons)

@@ -1,0 +1,75 @@
+"""The error of a diagnosed machine on a second campaign of the same day, against what the truth's family would give."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.residual import Problem, evaluate
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction.inputs import SocketInputs
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.sockets import PlacedEffect
+from tests.benchmark.cases import Case
+from tests.benchmark.setting import ready
+
+if TYPE_CHECKING:
+    from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+
+
+def held_out(case: Case, d: Diagnosis) -> dict[str, float]:
+    """rms (m) on rows of another stream, against their true readings: before, after, with the planted family declared
+    from the start (`floor`), and what noise alone does to the parameters of that fit (`noise`)."""
+    fitted = d.search.problem
+    model = frozen(d.search.candidates.model, fitted)
+    other = case.measured(stream=1)
+    there = replace(ready(other).problem, model=model, readings=other.true_readings)
+    hypotheses = {h.name: h for h in d.search.candidates.hypotheses}
+    planted = [hypotheses[d.same.get(x.name, x.name)] for x in case.drawn]
+    declared = _selected(d, planted)
+    floor = identify(fitted, declared, d.search.fit.values)
+    return {
+        "before": _rms(there, d.before.values),
+        "after": _rms(there, d.search.fit.values),
+        "floor": _rms(there, floor.values),
+        "noise": _noise(there, floor.values, declared, floor.covariance),
+    }
+
+
+def _selected(d: Diagnosis, planted: list[Hypothesis]) -> tuple[str, ...]:
+    """The declared parameters and those of the planted effects, in the model's order."""
+    names = {*d.before.selected, *(n for h in planted for n in h.parameters)}
+    return tuple(n for n in d.search.candidates.model.names if n in names)
+
+
+def _rms(problem: Problem, values: Array) -> float:
+    return float(np.sqrt((evaluate(problem, values).residual ** 2).mean()))
+
+
+def _noise(problem: Problem, values: Array, names: tuple[str, ...], covariance: Array) -> float:
+    """rms of the prediction's standard uncertainty by the parameters; undetermined ones move nothing here."""
+    jacobian = evaluate(problem, values, names).prediction.jacobian
+    assert jacobian is not None
+    flat = jacobian.reshape(-1, len(names))
+    known = np.isfinite(np.diag(covariance))
+    flat, covariance = flat[:, known], covariance[np.ix_(known, known)]
+    return float(np.sqrt(np.einsum("np,pq,nq->n", flat, covariance, flat).mean()))
+
+
+def frozen(model: Model, fitted: Problem) -> Model:
+    """The model whose effects spread their shapes over travel and time of the rows that were fitted."""
+    return replace(model, effects=tuple(_frozen(model, fitted, e) for e in model.effects))
+
+
+def _frozen(model: Model, fitted: Problem, placed: PlacedEffect) -> PlacedEffect:
+    options = dict(placed.options)
+    for option in placed.effect.options:
+        if option.name in ("over", "during") and option.name not in options:
+            spans = {getattr(SocketInputs(model, fitted.rows, placed, s, None), option.name) for s in placed.sockets}
+            if len(spans) == 1:
+                options[option.name] = next(iter(spans))
+    return replace(placed, options=options)

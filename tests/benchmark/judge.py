@@ -1,0 +1,196 @@
+"""Judging one diagnosis by fixed rules; the rules stand in `RULES`, which the document shows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding
+from pkmcal_cli.effects import catalogue
+from tests.benchmark.cases import Case
+from tests.benchmark.draw import Drawn, joint_sizes
+from tests.benchmark.heldout import held_out
+from tests.benchmark.setting import Setting, diagnosed
+
+RULES = """
+- **exact**: every planted effect is a finding at its place (or the held parameter that it is another name of), there
+  is no other finding, nothing unknown, no bad row. A further finding counts as a *shape residue*, not as an extra, if
+  it enters at the same place as a planted effect, by the same port (drive, guide, carriage, length) and needs the same
+  columns: the simulator's effects have shapes of their own, 10 to 25 % beyond the catalogue's.
+- **in set**: the planted effect is in the 95 % credible set of a finding.
+- **wrong element**: a finding is the planted keyword at another place, its credible set has one member, the truth is
+  not found.
+- **missed**: nothing is reported. **doubt**: all planted effects are found, but something unknown is reported too;
+  **extra**: another finding too; **rows**: good rows are called bad too.
+- **unknown**: nothing is named, something unknown is reported. **set**: another effect is named first, the truth is in
+  the credible set of a finding. **same place**: another effect of the same place and port is named; **wrong**: another;
+  **missed one**: some of several are found; **named**: an effect is named, none of the catalogue was planted.
+- **separable**: no other hypothesis of the engine has a cosine above 0.95 with what the planted effect does to the
+  readings, declared parameters projected out.
+- Sizes are in minimal detectable ones (MDB): the effect's change of the true readings in stated standard deviations,
+  declared parameters projected out, over sqrt(17.07). Of several effects each is between 2 and 8 MDB alone, separable,
+  at a place of its own, and at least 1.5 MDB with the others projected out. Sizes of unknown effects are their rms over
+  the stated noise.
+- **lone wrong name** (missing columns): an effect of the machine whose credible set has one member and lacks the truth,
+  and nothing is said to be unknown.
+- **held-out error**: rms against the true readings of a second campaign of the same day, other poses and times.
+"""
+SHAPED = ("command", "guide", "carriage", "length")
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a case; plain values, one line of JSON. `errors`: (estimate - planted) / std of parameters."""
+
+    test: str
+    number: int
+    machine: str
+    seed: int
+    planted: list[dict[str, Any]]
+    found: list[dict[str, Any]]
+    unknown: list[tuple[str, float, str]]
+    bad_rows: list[int]
+    verdict: str
+    outcome: str
+    in_set: bool
+    seconds: float
+    residues: int = 0
+    size: float = 0.0
+    rows: Mapping[str, int] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+    held_out: Mapping[str, float] = field(default_factory=dict)
+
+
+def judged(case: Case) -> Result:
+    """Diagnoses a case and judges what was found."""
+    measured = case.measured()
+    start = time.process_time()
+    try:
+        d = diagnosed(measured, case.seed)
+    except Exception as error:  # a crash is a result too
+        return _crashed(case, repr(error))
+    seconds = time.process_time() - start
+    outcome, residues = outcome_of(case, d)
+    whole = outcome == "exact" and bool(case.drawn)
+    bad = set(np.nonzero(measured.outlier)[0])
+    called = set(d.bad_rows)
+    rows = {"bad": len(bad), "found": len(bad & called), "good": len(measured.outlier) - len(bad)}
+    return Result(
+        **_head(case),
+        found=[_finding(f) for f in d.findings],
+        unknown=[(u.depends_on, float(u.p_value), u.hint) for u in d.unknown],
+        bad_rows=sorted(called),
+        verdict=d.verdict,
+        outcome=outcome,
+        in_set=bool(case.drawn) and all(in_set(x, d) for x in case.drawn),
+        seconds=seconds,
+        residues=residues,
+        rows=rows | {"lost": len(called - bad)},
+        errors=errors_of(case, d) if whole else {},
+        held_out=held_out(case, d) if whole else {},
+    )
+
+
+def _head(case: Case) -> dict[str, Any]:
+    """What the case is."""
+    sizes = [d.size for d in case.drawn]
+    if len(case.drawn) > 1:
+        sizes = joint_sizes(Setting.of(case.machine, case.seed), case.drawn)
+    planted = [
+        {"name": d.name, "values": dict(d.planted.values), "size": d.size, "joint": s}
+        | {"own": d.own, "rival": d.rival, "cosine": d.cosine, "separable": d.separable}
+        for d, s in zip(case.drawn, sizes, strict=True)
+    ]
+    if case.unknown is not None:
+        planted.append({"name": f"{case.unknown.keyword}@{case.unknown.at}", "values": dict(case.unknown.values)})
+    head = {"test": case.test, "number": case.number, "machine": case.machine, "seed": case.seed}
+    return head | {"planted": planted, "size": case.size}
+
+
+def _crashed(case: Case, why: str) -> Result:
+    """A case whose diagnosis raised."""
+    rest: dict[str, Any] = {"found": [], "unknown": [], "bad_rows": [], "in_set": False, "seconds": 0.0}
+    return Result(**_head(case), **rest, verdict=why, outcome="crash")
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    """A finding in plain values."""
+    sizes = zip(f.hypothesis.parameters, f.estimate, f.std, strict=True)
+    return {
+        "name": f.hypothesis.name,
+        "parameters": {n: (v, s) for n, v, s in sizes},
+        "evidence": f.evidence,
+        "set": [(r.hypothesis.name, r.weight) for r in f.rivals],
+        "measurement": f.hypothesis.measurement,
+        "beyond": f.beyond,
+        "provisional": f.provisional,
+        "confirmed": f.held_out.confirmed,
+    }
+
+
+def names_of(drawn: Drawn, d: Diagnosis) -> set[str]:
+    """The names under which a planted effect may be reported."""
+    return {drawn.name, d.same.get(drawn.name, drawn.name)}
+
+
+def in_set(drawn: Drawn, d: Diagnosis) -> bool:
+    """Whether a planted effect is in the credible set of a finding."""
+    return any(r.hypothesis.name in names_of(drawn, d) for f in d.findings for r in f.rivals)
+
+
+def is_residue(name: str, drawn: Drawn) -> bool:
+    """Whether a further finding belongs to the shape of a planted effect."""
+    keyword, _, at = name.partition("@")
+    mine, other = catalogue().get(drawn.planted.keyword), catalogue().get(keyword)
+    if mine is None or other is None or at != drawn.planted.at:
+        return False
+    return mine.port in SHAPED and (mine.port, mine.needs) == (other.port, other.needs)
+
+
+def outcome_of(case: Case, d: Diagnosis) -> tuple[str, int]:
+    """The outcome in a word, and how many findings are shape residues."""
+    named = [f.hypothesis.name for f in d.findings]
+    hits = [x for x in case.drawn if names_of(x, d) & set(named)]
+    hit_names = {n for x in hits for n in names_of(x, d)}
+    residues = [n for n in named if n not in hit_names and any(is_residue(n, x) for x in hits)]
+    extras = [n for n in named if n not in hit_names and n not in residues]
+    if not (named or d.unknown or (d.bad_rows and not case.scenario.outliers)):
+        return ("missed" if case.planted else "exact"), 0
+    if case.drawn and len(hits) == len(case.drawn):
+        word = "extra" if extras else "doubt" if d.unknown else "rows" if d.bad_rows else "exact"
+        return word, len(residues)
+    if not named:
+        return ("unknown" if d.unknown else "rows"), 0
+    return (_misnamed(case, d) if case.drawn else "named"), len(residues)
+
+
+def _misnamed(case: Case, d: Diagnosis) -> str:
+    """What is wrong with names of which not all are right."""
+    missing = [x for x in case.drawn if not names_of(x, d) & {f.hypothesis.name for f in d.findings}]
+    lone = [f.hypothesis.name.partition("@") for f in d.findings if not f.ambiguous]
+    truths = {x.name for x in case.drawn}
+    if all(in_set(x, d) for x in missing):
+        return "set"
+    if any(k == x.planted.keyword and f"{k}@{at}" not in truths for x in missing for k, _, at in lone):
+        return "wrong element"
+    if any(is_residue(f.hypothesis.name, x) for f in d.findings for x in missing):
+        return "same place"
+    return "missed one" if len(missing) < len(case.drawn) else "wrong"
+
+
+def errors_of(case: Case, d: Diagnosis) -> dict[str, float]:
+    """(estimate - planted) / std of the planted parameters that are determined."""
+    out = {}
+    for drawn in case.drawn:
+        for f in d.findings:
+            if f.hypothesis.name != drawn.name:
+                continue
+            for name, value, std in zip(f.hypothesis.parameters, f.estimate, f.std, strict=True):
+                short = name.rpartition(".")[2]
+                if short in drawn.planted.values and np.isfinite(std) and std > 0:
+                    out[name] = (value - drawn.planted.values[short]) / std
+    return out
