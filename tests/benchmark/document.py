@@ -39,6 +39,8 @@ def document(results: Sequence[Result]) -> str:
         power(results),
         "## What was named\n\nTest `single`, by keyword; rows: planted, cells: first finding.\n",
         confusion(results),
+        "## Sizes off by more than three standard deviations\n",
+        sizes(results),
         "## Every miss\n",
         *misses(results),
     ]
@@ -103,6 +105,18 @@ def confusion(results: Sequence[Result]) -> str:
 
 def _keyword(r: Result) -> str:
     return str(r.planted[0]["name"].partition("@")[0])
+
+
+def sizes(results: Sequence[Result]) -> str:
+    """Parameters of exact cases whose estimate is far off, worst first."""
+    rows = [
+        (f"{e:+.1f}", name, r.machine, r.number, f"{r.planted[0]['size']:.1f}", f"{r.planted[0]['own']:.4f}")
+        for r in of_test(results, "single")
+        for name, e in r.errors.items()
+        if abs(e) > 3 and r.planted[0]["size"] >= 3
+    ]
+    head = ("error / std", "parameter", "machine", "case", "size in MDB", "cosine of the truth with its hypothesis")
+    return table(head, sorted(rows, key=lambda row: -abs(float(row[0]))))
 
 
 def misses(results: Sequence[Result]) -> list[str]:

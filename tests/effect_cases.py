@@ -1,0 +1,72 @@
+"""Machines with every effect of the catalogue at every place, and tables that show them all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from pkmcal_cli.compiler import compile_machine
+from pkmcal_cli.compiler.effects import placed_effect, possible_effects
+from pkmcal_cli.inverse import DIRECTIONS, drive_positions
+from pkmcal_cli.language.effect_entries import EffectNumber
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.rotation import Array
+from tests.command import MACHINES
+
+NAMES = ("triglide", "triglide-nonredundant", "biglide", "scissors", "delta4", "hexapod7", "hangprinter")
+_REACH = {"hangprinter": 0.012}  # of the machine's size; the others are moved by 4 %
+_ERRORS = {"hangprinter": 0.003}  # of the ranges; the others' parameters are off by a third
+_PERIOD = EffectNumber().model_copy(update={"value": 0.01})
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model with all effects at null, parameter values (P,) of a strained machine, a table; `first`: of effects."""
+
+    model: Model
+    values: Array
+    rows: Rows
+    first: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters of effects."""
+        return self.model.names[self.first :]
+
+
+@cache
+def case(name: str, rows: int = 10) -> Case:
+    """A shipped machine at random poses, with every column that an effect can need."""
+    machine = read_machine(MACHINES / f"{name}.yaml")
+    model = compile_machine(machine, receptive=True).model
+    rng = np.random.default_rng(1)
+    pose = np.full((rows, 6), np.nan)
+    for k, c in enumerate(DIRECTIONS[:3]):
+        if c in model.independent_coordinates:
+            pose[:, k] = model.tcp_drawn[k] + rng.uniform(-1, 1, rows) * _REACH.get(name, 0.04) * model.length
+    readings = drive_positions(model, pose).readings
+    columns = {
+        "time": np.linspace(0, 3600, rows),
+        "T": 293.15 + rng.uniform(-5, 5, rows),
+        "payload": rng.uniform(0, 10, rows),
+        "spindle": rng.uniform(0, 6, rows),
+        "session.s1": (np.arange(rows) % 2 == 0).astype(float),
+        "session.s2": (np.arange(rows) % 2).astype(float),
+    }
+    columns |= {f"dir.{a.name}": rng.choice([-1.0, 1.0], rows) for a in model.actuators}
+    effects, parameters = [], []
+    for effect, at, sockets in possible_effects(model, ("s1", "s2")):
+        entries = {o.name: _PERIOD for o in effect.options if o.name == "period"}
+        placed, mine = placed_effect(effect, at, sockets, machine.space == "planar", entries)
+        effects.append(placed)
+        parameters += mine
+    values = model.nominal + rng.normal(size=len(model.names)) * _ERRORS.get(name, 0.3) * model.ranges
+    full = model.with_effects(tuple(effects), tuple(parameters))
+    nulls = np.zeros(len(parameters))
+    return Case(
+        full, np.append(values, nulls), Rows(readings, np.full(readings.shape, np.nan), columns), len(model.names)
+    )

@@ -1,0 +1,141 @@
+"""Every effect at every place: nothing at null, felt, exact derivatives; and what formulas may ask for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.effects import STAGES, WIDTHS, catalogue
+from pkmcal_cli.language.units import parse_unit
+from pkmcal_cli.prediction import Request, predict
+from pkmcal_cli.prediction.inputs import lag
+from tests.command import SCISSORS, run
+from tests.effect_cases import NAMES, case
+
+STEPS = {"hangprinter": 1e-4}  # of the plausible range; its ropes pull with 0.1 N and must not go slack
+ROUNDING = 1e-12  # m or rad: of a predicted reading, by which differences are off
+FAMILY = ("windup", "clearance", "ovality")  # reactions of the pass before are held in derivatives, but not at null
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_at_null_every_effect_is_the_identity(name: str) -> None:
+    c = case(name)
+    bare = predict(c.model, c.values, c.rows)
+    without = c.model.with_effects((), ())
+    object.__setattr__(without, "effects", ())
+    assert bare.solved.all()
+    np.testing.assert_array_equal(bare.values, predict(without, c.values, c.rows).values)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_signatures_are_derivatives(name: str) -> None:
+    """Central differences of the converged model, at a strained pose; a lag has one side only."""
+    c, step = case(name), STEPS.get(name, 1e-3)
+    asked = Request(parameters=c.names)
+    jacobian = predict(c.model, c.values, c.rows, asked).jacobian
+    assert jacobian is not None
+    felt = set()
+    for k, parameter in enumerate(c.model.parameters[c.first :]):
+        column = jacobian[..., k] * parameter.range
+        if np.abs(column).max() < 1e-12:
+            continue
+        felt.add(parameter.name.partition("@")[0])
+        ends = (0.0 if parameter.bounds[0] == 0 else -step, step)
+        moved = []
+        for end in ends:
+            values = c.values.copy()
+            values[c.first + k] = end * parameter.range
+            moved.append(predict(c.model, values, c.rows).values)
+        difference = (moved[1] - moved[0]) / (ends[1] - ends[0])
+        error = np.abs(difference - column).max()
+        assert error < 1e-5 * np.abs(column).max() + ROUNDING / step, parameter.name
+    expected = {n.partition("@")[0] for n in c.names}
+    silent = {"payload", "sag", "thermal_base", "clearance", "windup", "stiffness"}  # without gravity, strain or arms
+    assert expected - felt <= silent
+
+
+@pytest.mark.parametrize("name", ["triglide", "delta4"])
+def test_declared_effects_keep_all_derivatives_exact(name: str) -> None:
+    """Of declared parameters and of drive readings, while effects are there that do not react to forces."""
+    c = case(name)
+    rng = np.random.default_rng(2)
+    values = c.values.copy()
+    for k, p in enumerate(c.model.parameters[c.first :]):
+        reacts = p.name.partition("@")[0] in FAMILY
+        values[c.first + k] = 0.0 if reacts else abs(rng.normal()) * 0.05 * p.range
+    names = (*c.model.names[:3], *(n for n in c.names if n.startswith(("scale@", "pitch_curve@", "stiffness@"))))
+    found = predict(c.model, values, c.rows, Request(parameters=names, by_drive=True))
+    assert found.jacobian is not None and found.by_drive is not None
+    for k, n in enumerate(names):
+        place = c.model.names.index(n)
+        step = 1e-3 * c.model.parameters[place].range
+        ends = [predict(c.model, _with(values, place, values[place] + s * step), c.rows).values for s in (-1, 1)]
+        column = found.jacobian[..., k]
+        np.testing.assert_allclose((ends[1] - ends[0]) / (2 * step), column, atol=1e-6 * np.abs(column).max() + 1e-9)
+    spread = c.rows.columns  # shapes over the travel must not change with the table
+    for a in range(found.by_drive.shape[2]):
+        shift = np.zeros_like(c.rows.readings)
+        inner = np.argsort(c.rows.readings[:, a])[3:-3]
+        shift[inner, a] = 1e-6
+        ends = [predict(c.model, values, c.rows.moved(s * shift)).values[inner] for s in (-1, 1)]
+        np.testing.assert_allclose((ends[1] - ends[0]) / 2e-6, found.by_drive[inner, :, a], rtol=1e-5, atol=1e-5)
+    assert spread is c.rows.columns
+
+
+def _with(values: np.ndarray, place: int, value: float) -> np.ndarray:  # type: ignore[type-arg]
+    out = values.copy()
+    out[place] = value
+    return out
+
+
+def test_the_catalogue_says_what_it_is() -> None:
+    assert len(catalogue()) >= 30
+    for effect in catalogue().values():
+        assert effect.port in STAGES and effect.port in WIDTHS
+        for text in (effect.cause, effect.result, effect.action):
+            assert text.endswith(".") and text.format(at="q1", size="21(2) um")
+        for p in effect.parameters:
+            assert p.range > 0 and parse_unit(p.unit) and (p.rotary is None or parse_unit(p.rotary))
+        assert effect.source and len({p.name for p in effect.parameters}) == len(effect.parameters)
+
+
+def test_lag_follows_its_differential_equation() -> None:
+    """A ramp is followed at a distance of tau; a step decays by exp(-t/tau); irregular times, any order of rows."""
+    rng = np.random.default_rng(0)
+    time = np.sort(rng.uniform(0, 10_000, 400))
+    ramp = lag(time, 0.01 * time, 500.0)
+    np.testing.assert_allclose(ramp[time > 8000], 0.01 * (time[time > 8000] - 500), atol=1e-5)
+    mixed = rng.permutation(400)
+    np.testing.assert_allclose(lag(time[mixed], 0.01 * time[mixed], 500.0), ramp[mixed], rtol=1e-12)
+    fine = np.linspace(0, 5000, 5001)
+    step = np.where(fine < 1.0, 0.0, 1.0)
+    found = lag(fine, step, 700.0)
+    np.testing.assert_allclose(found[1:], 1 - np.exp(-(fine[1:] - 0.5) / 700), atol=1e-3)
+    h = 1e-40
+    slope = np.imag(lag(time, np.sin(time / 900), 500.0 + 1j * h)) / h
+    ends = [lag(time, np.sin(time / 900), 500.0 + s * 1e-3) for s in (-1, 1)]
+    np.testing.assert_allclose(slope, (ends[1] - ends[0]) / 2e-3, atol=1e-9)
+
+
+FAULTS = {
+    "bcklash@q1: {b: 1 um}": ["unknown effect `bcklash`", "did you mean `backlash`?"],
+    "backlash@q9: {b: 1 um}": ["`backlash` cannot sit at `q9`"],
+    "backlash@q1: {c: 1 um}": ["`backlash` has no parameter `c`", "it has b"],
+    "backlash@q1: {b: 1 deg}": ["`1 deg` is an angle, a length is wanted here"],
+    "backlash: {b: 1 um}": ["`backlash` is no name of an effect"],
+    "straight@left.x: {n2: 1 um, over: [5, -5]}": ["the first of two limits must be below the second"],
+    "pitch@q1: {c: 1 um}": ["effect `pitch@q1` needs `period`"],
+    "thermal_strut@rod1: {a: 1 um/(m*K)}": ["effect `thermal_strut@rod1` needs the column `T.rod1` or `T`"],
+}
+
+
+@pytest.mark.parametrize("entry", FAULTS)
+def test_wrong_effects_are_told(entry: str, tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text(f"extends: {SCISSORS}\neffects:\n  {entry}\n")
+    done = run("simulate", str(file), "--grid", "x=-100:100:2,y=-100:100:2")
+    assert done.code == 3 and "Traceback" not in done.err
+    for text in FAULTS[entry]:
+        assert text in done.err
