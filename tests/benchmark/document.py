@@ -109,14 +109,14 @@ def _keyword(r: Result) -> str:
 
 def sizes(results: Sequence[Result]) -> str:
     """Parameters of exact cases whose estimate is far off, worst first."""
+    every = [(e, n, r) for r in of_test(results, "single") for n, e in r.errors.items() if r.planted[0]["size"] >= 3]
     rows = [
         (f"{e:+.1f}", name, r.machine, r.number, f"{r.planted[0]['size']:.1f}", f"{r.planted[0]['own']:.4f}")
-        for r in of_test(results, "single")
-        for name, e in r.errors.items()
-        if abs(e) > 3 and r.planted[0]["size"] >= 3
+        for e, name, r in sorted(every, key=lambda found: -abs(found[0]))
+        if abs(e) > 3
     ]
     head = ("error / std", "parameter", "machine", "case", "size in MDB", "cosine of the truth with its hypothesis")
-    return table(head, sorted(rows, key=lambda row: -abs(float(row[0]))))
+    return table(head, rows)
 
 
 def misses(results: Sequence[Result]) -> list[str]:

@@ -121,7 +121,8 @@ class Setting:
         if not self.scores[name][1].count:
             return 0.0
         length = float(np.sqrt(change @ self.linear.free(change)))
-        return float(np.linalg.norm(self.basis(name).T @ change) / length)
+        explained = self.basis(name).T @ change
+        return float(np.sqrt(explained @ explained)) / length
 
     def rival(self, change: Array, name: str) -> tuple[str, float]:
         """The other hypothesis with the largest cosine; not a held parameter of which the effect is another name."""
