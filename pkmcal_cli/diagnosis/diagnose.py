@@ -137,7 +137,7 @@ def restored(now: Search, alpha: Alpha) -> Search:
     kept = tuple(r for r in rows if r not in good)
     measured[list(kept)] = False
     problem = replace(now.problem, measured=measured)
-    return replace(now, problem=problem, bad_rows=kept, fit=identify(problem, now.selected, now.fit.values))
+    return replace(now, problem=problem, bad_rows=kept, fit=identify(problem, now.selected))
 
 
 def _finding(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, doubt: bool) -> Finding:

@@ -115,7 +115,7 @@ def improve(
         if good:
             turns, now = trial, errors
             accepted.append(hypothesis)
-    last = _fit_with(clean, whole.before, accepted, whole)
+    last = _fit_with(clean, accepted, whole)
     gains = _gain(first, turns, seed), _rms_gain(first, turns, seed)
     return Improvement(whole, len(turns), tuple(steps), tuple(accepted), before, now, *gains, last, clean)
 
@@ -137,18 +137,13 @@ def _rotation(
 
 
 def _with(turn: _Rotation, accepted: Sequence[Hypothesis], whole: Diagnosis) -> _Rotation:
-    return _Rotation(turn.train, turn.report, turn.found, _fit_with(turn.train, turn.fit, accepted, whole))
+    return _Rotation(turn.train, turn.report, turn.found, _fit_with(turn.train, accepted, whole))
 
 
-def _fit_with(problem: Problem, now: Fit, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
-    """A calibration with effects; they start where the whole table puts them, which a converged fit forgets."""
-    names = problem.model.names
-    extra = {n for h in accepted for n in h.parameters}
-    start = now.values.copy()
-    for name in extra - set(now.selected):
-        start[names.index(name)] = whole.search.fit.values[names.index(name)]
-    chosen = set(whole.search.declared) | extra
-    return identify(problem, tuple(n for n in names if n in chosen), start)
+def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
+    """A calibration with effects, from nominal values."""
+    chosen = set(whole.search.declared) | {n for h in accepted for n in h.parameters}
+    return identify(problem, tuple(n for n in problem.model.names if n in chosen))
 
 
 def _errors(turns: Sequence[_Rotation]) -> Errors:
@@ -169,7 +164,7 @@ def _inner(turn: _Rotation, folds: int = 3) -> list[tuple[Problem, Fit]]:
     out = []
     for k in np.unique(labels):
         rest, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        out.append((turn.train.take(rows), identify(turn.train.take(rest), turn.fit.selected, turn.fit.values)))
+        out.append((turn.train.take(rows), identify(turn.train.take(rest), turn.fit.selected)))
     return out
 
 

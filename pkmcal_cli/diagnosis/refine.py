@@ -44,14 +44,14 @@ def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
     found = scored(back, now.problem, (hypothesis, *now.open))
     mine, price = float(found.log_bayes[0]), float(np.log(len(now.candidates.hypotheses)))
     if len(now.accepted) > 1 and mine < price - _BETTER and found.p_values[0] > now.critical:
-        fit = refit(rest, _without(now, hypothesis), {})
+        fit = refit(rest, {})
         return None if fit is None else replace(rest, fit=fit)
     order = np.argsort(-found.log_bayes[1:])[:RIVALS] + 1
     for k in order:
         if found.log_bayes[k] > mine + _BETTER:
             after = replace(rest, accepted=(*rest.accepted, found.hypotheses[k]))
             starts = {found.hypotheses[k]: found.scores[k].estimate * back.scale_of(found.hypotheses[k].parameters)}
-            fit = refit(after, _without(now, hypothesis), starts)
+            fit = refit(after, starts)
             if fit is not None and _evidence(after, fit.chi2, found) > _evidence(now, now.fit.chi2, found) + _BETTER:
                 return _renamed(replace(after, fit=fit), found, int(k))
     return None
@@ -68,15 +68,6 @@ def _evidence(now: Search, chi2: float, found: Scored) -> float:
     count = sum(len(h.parameters) for h in now.accepted)
     price = len(now.accepted) * float(np.log(len(now.candidates.hypotheses)))
     return -0.5 * (chi2 / found.scale.variance + count * float(np.log(found.linear.used))) - price
-
-
-def _without(now: Search, hypothesis: Hypothesis) -> Array:
-    """Parameter values with this effect at null."""
-    values = now.fit.values.copy()
-    names = now.problem.model.names
-    index = [names.index(n) for n in hypothesis.parameters]
-    values[index] = now.problem.model.nominal[index]
-    return values
 
 
 def _linear(now: Search) -> Linear:

@@ -21,7 +21,7 @@ from pkmcal_cli.model import ModelParameter
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
-_TRAVEL = range(2, 13)  # degrees of shapes over the travel, which resolve some six waves
+_TRAVEL = range(2, 19)  # degrees of shapes over the travel, which resolve some five waves
 _FEW = range(1, 5)  # of shapes that multiply direction or temperature
 _TIME = range(3, 9)
 _GUIDED = ("command", "guide", "carriage")
@@ -88,6 +88,8 @@ def _shapes(effect: Effect) -> list[Shape]:
         return [_times(lambda at: at.direction, d) for d in _FEW]
     if "time" in effect.needs:
         return [lambda at, d=d: legendre(at.moment, d) for d in _TIME]  # type: ignore[misc]
+    if any(option.name == "period" for option in effect.options):
+        return [_wave(harmonic, part) for harmonic in (2, 3) for part in (np.cos, np.sin)]
     if guided:
         return [_times(lambda at: 1.0, d) for d in _TRAVEL]
     return []
@@ -95,6 +97,10 @@ def _shapes(effect: Effect) -> list[Shape]:
 
 def _times(factor: Callable[[Any], Any], degree: int) -> Shape:
     return lambda at: factor(at) * legendre(at.share, degree)
+
+
+def _wave(harmonic: int, part: Callable[[Array], Array]) -> Shape:
+    return lambda at: part(2 * np.pi * harmonic * at.travel / at.option("period"))
 
 
 def _slope(at: Any) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -184,7 +184,7 @@ def _without_rows(now: Search, rows: NDArray[np.intp]) -> Search:
     measured = now.problem.measured.copy()
     measured[rows] = False
     problem = replace(now.problem, measured=measured)
-    fit = identify(problem, now.selected, now.fit.values)
+    fit = identify(problem, now.selected)
     return replace(now, problem=problem, fit=fit, bad_rows=(*now.bad_rows, *(int(r) for r in rows)))
 
 
@@ -192,7 +192,7 @@ def _accepted(now: Search, scored: Scored, best: int) -> Search:
     """The same with one more effect, if a fit with it succeeds and is better; else with one refused."""
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
     after = replace(now, accepted=(*now.accepted, hypothesis))
-    fit = refit(after, now.fit.values, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
+    fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
     if fit is None or not now.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
         return replace(now, refused=now.refused | {hypothesis.name})
     p, evidence = dict(now.p_values), dict(now.evidence)
@@ -200,14 +200,17 @@ def _accepted(now: Search, scored: Scored, best: int) -> Search:
     return replace(after, fit=fit, p_values=p, evidence=evidence)
 
 
-def refit(now: Search, values: Array, starts: dict[Hypothesis, Array]) -> Fit | None:
-    """A calibration with the accepted effects from estimates (k,), SI, within their bounds; None where it fails."""
-    start = values.copy()
+def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
+    """A calibration with the accepted effects; None where it fails.
+
+    It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
+    (k,), SI.
+    """
+    start = now.problem.model.nominal
     for hypothesis, estimate in starts.items():
         for name, value in zip(hypothesis.parameters, estimate, strict=True):
             k = now.problem.model.names.index(name)
-            parameter = now.problem.model.parameters[k]
-            start[k] = np.clip(start[k] + value, *parameter.bounds)
+            start[k] = np.clip(start[k] + value, *now.problem.model.parameters[k].bounds)
     try:
         fit = identify(now.problem, now.selected, start)
     except RowsFailed:
