@@ -103,7 +103,7 @@ class Setting:
         linear = self.linear
         if others:
             linear = linear.projecting(linear.projected, extra=np.stack(others, axis=1))
-        return float(np.sqrt(max(change @ linear.free(change), 0.0) / NONCENTRALITY))
+        return float(np.sqrt(max(float(change @ linear.free(change)), 0.0) / NONCENTRALITY))
 
     @staticmethod
     def size_raw(change: Array) -> float:

@@ -1,0 +1,168 @@
+"""Some forty simulated campaigns with undeclared effects, diagnosed; all of them are in `python -m tests.benchmark`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from tests.benchmark.setting import diagnosed
+from tests.truth.campaigns import Campaign, Planted, Scenario, campaign, unit
+
+FOUND = """
+triglide              273418 straight@rail.y*5.45
+triglide              422374 drift@tracker*1.64
+triglide              500905 pitch_curve@q1*6.11
+triglide              867208 pitch@q3*6.01
+triglide-nonredundant 5989   thermal_screw@q2*0.485
+triglide-nonredundant 310351 resetup@s2*0.673
+triglide-nonredundant 656977 backlash@q2*2.03
+triglide-nonredundant 684078 unequal_backlash@q1*2.43
+triglide-nonredundant 826121 thermal_strut@rod2*0.795
+scissors              119419 pitch@q1*0.344
+scissors              262680 drift@grid*0.107
+scissors              529656 pitch_curve@q2*1.32
+scissors              673475 backlash@q3*0.285
+scissors              713370 straight@right.x*0.467
+scissors              889864 thermal_foot@left*0.0605
+delta4                52945  frame@tracker*1.62
+delta4                248676 pitch_curve@q2*5.68
+delta4                496131 pitch@q3*3.21
+delta4                540689 unequal_backlash@q2*2.68
+triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77
+triglide-nonredundant 718028 thermal_screw@q2*0.557 straight@rail.y*3.28 pitch@q1*2.12
+scissors              248315 backlash@q2*0.304 windup@q1*0.189 thermal_strut@rod5*0.119
+delta4                582788 frame@tracker*6.63 pitch@q1*4.01
+"""
+"""Machine, seed, effects as multiples of their usual size: each is named at its place, and nothing else."""
+SETS = """
+triglide              754619 frame@tracker*1.87
+triglide-nonredundant 542324 meas_scale@tracker*1.37
+scissors              679401 meas_scale@grid*0.17
+delta4                541198 carriage_angle@c3.ry*1.18
+"""
+"""Another effect does the same: a set that holds the truth is named."""
+OUTSIDE = """
+triglide              721393 oscillation_in_time@tracker*2.58
+triglide-nonredundant 767574 oscillation_in_time@tracker*4.6
+scissors              683578 oscillation_in_time@grid*2.6
+delta4                406545 oscillation_in_time@tracker*2.5
+"""
+"""Effects of time that are in no catalogue, in units of the noise."""
+NO_TEMPERATURE = """
+triglide              269166 thermal_strut@rod3*1.95
+scissors              220173 thermal_foot@right*0.13
+delta4                548172 thermal_strut@arm2a*1.3
+"""
+"""Effects of a temperature that was not measured."""
+NOTHING = """
+triglide              277933 normal 1
+triglide-nonredundant 2      normal 1
+scissors              3      normal 1
+delta4                4      normal 1
+scissors              615205 normal 1.25
+delta4                660072 normal 1.25
+triglide              337222 t4     1
+"""
+"""Machine, seed, kind of noise and true over stated noise, nothing planted: nothing is reported."""
+BAD_ROWS = """
+triglide-nonredundant 37066
+scissors              1
+delta4                2
+"""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of these tables."""
+
+    machine: str
+    seed: int
+    rest: tuple[str, ...]
+
+    @property
+    def planted(self) -> list[Planted]:
+        """The effects that it lists."""
+        found = []
+        for text in self.rest:
+            name, factor = text.split("*")
+            keyword, at = name.split("@")
+            found.append(unit(self.machine, keyword, at, self.seed).scaled(float(factor)))
+        return found
+
+    @property
+    def names(self) -> set[str]:
+        """Their names."""
+        return {text.split("*")[0] for text in self.rest}
+
+    def diagnosis(self, scenario: Scenario | None = None) -> tuple[Campaign, Diagnosis]:
+        """The campaign and what is found in it."""
+        measured = campaign(self.machine, self.planted, self.seed, scenario=scenario)
+        return measured, diagnosed(measured, self.seed)
+
+
+def lines(text: str) -> list[object]:
+    """The lines of a table as cases."""
+    rows = [row.split() for row in text.strip().splitlines()]
+    return [pytest.param(Line(m, int(s), tuple(rest)), id="-".join([m, s, *rest])) for m, s, *rest in rows]
+
+
+def named(d: Diagnosis) -> set[str]:
+    return {f.hypothesis.name for f in d.findings}
+
+
+@pytest.mark.parametrize("line", lines(FOUND))
+def test_effects_are_named_and_nothing_else(line: Line) -> None:
+    _, d = line.diagnosis()
+    assert named(d) == line.names
+    assert not d.unknown and not d.bad_rows
+    assert d.verdict in ("found", "measurement_fault", "ambiguous")
+    assert d.search.fit.chi2 < d.before.chi2
+    for f in d.findings:
+        assert f.hypothesis.name in [r.hypothesis.name for r in f.rivals]
+
+
+@pytest.mark.parametrize("line", lines(SETS))
+def test_where_two_do_the_same_a_set_is_named(line: Line) -> None:
+    _, d = line.diagnosis()
+    assert d.verdict == "ambiguous"
+    assert line.names <= {r.hypothesis.name for f in d.findings for r in f.rivals}
+
+
+@pytest.mark.parametrize("line", lines(OUTSIDE))
+def test_what_is_in_no_catalogue_is_unknown(line: Line) -> None:
+    _, d = line.diagnosis()
+    assert d.verdict == "unknown" and "time" in {u.depends_on for u in d.unknown}
+
+
+@pytest.mark.parametrize("line", lines(NO_TEMPERATURE))
+def test_without_a_thermometer_no_part_is_blamed(line: Line) -> None:
+    _, d = line.diagnosis(Scenario(omit=("T",)))
+    assert not any(not f.hypothesis.measurement and not f.provisional for f in d.findings)
+    assert "time" in {u.depends_on for u in d.unknown}
+    assert "thermal_strut" in dict(d.not_testable)
+
+
+@pytest.mark.parametrize("line", lines(NOTHING))
+def test_noise_is_no_effect(line: Line) -> None:
+    noise, factor = line.rest
+    measured = campaign(line.machine, [], line.seed, scenario=Scenario(noise=noise, sigma_factor=float(factor)))
+    assert diagnosed(measured, line.seed).verdict == "clean"
+
+
+@pytest.mark.parametrize("line", lines(BAD_ROWS))
+def test_bad_rows_are_found_and_no_others(line: Line) -> None:
+    measured, d = line.diagnosis(Scenario(outliers=0.015))
+    assert d.bad_rows == tuple(np.nonzero(measured.outlier)[0])
+    assert d.verdict == "measurement_fault" and not d.findings and not d.unknown
+
+
+def test_the_same_table_gives_the_same_diagnosis() -> None:
+    line = Line("scissors", 673475, ("backlash@q3*0.285",))
+    first, again = line.diagnosis()[1], line.diagnosis()[1]
+    assert [(f.hypothesis, f.estimate, f.std, f.evidence, f.p_value) for f in first.findings] == [
+        (f.hypothesis, f.estimate, f.std, f.evidence, f.p_value) for f in again.findings
+    ]
+    assert first.search.critical == again.search.critical
