@@ -170,4 +170,8 @@ def why(r: Result) -> str:
             reasons.append(f"own shape: {p['own']:.2f} to its own hypothesis, {p['cosine']:.2f} to {p['rival']}")
         elif p.get("own", 1.0) < 0.95:
             reasons.append(f"own shape: cosine {p['own']:.2f} to its hypothesis")
+    truths = {p["name"] for p in r.planted}
+    for f in r.found:
+        if f["name"] not in truths and f["name"] != f["set"][0][0]:
+            reasons.append(f"{f['name']} is not the best of its own set")
     return "; ".join(reasons)

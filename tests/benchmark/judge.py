@@ -11,6 +11,7 @@ import numpy as np
 
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding
 from pkmcal_cli.effects import catalogue
+from tests.benchmark.baselines import baselines
 from tests.benchmark.cases import Case
 from tests.benchmark.draw import Drawn, joint_sizes
 from tests.benchmark.heldout import held_out
@@ -63,6 +64,7 @@ class Result:
     rows: Mapping[str, int] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
     held_out: Mapping[str, float] = field(default_factory=dict)
+    others: Mapping[str, bool] = field(default_factory=dict)  # whether simpler ways are exact
 
 
 def judged(case: Case) -> Result:
@@ -92,6 +94,7 @@ def judged(case: Case) -> Result:
         rows=rows | {"lost": len(called - bad)},
         errors=errors_of(case, d) if whole else {},
         held_out=held_out(case, d) if whole else {},
+        others=others(case, d) if case.test in ("nothing", "single") else {},
     )
 
 
@@ -180,6 +183,16 @@ def _misnamed(case: Case, d: Diagnosis) -> str:
     if any(is_residue(f.hypothesis.name, x) for f in d.findings for x in missing):
         return "same place"
     return "missed one" if len(missing) < len(case.drawn) else "wrong"
+
+
+def others(case: Case, d: Diagnosis) -> dict[str, bool]:
+    """Whether simpler ways name exactly what was planted; correlation always names one."""
+    exact = {}
+    for way, named in baselines(d).items():
+        right = [n for n in named if any(n in names_of(x, d) for x in case.drawn)]
+        rest = [n for n in named if n not in right and not any(is_residue(n, x) for x in case.drawn)]
+        exact[way] = bool(right) == bool(case.drawn) and not rest
+    return exact
 
 
 def errors_of(case: Case, d: Diagnosis) -> dict[str, float]:
