@@ -164,6 +164,8 @@ def why(r: Result) -> str:
     for p in r.planted:
         if p.get("joint", 9.0) < 1.5:
             reasons.append(f"small: {p['joint']:.1f} MDB")
+        if p.get("calibrated", 1.0) < p.get("own", 0.0) - 0.1:
+            reasons.append(f"the calibration moves its signature: cosine {p['own']:.2f} falls to {p['calibrated']:.2f}")
         if p.get("cosine", 0.0) > 0.95:
             reasons.append(f"{p['rival']} does the same (cosine {p['cosine']:.3f})")
         elif p.get("cosine", 0.0) > p.get("own", 1.0) - 0.05:

@@ -78,11 +78,14 @@ def judged(case: Case) -> Result:
     seconds = time.process_time() - start
     outcome, residues = outcome_of(case, d)
     whole = outcome == "exact" and bool(case.drawn)
+    head = _head(case)
+    if case.drawn and not whole and not case.scenario.omit:
+        head["planted"] = [p | {"calibrated": c} for p, c in zip(head["planted"], calibrated(case, d), strict=True)]
     bad = set(np.nonzero(measured.outlier)[0])
     called = set(d.bad_rows)
     rows = {"bad": len(bad), "found": len(bad & called), "good": len(measured.outlier) - len(bad)}
     return Result(
-        **_head(case),
+        **head,
         found=[_finding(f) for f in d.findings],
         unknown=[(u.depends_on, float(u.p_value), u.hint) for u in d.unknown],
         bad_rows=sorted(called),
@@ -112,6 +115,13 @@ def _head(case: Case) -> dict[str, Any]:
         planted.append({"name": f"{case.unknown.keyword}@{case.unknown.at}", "values": dict(case.unknown.values)})
     head = {"test": case.test, "number": case.number, "machine": case.machine, "seed": case.seed}
     return head | {"planted": planted, "size": case.size}
+
+
+def calibrated(case: Case, d: Diagnosis) -> list[float]:
+    """Cosine of what each effect does with its hypothesis where the calibration without it ends: where forces decide,
+    as in clearances, the hypothesis is another there."""
+    there = Setting(Setting.of(case.machine, case.seed).plain, d.before.values)
+    return [there.cosine(there.change(x.planted), x.name) for x in case.drawn]
 
 
 def _crashed(case: Case, why: str) -> Result:

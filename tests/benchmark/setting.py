@@ -66,6 +66,7 @@ class Setting:
     """A campaign with nothing planted; sizes and angles of effects are computed here, from the truth's readings."""
 
     plain: Campaign
+    values: Array | None = None  # parameters (P,) at which all is linearised, else the true ones
 
     @classmethod
     def of(cls, name: str, seed: int, scenario: Scenario | None = None) -> Setting:
@@ -79,13 +80,18 @@ class Setting:
 
     @cached_property
     def linear(self) -> Linear:
-        """All hypotheses at the true parameters."""
+        """All hypotheses at these parameters."""
+        values = self._true if self.values is None else self.values
+        every = [n for h in self.ready.candidates.hypotheses for n in h.parameters if n not in self.ready.selected]
+        return linear_problem(self.ready.problem, values, self.ready.selected, every, None)
+
+    @property
+    def _true(self) -> Array:
         model = self.ready.candidates.model
         values = model.nominal.copy()
         for name, value in self.plain.parameters.items():
             values[model.names.index(name)] = value
-        every = [n for h in self.ready.candidates.hypotheses for n in h.parameters if n not in self.ready.selected]
-        return linear_problem(self.ready.problem, values, self.ready.selected, every, None)
+        return values
 
     @cached_property
     def scores(self) -> dict[str, tuple[Hypothesis, Score]]:
