@@ -35,6 +35,11 @@ class Socket:
     kind: str = "linear"  # of a drive: linear, rotary, spool
     period: float = float("nan")  # lead of its screw or period of its encoder, m or rad of travel
 
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """What tells the forces of sockets apart: the drive, the member."""
+        return (self.actuator, *self.member)
+
 
 Sockets = Mapping[Port, Mapping[str, tuple[Socket, ...]]]
 """By port and name of the place; a place may have several sockets (carriages of a guide, pieces of a beam)."""

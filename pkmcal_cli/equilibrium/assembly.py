@@ -92,9 +92,10 @@ def balance(
     rows, maps = len(state), system.maps
     arms = turned_arms(system.layout, numbers.bodies, state)
     stacked = views(system, state, arms)
-    forces = np.empty((maps.residual.columns, rows))
+    kind = arms.dtype  # complex where a derivative is taken by complex step; there is no tangent then
+    forces = np.empty((maps.residual.columns, rows), dtype=kind)
     tangents = np.empty((maps.tangent.columns, rows)) if tangent else None
-    residual = np.empty((rows, system.size), order="F")
+    residual = np.empty((rows, system.size), dtype=kind, order="F")
     context = _Context(system, numbers, state, arms, stacked, forces, tangents, residual, scale, curved)
     parts = [
         _add_group(context, k, None if slack is None or not group.group.rope.any() else slack[k])

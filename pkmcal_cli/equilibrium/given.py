@@ -104,7 +104,7 @@ def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
     if group.group.element.per_length:
         numbers = numbers / _shaped(common(slots[:, group.group.rest]), count, width)[..., :1]
     acting = group.elastic[:, :, None] * group.elastic[:, None, :]
-    full: Array = np.zeros((len(numbers), count, width, width), order="F")
+    full: Array = np.zeros((len(numbers), count, width, width), dtype=numbers.dtype, order="F")
     used = np.asarray(numbers.any(axis=(0, 1)))  # most couplings of joints are zero
     for p, k, l in zip(*np.nonzero(patterns * used[:, None, None]), strict=True):
         full[..., k, l] += numbers[..., p] * (patterns[p, k, l] * acting[:, k, l])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.effects import WIDTHS
 from pkmcal_cli.layout import Index
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.inputs import Reactions, SocketInputs
@@ -21,19 +22,19 @@ _STEP = 1e-40
 @dataclass(frozen=True)
 class Displacement:
     """Of one socket: d (N, W); derivatives (N, W, P) with respect to asked parameters, numbered by `columns` (P,);
-    by_reading (N, W) with respect to the reading of the socket's drive.
+    by_reading (N, W, A) with respect to the readings of drives, None where they do not matter.
     """
 
     socket: Socket
     d: Array
     by_parameter: Array
     columns: Index
-    by_reading: Array
+    by_reading: Array | None
 
     def take(self, rows: slice) -> Displacement:
         """Some rows."""
-        parts = self.d[rows], self.by_parameter[rows], self.columns, self.by_reading[rows]
-        return Displacement(self.socket, *parts)
+        by_reading = None if self.by_reading is None else self.by_reading[rows]
+        return Displacement(self.socket, self.d[rows], self.by_parameter[rows], self.columns, by_reading)
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class Displacements:
             by_d = by_moved @ each.socket.matrix  # (N, C, W)
             if jacobian is not None and len(each.columns):
                 jacobian[..., each.columns] += by_d @ each.by_parameter
-            if each.by_reading.any():
-                by_drive[..., each.socket.actuator] += (by_d @ each.by_reading[..., None])[..., 0]
+            if each.by_reading is not None:
+                by_drive += by_d @ each.by_reading
         for each in self.slots:
             if each.socket.scales:
                 moved = each.d @ each.socket.matrix.T
@@ -106,11 +107,44 @@ def _displacement(
         stepped = [value + 1j * _STEP * (i == k) for i, value in enumerate(mine)]
         by_parameter[..., j] = np.imag(placed.effect.displacement(at, stepped, planar)) / _STEP * on
     columns = np.array([asked[placed.parameters[k]] for k in chosen], dtype=np.intp)
-    by_reading = np.zeros_like(d)
-    if d.any() and at.socket.actuator >= 0:
-        stepped_at = replace(at, step=1j * _STEP)
-        by_reading = np.imag(placed.effect.displacement(stepped_at, mine, planar)) / _STEP * on
+    by_reading = None
+    if d.any():
+        by_reading = _by_reading(placed, at, mine, planar) * np.reshape(on, (-1, 1, 1))
+        if at.reactions is not None and placed.effect.reactive:
+            by_pull = _step_in(placed, replace(at, pull_step=1j * _STEP), mine, planar) * on
+            by_parameter, columns = _with_reaction(by_parameter, columns, by_pull, at, len(asked))
+            by_reading = by_reading + _of_reaction(by_pull, at, at.reactions.by_drive)
     return Displacement(at.socket, d, by_parameter, columns, by_reading)
+
+
+def _by_reading(placed: PlacedEffect, at: SocketInputs, mine: list[float], planar: bool) -> Array:
+    """Derivative (N, W, A) by the reading of the socket's own drive."""
+    out = np.zeros((at.rows, WIDTHS[placed.effect.port], len(at.model.actuators)))
+    if at.socket.actuator >= 0:
+        out[..., at.socket.actuator] = _step_in(placed, replace(at, step=1j * _STEP), mine, planar)
+    return out
+
+
+def _step_in(placed: PlacedEffect, stepped: SocketInputs, mine: list[float], planar: bool) -> Array:
+    return np.asarray(np.imag(placed.effect.displacement(stepped, mine, planar)) / _STEP)
+
+
+def _of_reaction(by_pull: Array, at: SocketInputs, by: Array | None) -> Array | float:
+    """What a displacement's force (by_pull (N, W)) hands on of its derivatives (N, R, k): (N, W, k)."""
+    if by is None or at.reactions is None:
+        return 0.0
+    return np.asarray(by_pull[..., None] * by[:, at.reactions.places.index(at.socket.place), None])
+
+
+def _with_reaction(
+    by_parameter: Array, columns: Index, by_pull: Array, at: SocketInputs, asked: int
+) -> tuple[Array, Index]:
+    """Derivatives by all asked parameters, since they change the force."""
+    if not asked or at.reactions is None:
+        return by_parameter, columns
+    out = np.zeros((*by_parameter.shape[:2], asked)) + _of_reaction(by_pull, at, at.reactions.jacobian)
+    out[..., columns] += by_parameter
+    return out, np.arange(asked)
 
 
 def _rows_of(placed: PlacedEffect, at: SocketInputs) -> NDArray[np.float64] | float:

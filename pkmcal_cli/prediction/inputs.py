@@ -22,11 +22,16 @@ _DEFAULTS = {"smooth": 10.0}  # N
 
 @dataclass(frozen=True)
 class Reactions:
-    """Of the pass before: forces of the drives (N, A), pulls (N,) and chords (N, 3) of members by (group, element)."""
+    """Of the pass before: forces (N, R) at places, chords (N, 3) of members by (group, element).
 
-    drives: Array
-    pulls: Mapping[tuple[int, int], Array]
+    jacobian (N, R, P') and by_drive (N, R, A): derivatives by asked parameters and by drive readings, or None.
+    """
+
+    places: tuple[tuple[int, int, int], ...]
+    values: Array
     chords: Mapping[tuple[int, int], Array]
+    jacobian: Array | None
+    by_drive: Array | None
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,7 @@ class SocketInputs:
     socket: Socket
     reactions: Reactions | None
     step: complex = 0.0  # on the drive's reading, for its derivative
+    pull_step: complex = 0.0  # on the force of the earlier pass
 
     @property
     def rows(self) -> int:
@@ -131,9 +137,8 @@ class SocketInputs:
     def pull(self) -> Array:
         """Force of the earlier pass in the member, or of the drive, N."""
         assert self.reactions is not None
-        if self.socket.member[0] >= 0:
-            return self.reactions.pulls[self.socket.member]
-        return np.asarray(self.reactions.drives[:, self.socket.actuator])
+        value = self.reactions.values[:, self.reactions.places.index(self.socket.place)]
+        return np.asarray(value + self.pull_step if self.pull_step else value)
 
     @property
     def chord(self) -> Array:

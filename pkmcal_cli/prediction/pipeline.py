@@ -39,7 +39,7 @@ def predict(
         raise ValueError(f"derivatives are those of the equilibrium: no derivatives with method {request.method}")
     base = model.layout.slots.values(model.by_name(values))
     chain = Chain.of(model, values, request)
-    moved = _moved(model, values, base, rows, request)
+    moved = _moved(model, values, base, rows, request, chain)
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
         some, mine, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
@@ -52,19 +52,23 @@ def predict(
     return _joined(parts)
 
 
-def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Request) -> Displacements:
+def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Request, chain: Chain) -> Displacements:
     """What effects displace in every row of the table; reactive ones by the forces of a pass without them."""
     asked = request.parameters or ()
-    reactive = [e for e in model.effects if e.effect.reactive and any(model.by_name(values)[n] for n in e.parameters)]
-    reactive += [e for e in model.effects if e.effect.reactive and any(n in asked for n in e.parameters)]
+    numbers = model.by_name(values)
+    acting = {e.name for e in model.effects if any(numbers[n] for n in e.parameters)}
+    wanted = acting | {e.name for e in model.effects if any(n in asked for n in e.parameters)}
+    reactive = [e for e in model.effects if e.effect.reactive and e.name in wanted]
     if not reactive:
         return displacements(model, values, rows, asked, None)
-    first = displacements(model, values, rows, (), None)
+    known = chain if request.derivatives and acting & {e.name for e in reactive} else None
+    first = displacements(model, values, rows, asked, None)
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        slots = commanded_slots(model, base, rows.take(chunk))
-        first.take(chunk).apply(slots)
-        parts.append(reactions(model, solve(model, slots, "exact", None), reactive))
+        some, mine = rows.take(chunk), first.take(chunk)
+        slots = commanded_slots(model, base, some)
+        mine.apply(slots)
+        parts.append(reactions(model, solve(model, slots, "exact", None), reactive, some, known, mine))
     return displacements(model, values, rows, asked, joined_reactions(parts))
 
 
