@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from tests.benchmark.cases import LEVELS, TESTS
 from tests.benchmark.counts import Share, median, of_test, table
@@ -159,21 +160,24 @@ def _found(r: Result) -> str:
 
 
 def why(r: Result) -> str:
-    """What is known of the cause: small, near a rival, of a shape of its own."""
-    reasons = []
-    for p in r.planted:
-        if p.get("joint", 9.0) < 1.5:
-            reasons.append(f"small: {p['joint']:.1f} MDB")
-        if p.get("calibrated", 1.0) < p.get("own", 0.0) - 0.1:
-            reasons.append(f"the calibration moves its signature: cosine {p['own']:.2f} falls to {p['calibrated']:.2f}")
-        if p.get("cosine", 0.0) > 0.95:
-            reasons.append(f"{p['rival']} does the same (cosine {p['cosine']:.3f})")
-        elif p.get("cosine", 0.0) > p.get("own", 1.0) - 0.05:
-            reasons.append(f"own shape: {p['own']:.2f} to its own hypothesis, {p['cosine']:.2f} to {p['rival']}")
-        elif p.get("own", 1.0) < 0.95:
-            reasons.append(f"own shape: cosine {p['own']:.2f} to its hypothesis")
+    """What is known of the cause: small, near a rival, of a shape of its own, moved by the calibration."""
+    reasons = [reason for p in r.planted if "own" in p for reason in _reasons(p)]
     truths = {p["name"] for p in r.planted}
     for f in r.found:
         if f["name"] not in truths and f["name"] != f["set"][0][0]:
             reasons.append(f"{f['name']} is not the best of its own set")
     return "; ".join(reasons)
+
+
+def _reasons(p: dict[str, Any]) -> Iterator[str]:
+    """What is known of one planted effect."""
+    if p["joint"] < 1.5:
+        yield f"small: {p['joint']:.1f} MDB"
+    if p.get("calibrated", 1.0) < p["own"] - 0.1:
+        yield f"the calibration moves its signature: cosine {p['own']:.2f} falls to {p['calibrated']:.2f}"
+    apart = p["size"] * max(1 - p["cosine"] ** 2, 0.0) ** 0.5
+    if p["cosine"] > 0.7 and apart < 2.5:
+        yield f"{apart:.1f} MDB tell it from {p['rival']} (cosine {p['cosine']:.3f})"
+    beyond = p["size"] * max(1 - p["own"] ** 2, 0.0) ** 0.5
+    if beyond > 0.7:
+        yield f"own shape: {beyond:.1f} MDB of {p['name']} are outside its hypothesis (cosine {p['own']:.2f})"

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding
-from pkmcal_cli.effects import catalogue
 from tests.benchmark.baselines import baselines
 from tests.benchmark.cases import Case
-from tests.benchmark.draw import Drawn, joint_sizes
+from tests.benchmark.draw import joint_sizes
+from tests.benchmark.followup import again
 from tests.benchmark.heldout import held_out
+from tests.benchmark.names import in_set, is_residue, names_of
 from tests.benchmark.setting import Setting, diagnosed
 
 RULES = """
@@ -40,7 +41,6 @@ RULES = """
   and nothing is said to be unknown.
 - **held-out error**: rms against the true readings of a second campaign of the same day, other poses and times.
 """
-SHAPED = ("command", "guide", "carriage", "length")
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,8 @@ class Result:
     errors: Mapping[str, float] = field(default_factory=dict)
     held_out: Mapping[str, float] = field(default_factory=dict)
     others: Mapping[str, bool] = field(default_factory=dict)  # whether simpler ways are exact
+    apart: float = 0.0  # size of what tells the members of a set apart, with further points; 0: none were measured
+    solved: bool = False  # whether the diagnosis with these is exact, a set of one
 
 
 def judged(case: Case) -> Result:
@@ -98,7 +100,17 @@ def judged(case: Case) -> Result:
         errors=errors_of(case, d) if whole else {},
         held_out=held_out(case, d) if whole else {},
         others=others(case, d) if case.test in ("nothing", "single") else {},
+        **(_followed(case, d) if case.test == "alias" else {}),
     )
+
+
+def _followed(case: Case, d: Diagnosis) -> dict[str, Any]:
+    """What further points make of a set that holds the truth."""
+    if not (d.findings and d.findings[0].ambiguous and in_set(case.drawn[0], d)):
+        return {}
+    then = again(case, d)
+    whole = outcome_of(case, then.diagnosis)[0] == "exact"
+    return {"apart": then.apart, "solved": whole and not then.diagnosis.findings[0].ambiguous}
 
 
 def _head(case: Case) -> dict[str, Any]:
@@ -143,25 +155,6 @@ def _finding(f: Finding) -> dict[str, Any]:
         "provisional": f.provisional,
         "confirmed": f.held_out.confirmed,
     }
-
-
-def names_of(drawn: Drawn, d: Diagnosis) -> set[str]:
-    """The names under which a planted effect may be reported."""
-    return {drawn.name, d.same.get(drawn.name, drawn.name)}
-
-
-def in_set(drawn: Drawn, d: Diagnosis) -> bool:
-    """Whether a planted effect is in the credible set of a finding."""
-    return any(r.hypothesis.name in names_of(drawn, d) for f in d.findings for r in f.rivals)
-
-
-def is_residue(name: str, drawn: Drawn) -> bool:
-    """Whether a further finding belongs to the shape of a planted effect."""
-    keyword, _, at = name.partition("@")
-    mine, other = catalogue().get(drawn.planted.keyword), catalogue().get(keyword)
-    if mine is None or other is None or at != drawn.planted.at:
-        return False
-    return mine.port in SHAPED and (mine.port, mine.needs) == (other.port, other.needs)
 
 
 def outcome_of(case: Case, d: Diagnosis) -> tuple[str, int]:

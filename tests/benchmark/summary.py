@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,9 +206,18 @@ def _sizes(results: Sequence[Result]) -> list[Row]:
 def _alias(results: Sequence[Result]) -> list[Row]:
     every = of_test(results, "alias")
     lone = Share.of(every, lambda r: not r.in_set and any(len(f["set"]) == 1 for f in r.found) and not r.unknown)
+
+    def solved(wanted: Callable[[float], bool]) -> Share:
+        return Share.of([r for r in every if r.apart and wanted(r.apart)], lambda r: r.solved)
+
+    few = solved(lambda a: a < SURE)
     return [
         at_most("alias pairs", "a lone wrong name", lone, 0.0),
         Row("", "truth in the set of a finding", str(Share.of(every, _held)), "", None),
+        at_least(
+            "", "48 further points that tell them apart by 1.5 MDB or more: solved", solved(lambda a: a >= SURE), 0.95
+        ),
+        Row("", "48 further points do not tell them apart (less than 1.5 MDB): solved", str(few), "", None),
     ]
 
 

@@ -1,0 +1,109 @@
+"""Where two effects do the same: further points chosen to tell them apart, and the diagnosis with these.
+
+The points are chosen as `pkmcal plan --separate` does, out of poses that the simulator can reach; they are measured
+after the campaign, in the same set-up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear, linear_problem
+from pkmcal_cli.diagnosis.plan import Aim, best_points, whitened_blocks
+from pkmcal_cli.rotation import Array
+from tests.benchmark.cases import Case
+from tests.benchmark.names import names_of
+from tests.benchmark.setting import Ready, diagnosed, ready
+from tests.truth.campaigns import Campaign
+from tests.truth.noise_true import unit_noise
+from tests.truth.shop_conditions import Conditions, conditions
+from tests.truth.shop_plans import PLANS
+from tests.truth.shop_truth import truth
+
+POINTS, POOL, MOST = 48, 300, 4
+
+
+@dataclass(frozen=True)
+class Again:
+    """The diagnosis with further points, and the size (in MDB) of what then tells the truth from each other member of
+    the set, the least of them."""
+
+    diagnosis: Diagnosis
+    apart: float
+
+
+def again(case: Case, d: Diagnosis) -> Again:
+    """The diagnosis with further points that are to separate the members of the first finding's set."""
+    first = case.measured()
+    pool = extended(case, first)
+    whole = ready(pool)
+    known = {h.name: h for h in whole.candidates.hypotheses}
+    members = [known[r.hypothesis.name] for r in d.findings[0].rivals][:MOST]
+    linear = _linear(whole, d, members)
+    aim = Aim("separate", tuple(h.parameters for h in members))
+    blocks = whitened_blocks(linear, len(whole.problem))
+    chosen = best_points(linear, blocks, len(first.readings), aim, POINTS).rows
+    rows = np.append(np.arange(len(first.readings)), len(first.readings) + np.sort(chosen))
+    truths = names_of(case.drawn[0], d)
+    rivals = [h for h in members if h.name not in truths]
+    there = taken(pool, rows)
+    apart = _apart(case, there, _linear(ready(there), d, rivals), rivals)
+    return Again(diagnosed(there, case.seed), apart)
+
+
+def _linear(whole: Ready, d: Diagnosis, members: list[Hypothesis]) -> Linear:
+    """The problem at the calibration of the first campaign."""
+    others = [n for h in members for n in h.parameters if n not in whole.selected]
+    return linear_problem(whole.problem, d.before.values, whole.selected, others, None)
+
+
+def _apart(case: Case, there: Campaign, linear: Linear, rivals: list[Hypothesis]) -> float:
+    """The least size of the truth's change with one rival projected out."""
+    plan, rows = PLANS[case.machine], there.conditions
+    geometry = plan.geometry({**plan.nominal, **there.parameters})
+    plain = truth(plan, geometry, rows, [], there.scenario.extra, case.seed, there.conditions).readings
+    change = ((there.true_readings - plain) / there.sigma).ravel()
+    sizes = []
+    for h in rivals:
+        rest = linear.projecting((*linear.projected, *h.parameters))
+        sizes.append(float(np.sqrt(max(float(change @ rest.free(change)), 0.0) / NONCENTRALITY)))
+    return min(sizes, default=0.0)
+
+
+def extended(case: Case, first: Campaign) -> Campaign:
+    """The campaign with a pool of further rows, measured after it in the last set-up."""
+    plan, scenario = PLANS[case.machine], first.scenario
+    more = conditions(plan, case.seed, POOL, replace(scenario, stream=2))
+    time = more.time + more.air.length
+    session = np.full(POOL, first.conditions.session.max())
+    more = replace(more, time=time, session=session, temperature=np.round(more.air.at(time), 3))
+    whole = joined(first.conditions, more)
+    geometry = plan.geometry({**plan.nominal, **first.parameters})
+    true = truth(plan, geometry, whole, case.planted, scenario.extra, case.seed, first.conditions).readings
+    rng = np.random.default_rng((case.seed, 7))
+    noise = first.sigma * unit_noise(scenario.noise, POOL, len(first.sigma), rng)
+    readings = np.vstack([first.readings, true[len(first.readings) :] + noise])
+    bad = np.append(first.outlier, np.zeros(POOL, dtype=bool))
+    return replace(first, conditions=whole, readings=readings, true_readings=true, outlier=bad)
+
+
+ROWS = ("poses", "q", "time", "session", "temperature", "payload", "direction")
+
+
+def joined(first: Conditions, more: Conditions) -> Conditions:
+    """Circumstances of the rows of both."""
+    both: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(more, name)]) for name in ROWS}
+    return replace(first, **both)
+
+
+def taken(whole: Campaign, rows: Array) -> Campaign:
+    """Some rows of a campaign."""
+    some: dict[str, Any] = {name: getattr(whole.conditions, name)[rows] for name in ROWS}
+    chosen = replace(whole.conditions, **some)
+    parts: dict[str, Any] = {name: getattr(whole, name)[rows] for name in ("readings", "true_readings", "outlier")}
+    return replace(whole, conditions=chosen, **parts)

@@ -1,0 +1,28 @@
+"""Whether a name is that of a planted effect."""
+
+from __future__ import annotations
+
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.effects import catalogue
+from tests.benchmark.draw import Drawn
+
+SHAPED = ("command", "guide", "carriage", "length")
+
+
+def names_of(drawn: Drawn, d: Diagnosis) -> set[str]:
+    """The names under which a planted effect may be reported."""
+    return {drawn.name, d.same.get(drawn.name, drawn.name)}
+
+
+def in_set(drawn: Drawn, d: Diagnosis) -> bool:
+    """Whether a planted effect is in the credible set of a finding."""
+    return any(r.hypothesis.name in names_of(drawn, d) for f in d.findings for r in f.rivals)
+
+
+def is_residue(name: str, drawn: Drawn) -> bool:
+    """Whether a further finding belongs to the shape of a planted effect."""
+    keyword, _, at = name.partition("@")
+    mine, other = catalogue().get(drawn.planted.keyword), catalogue().get(keyword)
+    if mine is None or other is None or at != drawn.planted.at:
+        return False
+    return mine.port in SHAPED and (mine.port, mine.needs) == (other.port, other.needs)
