@@ -13,6 +13,7 @@ from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_all, scored
 from pkmcal_cli.rotation import Array
 
 RIVALS = 4
+ALL = "all"
 CREDIBLE = 0.95
 _BETTER = 0.5  # log evidence by which another set must be better
 
@@ -29,7 +30,9 @@ class Rival:
 def swapped(now: Search) -> Search:
     """The search with effects dropped or replaced by rivals while that raises the evidence of the whole set."""
     for _ in range(2 * len(now.accepted)):
-        better = next((s for h in now.accepted if (s := _improved(now, h)) is not None), None)
+        kinds = dict.fromkeys(h.effect for h in now.accepted)
+        better = next((s for k in kinds if (s := _reselected(now, k)) is not None), None)
+        better = better or next((s for h in now.accepted if (s := _improved(now, h)) is not None), None)
         if better is None:
             return now
         now = better
@@ -55,6 +58,38 @@ def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
             if fit is not None and _evidence(after, fit.chi2, found) > _evidence(now, now.fit.chi2, found) + _BETTER:
                 return _renamed(replace(after, fit=fit), found, int(k))
     return None
+
+
+def _reselected(now: Search, keyword: str) -> Search | None:
+    """The search with all effects of one kind chosen anew among single places, if that is better; None if not.
+
+    `all` accepted first, and then what is wrong about it, stands for two single places.
+    """
+    mine = [h for h in now.accepted if h.effect == keyword]
+    if len(mine) < 2 or ALL not in [h.at for h in mine]:
+        return None
+    rest = replace(now, accepted=tuple(h for h in now.accepted if h not in mine))
+    linear = _linear(now)
+    for h in mine:
+        linear = taken_back(linear, replace(now, accepted=()), h)
+    singles = [h for h in now.candidates.hypotheses if h.effect == keyword and h.at != ALL]
+    chosen: list[Hypothesis] = []
+    while len(chosen) < len(mine):
+        found = scored(linear, now.problem, [h for h in singles if h not in chosen])
+        best = int(np.argmax(found.log_bayes))
+        if found.log_bayes[best] <= 0:
+            break
+        chosen.append(found.hypotheses[best])
+        linear = linear.projecting((*linear.projected, *found.hypotheses[best].parameters))
+    after = replace(rest, accepted=(*rest.accepted, *chosen))
+    fit = refit(after, {})
+    if fit is None or not chosen or _evidence(after, fit.chi2, found) <= _evidence(now, now.fit.chi2, found):
+        return None
+    p, evidence = dict(now.p_values), dict(now.evidence)
+    for h in chosen:
+        p.setdefault(h.name, min(now.p_values.get(m.name, 1.0) for m in mine))
+        evidence.setdefault(h.name, max(now.evidence.get(m.name, 0.0) for m in mine))
+    return replace(after, fit=fit, p_values=p, evidence=evidence)
 
 
 def _renamed(now: Search, found: Scored, k: int) -> Search:

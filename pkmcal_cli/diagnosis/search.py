@@ -104,17 +104,29 @@ def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed
 def score_all(now: Search, hypotheses: Sequence[Hypothesis], without: Hypothesis | None = None) -> Scored:
     """Scores of hypotheses at the present solution; `without`: an accepted one that is taken back, to first order."""
     others = [n for h in hypotheses for n in h.parameters if n not in now.selected]
-    linear = linear_problem(now.problem, now.fit.values, now.selected, others, now.fit.after.state)
+    linear = linear_problem(now.problem, _same_lag(now, hypotheses), now.selected, others, now.fit.after.state)
     if without is not None:
         linear = taken_back(linear, now, without)
     return scored(linear, now.problem, hypotheses)
 
 
+def _same_lag(now: Search, hypotheses: Sequence[Hypothesis]) -> Array:
+    """Values (P,) at which hypotheses have the lag of the accepted thermal effects, or rivals would be behind."""
+    names, values = now.problem.model.names, now.fit.values.copy()
+    lags = [values[names.index(n)] for h in now.accepted for n in h.parameters if n.endswith(".lag")]
+    if lags:
+        accepted = {h.name for h in now.accepted}
+        rivals = [n for h in hypotheses if h.name not in accepted for n in h.parameters if n.endswith(".lag")]
+        values[[names.index(n) for n in rivals]] = max(lags)
+    return values
+
+
 def taken_back(linear: Linear, now: Search, hypothesis: Hypothesis) -> Linear:
-    """The problem as it would be had this accepted effect null value, to first order."""
+    """The problem as it would be had this accepted effect null value, to first order in what it is linear in."""
     names = tuple(n for n in linear.projected if n not in hypothesis.parameters)
     index = [now.problem.model.names.index(n) for n in hypothesis.parameters]
     size = now.fit.values[index] - now.problem.model.nominal[index]
+    size[[n.endswith(".lag") for n in hypothesis.parameters]] = 0.0  # it only shapes the others' columns
     back = linear.of(hypothesis.parameters) @ (size / linear.scale_of(hypothesis.parameters))
     return linear.projecting(names, residual=linear.residual + back)
 

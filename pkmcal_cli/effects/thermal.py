@@ -8,10 +8,25 @@ from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
 
 _REFERENCE = Option("reference", "degC", "temperature at which the effect is zero; default 20 degC")
 _EXPANSION = "um/(m*K)"
+_LAG = EffectParameter("lag", "min", 120, "time constant of the part behind its sensor", most=1000)
 
 
-def _base(at: Inputs, a: Any) -> Any:
-    return [a * at.at[k] * at.warmth for k in range(3)]
+def _per_kelvin(size: float, what: str) -> tuple[EffectParameter, ...]:
+    """Parameters of a shift along each axis, and of its lag."""
+    axes = (
+        EffectParameter(f"g{c}", "um/K", size, f"{what} along {c} per temperature", spatial=c == "z") for c in "xyz"
+    )
+    return (*axes, _LAG)
+
+
+def _base(at: Inputs, a: Any, lag: Any) -> Any:
+    warmth = at.lagged(lag)
+    return [a * at.at[k] * warmth for k in range(3)]
+
+
+def _shift(at: Inputs, gx: Any, gy: Any, gz: Any, lag: Any) -> Any:
+    warmth = at.lagged(lag)
+    return [gx * warmth, gy * warmth, gz * warmth]
 
 
 STRUT = Effect(
@@ -22,7 +37,7 @@ STRUT = Effect(
     "length",
     (
         EffectParameter("a", _EXPANSION, 50, "expansion coefficient (steel 11.5, aluminium 23, CFRP 0 to 2)"),
-        EffectParameter("lag", "min", 120, "time constant of the member behind its sensor", most=1000),
+        _LAG,
     ),
     lambda at, a, lag: a * at.length * at.lagged(lag),
     needs=("temperature",),
@@ -40,8 +55,9 @@ SCREW = Effect(
     (
         EffectParameter("a", _EXPANSION, 50, "expansion coefficient"),
         EffectParameter("o", "um/K", 10, "shift of the zero, by the place of the fixed bearing", rotary="urad/K"),
+        _LAG,
     ),
-    lambda at, a, o: (a * at.travel + o) * at.warmth,
+    lambda at, a, o, lag: (a * at.travel + o) * at.lagged(lag),
     needs=("temperature",),
     options=(_REFERENCE,),
     where="linear",
@@ -55,7 +71,7 @@ BASE = Effect(
     "",
     "ISO 230-3 (environmental temperature variation error)",
     "base",
-    (EffectParameter("a", _EXPANSION, 50, "expansion coefficient of the base about its origin"),),
+    (EffectParameter("a", _EXPANSION, 50, "expansion coefficient of the base about its origin"), _LAG),
     _base,
     needs=("temperature",),
     options=(_REFERENCE,),
@@ -70,8 +86,11 @@ FOOT = Effect(
     "",
     "ISO 230-3 (bending of columns by temperature gradients)",
     "base",
-    tuple(EffectParameter(f"g{c}", "um/K", 20, f"shift along {c} per temperature", spatial=c == "z") for c in "xyz"),
-    lambda at, gx, gy, gz: [gx * at.warmth, gy * at.warmth, gz * at.warmth],
+    (
+        *(EffectParameter(f"g{c}", "um/K", 20, f"shift along {c} per temperature", spatial=c == "z") for c in "xyz"),
+        _LAG,
+    ),
+    _shift,
     needs=("temperature",),
     options=(_REFERENCE,),
     common=False,
@@ -85,8 +104,11 @@ TOOL = Effect(
     "",
     "ISO 230-3 (spindle growth)",
     "tool",
-    tuple(EffectParameter(f"g{c}", "um/K", 10, f"growth along {c} per temperature", spatial=c == "z") for c in "xyz"),
-    lambda at, gx, gy, gz: [gx * at.warmth, gy * at.warmth, gz * at.warmth],
+    (
+        *(EffectParameter(f"g{c}", "um/K", 10, f"growth along {c} per temperature", spatial=c == "z") for c in "xyz"),
+        _LAG,
+    ),
+    _shift,
     needs=("temperature",),
     options=(_REFERENCE,),
     common=False,
