@@ -42,7 +42,7 @@ def document(results: Sequence[Result]) -> str:
         confusion(results),
         "## Sizes off by more than three standard deviations\n",
         sizes(results),
-        "## Every miss\n",
+        "## Every miss\n\nNot listed: sets that hold the truth where another effect has a cosine above 0.95.\n",
         *misses(results),
     ]
     return "\n".join(part for part in parts if part)
@@ -140,6 +140,8 @@ def missed(r: Result) -> bool:
         return reported(r)
     if "unknown" in r.test:
         return not r.unknown
+    if r.outcome == "set" and r.test in ("single", "alias") and not r.planted[0]["separable"]:
+        return False  # a set that holds the truth is right where another effect does the same
     return r.outcome != "exact" and r.test not in ("power", "no_temperature", "no_direction")
 
 
