@@ -98,7 +98,14 @@ class Model:
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""
-        made = replace(self, effects=self.effects + effects, parameters=self.parameters + parameters)
+        return self._with(self.effects + effects, self.parameters + parameters)
+
+    def with_options(self, effects: tuple[PlacedEffect, ...]) -> Model:
+        """The model with other constants of its effects."""
+        return self._with(effects, self.parameters)
+
+    def _with(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
+        made = replace(self, effects=effects, parameters=parameters)
         made.__dict__.update({name: self.__dict__[name] for name in _SYSTEMS if name in self.__dict__})
         return made
 

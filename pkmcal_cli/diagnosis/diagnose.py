@@ -17,6 +17,7 @@ from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
 from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
 from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
+from pkmcal_cli.prediction import settled_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
@@ -81,6 +82,8 @@ class Diagnosis:
 def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int) -> Diagnosis:
     """Diagnose a table; `problem` belongs to the candidates' model. Raises RowsFailed."""
     before = identify(problem, selected)
+    model = settled_smoothing(problem.model, before.values, problem.rows)
+    problem, found = replace(problem, model=model), replace(found, model=model)
     start = Search(found, problem, selected, before)
     first = score_all(start, found.hypotheses)
     same = _same_as_parameters(first)

@@ -20,6 +20,7 @@ from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest
 from pkmcal_cli.rotation import Array
 
 MOST_EFFECTS = 5
+_CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
 
 @dataclass(frozen=True)
@@ -155,9 +156,27 @@ def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:
         return _without_rows(now, rows)
     if most <= 0.0 or len(now.accepted) >= MOST_EFFECTS:
         return None
-    if _is_residue(now, scored, best):
-        return replace(now, refused=now.refused | {scored.hypotheses[best].name})
-    return _accepted(now, scored, best)
+    return _best_of(now, scored, evidence)
+
+
+def _best_of(now: Search, scored: Scored, evidence: Array) -> Search:
+    """The contender that is best once it has been fitted: scores are linear, and a refit may turn them round."""
+    order = np.argsort(-evidence, kind="stable")[:_CONTENDERS]
+    trials = []
+    for k in (int(k) for k in order if evidence[k] > max(evidence[order[0]] - _CLOSE, 0.0)):
+        if _is_residue(now, scored, k):
+            now = replace(now, refused=now.refused | {scored.hypotheses[k].name})
+            continue
+        after = _accepted(now, scored, k)
+        if after is None:
+            now = replace(now, refused=now.refused | {scored.hypotheses[k].name})
+            continue
+        gain = 0.5 * (now.fit.chi2 - after.fit.chi2) / scored.scale.variance
+        trials.append((gain - 0.5 * scored.scores[k].count * np.log(scored.linear.used), after))
+    if not trials:
+        return now
+    best = max(trials, key=lambda trial: trial[0])[1]
+    return replace(best, refused=now.refused)
 
 
 def _is_residue(now: Search, scored: Scored, best: int) -> bool:
@@ -200,13 +219,13 @@ def _without_rows(now: Search, rows: NDArray[np.intp]) -> Search:
     return replace(now, problem=problem, fit=fit, bad_rows=(*now.bad_rows, *(int(r) for r in rows)))
 
 
-def _accepted(now: Search, scored: Scored, best: int) -> Search:
-    """The same with one more effect, if a fit with it succeeds and is better; else with one refused."""
+def _accepted(now: Search, scored: Scored, best: int) -> Search | None:
+    """The same with one more effect; None if a fit with it fails or is not better."""
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
     after = replace(now, accepted=(*now.accepted, hypothesis))
     fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
     if fit is None or not now.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
-        return replace(now, refused=now.refused | {hypothesis.name})
+        return None
     p, evidence = dict(now.p_values), dict(now.evidence)
     p[hypothesis.name], evidence[hypothesis.name] = float(scored.p_values[best]), float(scored.log_bayes[best])
     return replace(after, fit=fit, p_values=p, evidence=evidence)

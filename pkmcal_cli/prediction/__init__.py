@@ -8,7 +8,7 @@ stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and 
 from __future__ import annotations
 
 from pkmcal_cli.prediction.inputs import settled_options
-from pkmcal_cli.prediction.pipeline import predict, row_chunks
+from pkmcal_cli.prediction.pipeline import predict, row_chunks, settled_smoothing
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose
 from pkmcal_cli.prediction.stages import drawing_slots, drive_travels, stage_slots
@@ -25,5 +25,6 @@ __all__ = [
     "rigid_pose",
     "row_chunks",
     "settled_options",
+    "settled_smoothing",
     "stage_slots",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,14 +11,18 @@ from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.effects import Displacements, displacements
+from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.outcome import outcome
 from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import solve
 from pkmcal_cli.prediction.stages import Chain, commanded_slots
 from pkmcal_cli.rotation import Array
+from pkmcal_cli.sockets import PlacedEffect
 
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
+_SMOOTHED = 0.1  # share of the usual force over which the sign of a force is smoothed
+_LEAST_FORCE = 1e-3  # N
 _FEWEST = 32  # rows of a chunk, or the calls cost more than the arithmetic
 
 
@@ -63,13 +68,49 @@ def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Reques
         return displacements(model, values, rows, asked, None)
     known = chain if request.derivatives and acting & {e.name for e in reactive} else None
     first = displacements(model, values, rows, asked, None)
+    found = _earlier_pass(model, base, rows, reactive, known, first)
+    return displacements(model, values, rows, asked, found)
+
+
+def _earlier_pass(
+    model: Model,
+    base: Array,
+    rows: Rows,
+    reactive: Sequence[PlacedEffect],
+    chain: Chain | None,
+    moved: Displacements,
+) -> Reactions:
+    """Forces at the sockets of reactive effects, while these do not act."""
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        some, mine = rows.take(chunk), first.take(chunk)
+        some, mine = rows.take(chunk), moved.take(chunk)
         slots = commanded_slots(model, base, some)
         mine.apply(slots)
-        parts.append(reactions(model, solve(model, slots, "exact", None), reactive, some, known, mine))
-    return displacements(model, values, rows, asked, joined_reactions(parts))
+        parts.append(reactions(model, solve(model, slots, "exact", None), reactive, some, chain, mine))
+    return joined_reactions(parts)
+
+
+def settled_smoothing(model: Model, values: Array, rows: Rows) -> Model:
+    """The model with the force over which signs are smoothed stated for every reactive effect that leaves it open.
+
+    A tenth of the root mean square force at its place, at parameter values (P,).
+    """
+    some = [e for e in model.effects if e.effect.reactive and "smooth" not in e.options and _smooths(e)]
+    if not some:
+        return model
+    base = model.layout.slots.values(model.by_name(values))
+    found = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None))
+    size = dict(zip(found.places, np.sqrt(np.nanmean(found.values**2, axis=0)), strict=True))
+    settled = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sockets), _LEAST_FORCE) for e in some}
+    effects = tuple(
+        replace(e, options={**e.options, "smooth": (settled[e.name],)}) if e.name in settled else e
+        for e in model.effects
+    )
+    return model.with_options(effects)
+
+
+def _smooths(placed: PlacedEffect) -> bool:
+    return any(option.name == "smooth" for option in placed.effect.options)
 
 
 def row_chunks(system: System, rows: int) -> Iterator[slice]:
