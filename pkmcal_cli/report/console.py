@@ -55,8 +55,15 @@ class Reporter:
         with suppress(OSError):  # a closed stderr does not end the work
             self.console.print(shown)
 
-    def table(self, title: str, headers: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> None:
-        """A table; the first `left` columns are text."""
+    def table(
+        self,
+        title: str,
+        headers: Sequence[str],
+        rows: Iterable[Sequence[str]],
+        left: int = 1,
+        folded: Sequence[str] = ("remark",),
+    ) -> None:
+        """A table; the first `left` columns are text, and columns `folded` go on in a second line where it is wide."""
         if self.quiet:
             return
         from rich.table import Table
@@ -64,8 +71,8 @@ class Reporter:
 
         table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False, header_style="bold")
         for k, header in enumerate(headers):
-            text = k < left or header in ("remark", "")
-            table.add_column(Text(header), justify="left" if text else "right", no_wrap=header != "remark")
+            text = k < left or header == "" or header in folded
+            table.add_column(Text(header), justify="left" if text else "right", no_wrap=header not in folded)
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         self._print(table)

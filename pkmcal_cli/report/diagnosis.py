@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding, Invisible
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.unknown import Unknown
@@ -15,12 +17,14 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.numbers import finite, readable, uncertain
+from pkmcal_cli.report.numbers import detectable_size, finite, handy, readable, uncertain
+from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 
 _SHOWN = 12
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
+_MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
 class DiagnosisReport:
@@ -127,8 +131,10 @@ class DiagnosisReport:
 
     def verdict_line(self) -> str:
         """What the data say, in one sentence."""
-        found, sigma = self.found, self._length(self._sigma)
-        rms = self._length(self._sigma * float(np.sqrt(found.before.chi2 / max(found.before.dof, 1))))
+        found = self.found
+        ratio = f"{np.sqrt(found.before.chi2 / max(found.before.dof, 1)):.3g}"
+        rms, sigma = self._rms(), self._sigma
+        rms_text, sigma_text = (readable(x, self._length_unit, like=max(rms, sigma)) for x in (rms, sigma))
         words = {
             "clean": "nothing is left above noise",
             "found": "an effect is missing in the model, and found",
@@ -136,10 +142,23 @@ class DiagnosisReport:
             "unknown": "something is missing that no effect of the catalogue explains",
             "measurement_fault": "the measurement is at fault",
         }
-        estimated = (
-            "" if found.scale.variance == 1.0 else f"; sigma {np.sqrt(found.scale.variance):.2f} times as stated"
-        )
-        return f"Residual {rms} rms after calibration, sigma {sigma}{estimated}: {words[found.verdict]}."
+        scale = f"{ratio} times what noise explains (sigma {sigma_text}{self._doubt_of_sigma()})"
+        return f"Residual {rms_text} rms after calibration, {scale}: {words[found.verdict]}."
+
+    def _rms(self) -> float:
+        """Root mean square error after calibration, bad rows included: of positions where they are measured, SI."""
+        problem = self.found.problem
+        measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma)
+        kinds = error_figures(replace(problem, measured=measured), self.found.before.after)
+        return kinds["position"].rms if "position" in kinds else next(iter(kinds.values())).rms
+
+    def _doubt_of_sigma(self) -> str:
+        """What the residual says of the stated sigma, where they differ much."""
+        found = self.found
+        if found.scale.variance != 1.0:
+            return f", noise taken as {np.sqrt(found.scale.variance):.3g} times sigma"
+        after = found.search.fit
+        return ", which is stated too large" if after.dof >= _MANY and after.chi2_per_dof < _TOO_SMALL else ""
 
     def _show_table(self, to: Reporter, title: str, findings: Sequence[Finding]) -> None:
         if not findings:
@@ -148,23 +167,21 @@ class DiagnosisReport:
         rows = []
         for finding in findings:
             rivals = [r.hypothesis.name for r in finding.rivals if r.hypothesis != finding.hypothesis]
+            held = finding.held_out
             rows.append(
                 (
                     self._title(finding.hypothesis),
                     finding.hypothesis.at,
                     self._size(finding),
                     f"{100 * finding.share:.0f} %",
-                    self._length(finding.held_out.without),
-                    self._length(finding.held_out.with_it),
+                    f"{self._length(held.without)} -> {self._length(held.with_it)}",
                     _words(finding.evidence),
-                    ", ".join(rivals[:3]) + (f" and {len(rivals) - 3} more" if len(rivals) > 3 else ""),
+                    listed(rivals, 2),
                     "provisional" if finding.provisional else "",
                 )
             )
-        headers = (
-            "effect", "at", "size", "share", "held-out rms without", "with it", "evidence", "remark", "",
-        )  # fmt: skip
-        to.table(title, tuple("not told from" if h == "remark" else h for h in headers), rows, left=2)
+        headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "not told from", "")
+        to.table(title, headers, rows, left=2, folded=("effect", "not told from"))
 
     def _title(self, hypothesis: Hypothesis) -> str:
         if hypothesis.effect == RELEASE:
@@ -190,57 +207,62 @@ class DiagnosisReport:
         """Cause, effect and action; the alternatives where there are some."""
         h, size = finding.hypothesis, self._size(finding)
         before, after = self._length(finding.held_out.without), self._length(finding.held_out.with_it)
-        gain = f"Explains {100 * finding.share:.0f} % of what is left; held-out rms {before} without, {after} with it"
-        gain += f" ({finding.held_out.scheme})."
+        gain = f"Explains {100 * finding.share:.0f} % of what is left above noise;"
+        gain += f" held-out rms {before} without, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
             text = f"Parameter {h.at} is held at nominal, but the data ask for {size}. {gain}"
             text += f" Identify it: --select auto,{h.at}."
         else:
-            effect = catalogue()[h.effect]
-            parts = (effect.cause, effect.result, effect.action)
-            cause, result, action = (p.format(at=h.at, size=size) for p in parts)
+            cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
             text = f"Cause: {cause} Effect: {result} {gain} Action: {action}"
         if finding.ambiguous:
-            others = ", ".join(f"{r.hypothesis.name} ({100 * r.weight:.0f} %)" for r in finding.rivals[:6])
-            text = f"Either of these explains it: {others}. They correct the measured region alike. {text}"
-            pair = ",".join(r.hypothesis.name for r in finding.rivals[:2])
-            text += f" To decide: pkmcal plan --separate {pair}."
+            text = f"{self._alternatives(finding)} {text}{self._to_decide(finding)}"
+        return text + self._reservation(finding)
+
+    def _alternatives(self, finding: Finding) -> str:
+        """Which effects the data support in its place."""
+        names = [f"{r.hypothesis.name} ({100 * r.weight:.0f} %)" for r in finding.rivals]
+        lead = "Either of these" if len(names) == 2 else f"Any one of these {len(names)}"
+        return f"{lead} explains it: {listed(names, 6)}. They correct the measured region alike."
+
+    def _to_decide(self, finding: Finding) -> str:
+        pair = ",".join(r.hypothesis.name for r in finding.rivals[:2])
+        machine, table = self.machine.files[0][0], self.measured.files[0]
+        return f" To decide, measure the points of: {command('plan', machine, table, '--separate', pair)}"
+
+    def _reservation(self, finding: Finding) -> str:
+        """Why a finding is provisional."""
         if finding.beyond:
-            text += " Its size is not plausible: something else may stand behind it."
-        return text
+            return " Provisional: its size is not plausible; something else may stand behind it."
+        if not finding.held_out.confirmed:
+            return " Provisional: rows that were held out do not confirm it."
+        return " Provisional: something unknown is left, of which it may be a part." if finding.provisional else ""
 
     def _unknown_sentence(self, unknown: Unknown) -> str:
         size = "" if np.isnan(unknown.rms) else f"{self._length(unknown.rms * self._sigma)} rms "
-        hint = f" ({unknown.hint})" if unknown.hint else ""
-        advice = {
-            "time": "Log temperatures and repeat a datum pose.",
-            "temperature": "Log temperatures of the parts.",
-            "direction": "Measure every pose from both sides.",
-            "load": "Measure with several payloads.",
-        }.get(unknown.depends_on, "Do not compensate outside the measured region.")
-        return (
-            f"Unknown: {size}that depend on {unknown.depends_on} but match no effect of the catalogue{hint}. {advice}"
-        )
+        warm = any(name == "T" or name.startswith("T.") for name in self.measured.covariates)
+        return unknown_sentence(size, unknown.depends_on, unknown.hint, warm)
 
     def _show_unseen(self, to: Reporter) -> None:
         """What these data could not have shown."""
         if self.found.not_testable:
             to.say()
-            for name, needs in self.found.not_testable:
-                to.say(f"not testable: {name}: needs {needs}")
+        for line in grouped(self.found.not_testable):
+            to.say(line)
         hidden = self.found.invisible
         if not hidden:
             return
         rows = []
         for i in hidden[:_SHOWN]:
             unit = self._unit(i.parameter)
-            size = f"{i.mdb / unit.scale:.3g} {unit.text}" if np.isfinite(i.mdb) else "never"
+            size = detectable_size(i.mdb, i.plausible, unit)
             why = f"cannot be seen, absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else ""
-            rows.append((i.hypothesis.name, size, f"{i.plausible / unit.scale:.3g} {unit.text}", why))
+            rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
         to.say()
         to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)
-        if len(hidden) > _SHOWN:
-            to.say(f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json)")
+        more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
+        machine, table = self.machine.files[0][0], self.measured.files[0]
+        to.say(f"{more}which points would show one: {command('plan', machine, table, '--see', 'EFFECT')}")
 
     # --- units -----------------------------------------------------------------------------
     def _unit(self, parameter: str) -> Unit:

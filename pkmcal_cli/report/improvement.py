@@ -88,6 +88,10 @@ class ImprovementReport:
         if found.steps:
             self._show_steps(to)
             self._show_errors(to)
+            to.say()
+        for hypothesis in found.accepted:
+            sizes = ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
+            to.say(f"added: {hypothesis.name}: {sizes} (all rows)")
         for step in found.steps:
             if not step.accepted:
                 to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
@@ -103,7 +107,7 @@ class ImprovementReport:
             chosen = f"{step.chosen} of {self.found.rotations}"
             rows.append((f"+ {step.hypothesis.name}", *self._three(step.errors, kind), chosen, _added(step)))
         to.say()
-        headers = ("effect", "rms fit", "choose", "report", "chosen", "")
+        headers = ("effect", "rms fit", "rms choose", "rms report", "chosen", "")
         to.table(f"Steps ({kind})", headers, rows)
 
     def _three(self, errors: Errors, kind: str) -> tuple[str, str, str]:
@@ -118,9 +122,11 @@ class ImprovementReport:
             numbers = (old.rms, new.rms, old.largest, new.largest)
             squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
             rows.append((kind, *(readable(x, unit) for x in numbers), *squares))
-        rows.append(("chi-square", f"{self.found.before.chi2:.3g}", f"{self.found.after.chi2:.3g}", "", "", "", ""))
+        rows.append(
+            ("chi-square per value", f"{self.found.before.chi2:.3g}", f"{self.found.after.chi2:.3g}", "", "", "", "")
+        )
         to.say()
-        headers = ("error", "rms before", "rms after", "max before", "max after", "criterion before", "after")
+        headers = ("error", "rms before", "rms after", "max before", "max after", "criterion before", "criterion after")
         to.table("On rows that neither fitted nor chose", headers, rows)
 
     def _summary(self) -> str:
@@ -128,8 +134,9 @@ class ImprovementReport:
         if found.whole.verdict == "clean":
             return "nothing to improve: nothing is left above noise"
         gain = found.rms_gain
-        value, low, high = (f"{x / self._length.scale:.4g}" for x in (gain.value, gain.low, gain.high))
-        interval = f"position rms falls by {value} {self._length.text}, 95 % interval {low} to {high}"
+        most = max(abs(gain.low), abs(gain.high))
+        value, low, high = (readable(x, self._length, like=most) for x in (gain.value, gain.low, gain.high))
+        interval = f"position rms falls by {value}, 95 % interval {low} to {high}"
         if not found.confirmed:
             return f"NOT IMPROVED: no effect is confirmed by rows that neither fitted nor chose ({interval})"
         names = ", ".join(h.name for h in found.accepted)

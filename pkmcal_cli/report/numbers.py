@@ -36,11 +36,32 @@ def short(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
 
 
-def readable(value: float, unit: Unit) -> str:
-    """A length or angle (SI) in the file's unit, or in um or urad where that reads better; a dash for nan."""
+def readable(value: float, unit: Unit, like: float | None = None) -> str:
+    """A length or angle (SI) in the file's unit, or in um or urad where that reads better; a dash for nan.
+
+    `like`: another value that chooses the unit, so that the two can be compared.
+    """
     if math.isnan(value):
         return "-"
     small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
-    if small is not None and 0 < abs(value) < small[1]:
+    if small is not None and 0 < abs(value if like is None else like) < small[1]:
         unit = parse_unit(small[0])
     return f"{unit.from_si(value):.4g} {unit.text}"
+
+
+_LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "N": "kN"}
+NEVER = 1e4  # times the plausible size: no machine has so large an effect
+
+
+def handy(value: float, unit: Unit) -> str:
+    """An amount (SI) to three digits, in the unit or in one of its multiples, without powers of ten where possible."""
+    while abs(value) >= 999.5 * unit.scale and unit.text in _LARGER:
+        unit = parse_unit(_LARGER[unit.text])
+    if unit.text == "mm" and 0 < abs(value) < 0.0995 * unit.scale:
+        unit = parse_unit("um")
+    return f"{value / unit.scale:.3g}{'' if unit.text == '1' else f' {unit.text}'}"
+
+
+def detectable_size(value: float, plausible: float, unit: Unit) -> str:
+    """A smallest detectable size (SI); "never" where it is beyond all that is plausible."""
+    return handy(value, unit) if value < NEVER * plausible else "never"

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.report.numbers import NEVER, detectable_size, finite
+from pkmcal_cli.report.sentences import grouped, listed
 from pkmcal_cli.words import count
 
-_NEVER = 1e4  # times the plausible size
 _ORDER = ("detectable", "weak", "invisible")
 
 
@@ -90,9 +88,9 @@ class PlanReport:
         for status in _ORDER:
             self._show(to, status)
         for group in self.plan.groups:
-            to.say(f"not told apart: {', '.join(group[:8])}{' ...' if len(group) > 8 else ''}")
-        for name, needs in self.plan.candidates.not_testable:
-            to.say(f"not testable: {name}: needs {needs}")
+            to.say(f"not told apart: {listed(group, 8)}")
+        for line in grouped(self.plan.candidates.not_testable):
+            to.say(line)
         self._show_added(to)
 
     def _show(self, to: Reporter, status: str) -> None:
@@ -112,24 +110,23 @@ class PlanReport:
 
     def _cells(self, v: Visibility) -> tuple[str, ...]:
         unit = self._unit(v)
-        sizes = (_size(x if x < _NEVER * v.plausible else np.inf, unit) for x in (v.mdb, v.msb, v.plausible))
+        sizes = (detectable_size(x, v.plausible, unit) for x in (v.mdb, v.msb, v.plausible))
         why = f"absorbed by {', '.join(v.absorbed_by)}" if v.absorbed_by else ""
-        if not np.isfinite(v.mdb) and not why:
+        if not v.mdb < NEVER * v.plausible and not why:
             why = "without influence here"
         return v.hypothesis.name, *sizes, v.rival, f"{v.cosine:.2f}" if v.rival else "", why
 
     def _show_added(self, to: Reporter) -> None:
         if self.aim is None or self.added is None:
             return
-        before, after = self._figures()
         words = {
             "see": "smallest detectable size",
             "separate": "smallest size that tells them apart",
             "determine": "log determinant of the information",
         }[self.aim.kind]
-        unit = "" if self.aim.kind == "determine" else " prior standard deviations"
+        before, after = (self._figure_text(x) for x in self._figures())
         to.say()
-        to.say(f"{count(len(self.added), 'further point')}: {words} {before:.3g} -> {after:.3g}{unit}")
+        to.say(f"{count(len(self.added), 'further point')}: {words} {before} -> {after}")
         headers = [a.name for a in self.model.actuators]
         cells = [
             tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in headers)
@@ -137,10 +134,17 @@ class PlanReport:
         ]
         to.table("Points to add, set values and side of approach", tuple(headers), cells, left=0)
 
+    def _figure_text(self, value: float) -> str:
+        """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""
+        assert self.aim is not None
+        if self.aim.kind == "determine":
+            return f"{value:.4g}"
+        declared = [self.model.parameters[self.model.names.index(n)] for g in self.aim.parameters for n in g]
+        alike = {(p.range, p.unit) for p in declared}
+        if len(alike) == 1 and len(declared) == len(self.aim.parameters):
+            plausible = declared[0].range
+            return detectable_size(0.5 * value * plausible, plausible, parse_unit(declared[0].unit or "1"))
+        return "never" if value > NEVER else f"{50 * value:.3g} % of what is plausible"
+
     def _unit(self, v: Visibility) -> Unit:
         return parse_unit(self.model.parameters[self.model.names.index(v.parameter)].unit or "1")
-
-
-def _size(value: float, unit: Unit) -> str:
-    text = "" if unit.text == "1" else f" {unit.text}"
-    return f"{value / unit.scale:.3g}{text}" if np.isfinite(value) else "never"

@@ -1,0 +1,72 @@
+"""Sentences about effects, and which command goes on from there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+from pkmcal_cli.effects import Effect
+from pkmcal_cli.effects.base import Port
+
+ALL = "all"
+_NOUNS: dict[Port, str] = {
+    "command": "drive",
+    "drive_force": "drive",
+    "length": "member",
+    "guide": "guide",
+    "carriage": "carriage",
+    "base": "part of the base",
+    "stiffness": "elastic part",
+}
+
+
+def cause_effect_action(effect: Effect, at: str, size: str) -> tuple[str, str, str]:
+    """The effect's three sentences; at `all` places they speak of every drive, member, guide ..."""
+    cause, result, action = (_placed(text, effect.port, at).format(at=at, size=size) for text in _texts(effect))
+    return cause, result, action
+
+
+def _texts(effect: Effect) -> tuple[str, str, str]:
+    return effect.cause, effect.result, effect.action
+
+
+def _placed(text: str, port: Port, at: str) -> str:
+    """A template for this place: "The guide {at} is" becomes "Every guide is" at all places."""
+    if at != ALL:
+        return text
+    noun = _NOUNS.get(port, "instrument")
+    text = re.sub(rf"\b(the )?{noun} {{at}}", f"every {noun}", text, flags=re.IGNORECASE)
+    text = text.replace("{at}", f"every {noun}")
+    return text[0].upper() + text[1:]
+
+
+def grouped(not_testable: Iterable[tuple[str, str]]) -> list[str]:
+    """What could not be tested, one line for each thing that is needed."""
+    by_need: dict[str, list[str]] = {}
+    for name, needs in not_testable:
+        by_need.setdefault(needs, []).append(name)
+    return [f"not testable: {', '.join(names)}: needs {needs}" for needs, names in by_need.items()]
+
+
+def command(*words: str) -> str:
+    """A command line of ours; words with spaces are quoted."""
+    return " ".join(["pkmcal", *(f'"{w}"' if " " in w else w for w in words)])
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """The first names, and how many more there are."""
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
+    """Something that no effect explains; `warm`: temperatures were logged."""
+    advice = {
+        "time": f"Log temperatures{' of more parts' if warm else ''} and repeat a datum pose.",
+        "temperature": "Log temperatures of more parts.",
+        "direction": "Measure every pose from both sides.",
+        "load": "Measure with several payloads.",
+    }.get(depends_on, "Do not compensate outside the measured region.")
+    what = f"{size}depends on" if size else "something depends on"
+    detail = f" ({hint})" if hint else ""
+    return f"Unknown: {what} {depends_on} and matches no effect of the catalogue{detail}. {advice}"
