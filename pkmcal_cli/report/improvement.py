@@ -18,6 +18,7 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.words import count
 
 
 class ImprovementReport:
@@ -138,7 +139,8 @@ class ImprovementReport:
         value, low, high = (readable(x, self._length, like=most) for x in (gain.value, gain.low, gain.high))
         interval = f"position rms falls by {value}, 95 % interval {low} to {high}"
         if not found.confirmed:
-            return f"NOT IMPROVED: no effect is confirmed by rows that neither fitted nor chose ({interval})"
+            why = f" ({interval})" if found.accepted else ""
+            return f"NOT IMPROVED: no effect is confirmed by rows that neither fitted nor chose{why}"
         names = ", ".join(h.name for h in found.accepted)
         return f"improved by {names}: {interval}"
 
@@ -146,7 +148,7 @@ class ImprovementReport:
         if step.accepted:
             return None
         if 2 * step.chosen <= self.found.rotations:
-            return f"chosen in {step.chosen} of {self.found.rotations} rotations only"
+            return f"chosen in {step.chosen} of {count(self.found.rotations, 'rotation')} only"
         if step.gain.low <= 0:
             return "the error on the report rows does not fall for sure"
         return "its calibration did not converge"

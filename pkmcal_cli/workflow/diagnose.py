@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.residual import Problem, problem_of
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.errors import BadInput, UsageError
+from pkmcal_cli.errors import BadInput, Location, UsageError
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
 
 MOST_ALPHA = 0.2
+FEWEST_ROWS = 8  # with fewer, no effect is told from noise
 
 
 @dataclass(frozen=True)
@@ -47,8 +51,8 @@ class Case:
     selected: tuple[str, ...]
 
 
-def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter) -> Case:
-    """Read the files and gather the hypotheses. Raises PkmcalError."""
+def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter, fewest: int = FEWEST_ROWS) -> Case:
+    """Read the files and gather the hypotheses; the table needs some rows. Raises PkmcalError."""
     one_stdin(machine, *measurements)
     loaded = load_machine(machine, receptive=True)
     selected = selection(loaded.model, text)
@@ -57,9 +61,12 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
     problem = problem_of(found.model, measured)
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
+    _enough(problem, measured, selected, fewest)
     if absurd := absurd_rows(problem, lambda row: place_of(measured, row)):
         raise BadInput(absurd)
     to.notes(measured.notes)
+    for gap in _gaps(measured):
+        to.warn(f"warning: {gap}")
     for fault in loaded.warnings:
         to.warn(fault.text())
     for hint in measurement_hints(loaded, problem, found.model.nominal):
@@ -69,10 +76,35 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
     return Case(loaded, measured, found, problem, selected)
 
 
+def check_alpha(alpha: float) -> None:
+    """Raises UsageError for what is no false-alarm rate."""
+    if not 0 < alpha <= MOST_ALPHA:
+        raise UsageError(f"--alpha: {alpha:g} is no false-alarm rate", hint=f"above 0, at most {MOST_ALPHA}")
+
+
+def _enough(problem: Problem, measured: Measurements, selected: tuple[str, ...], fewest: int) -> None:
+    """Raises BadInput where the table has too few rows, or no more values than parameters."""
+    rows = int(problem.measured.any(axis=1).sum())
+    if rows >= fewest and problem.count > len(selected):
+        return
+    what = f"too few measurements to find an effect: {count(rows, 'row')}, {count(problem.count, 'measured value')}"
+    hint = f"measure {fewest} rows or more, and more values than the {len(selected)} parameters"
+    raise BadInput.single(what, Location(measured.files[0]), hint, "measurements")
+
+
+def _gaps(measured: Measurements) -> list[str]:
+    """Columns with holes, which effects cannot use."""
+    out = []
+    for name, values in measured.covariates.items():
+        empty = int(np.isnan(values).sum())
+        if 0 < empty < len(values) and not name.startswith("dir."):
+            out.append(f"column `{name}` is empty in {empty} of {len(values)} rows: no effect that needs it is tested")
+    return out
+
+
 def run_diagnosis(request: DiagnosisRequest) -> int:
     """Diagnose and show; returns the exit code. Raises PkmcalError."""
-    if not 0 < request.alpha <= MOST_ALPHA:
-        raise UsageError(f"--alpha: {request.alpha:g} is no false-alarm rate", hint=f"above 0, at most {MOST_ALPHA}")
+    check_alpha(request.alpha)
     to = Reporter(request.quiet)
     case = prepare(request.machine, request.measurements, request.select, to)
     found = diagnosed(case, request.alpha, request.seed)

@@ -15,8 +15,10 @@ from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.calibrate import unsolved
-from pkmcal_cli.workflow.diagnose import Case, prepare
+from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, check_alpha, prepare
 from pkmcal_cli.workflow.hints import nothing_measured
+
+FEWEST_TO_SPLIT = 20  # rows of which some can be kept apart
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,11 @@ class ImproveRequest:
 
 def run_improvement(request: ImproveRequest) -> int:
     """Run the loop, show it, write what was accepted; returns the exit code. Raises PkmcalError."""
+    check_alpha(request.alpha)
     targets = _targets(request)
     to = Reporter(request.quiet)
-    case = prepare(request.machine, request.measurements, request.select, to)
+    fewest = FEWEST_TO_SPLIT if request.validation is None else FEWEST_ROWS
+    case = prepare(request.machine, request.measurements, request.select, to, fewest)
     validation = None if request.validation is None else _validation(case, request.validation)
     try:
         found = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)

@@ -70,13 +70,14 @@ def run_plan(request: PlanRequest) -> int:
         what, hint = "no channel has a sigma: nothing would be measured", "declare a sensor with `reads:` and `sigma:`"
         raise BadInput.single(what, Location(request.machine), hint, "sensors")
     plan = plan_of(found, problem, values, selected)
-    aim = None if not aims else _aim(request, found, selected)
+    aim = None if not aims else _aim(request, found, loaded.model, selected)
     added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
     report = PlanReport(loaded.machine, plan, aim, added, chosen)
     report.show(to)
     if request.output is not None:
         every = problem.rows if added is None else with_rows(problem, added).rows
-        write_schedule(loaded, every, len(problem), request.seed, request.output, request.force)
+        count = write_schedule(loaded, every, len(problem), request.seed, request.output, request.force)
+        to.say(f"written: {request.output} ({count} rows in the order of measurement)")
     if request.as_json:
         emit_json(report.json())
     return 0
@@ -86,10 +87,10 @@ def _nulls(found: Candidates, model: Model) -> Array:
     return found.model.nominal[len(model.parameters) :]
 
 
-def _aim(request: PlanRequest, found: Candidates, selected: tuple[str, ...]) -> Aim:
+def _aim(request: PlanRequest, found: Candidates, model: Model, selected: tuple[str, ...]) -> Aim:
     """What further points are for. Raises UsageError."""
     if request.determine is not None:
-        names = selection(found.model, request.determine)
+        names = selection(model, request.determine)
         lost = [n for n in names if n not in selected]
         if lost:
             raise UsageError(f"--determine: `{lost[0]}` is not selected", hint=f"--select auto,{lost[0]}")
@@ -99,8 +100,8 @@ def _aim(request: PlanRequest, found: Candidates, selected: tuple[str, ...]) -> 
     chosen = [_hypothesis(part.strip(), found, option) for part in text.split(",")]
     if option == "--see":
         return Aim("see", tuple(h.parameters for h in chosen))
-    if len(chosen) < 2:
-        raise UsageError("--separate: give two effects or more", hint="--separate backlash@q1,drift")
+    if len(set(chosen)) < 2 or len(set(chosen)) < len(chosen):
+        raise UsageError("--separate: give two different effects or more", hint="--separate backlash@q1,drift")
     return Aim("separate", tuple(h.parameters for h in chosen))
 
 

@@ -13,8 +13,8 @@ _OVERRUN = 0.01  # of a drive's travel in the plan: how far away the approach be
 _SHORT = 1e-3  # m or rad, where a drive stands still in the whole plan
 
 
-def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, target: str, force: bool) -> None:
-    """Write a table of poses in the order of measurement. Raises OutputError.
+def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, target: str, force: bool) -> int:
+    """Write a table of poses in the order of measurement; returns the number of its rows. Raises OutputError.
 
     Rows in random order; each approached from a random side (`dir.ACTUATOR`; rows after the first `planned` keep
     theirs), beginning at `approach.ACTUATOR`; the first pose again every 20 rows.
@@ -37,6 +37,7 @@ def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, t
     headers += [(f"dir.{n}", None) for n in names] + [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
     with open_writer(target, headers, digits=9, force=force) as writer:
         writer.write([ids, *readings[index].T, *side[index].T, *begin[index].T])
+    return len(ids)
 
 
 def _with_datum(order: list[int]) -> list[tuple[int, bool]]:
