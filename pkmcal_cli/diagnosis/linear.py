@@ -102,6 +102,21 @@ class Linear:
         """The same with other columns projected out, or another residual."""
         return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
 
+    def prewhitened(self, order: Array, correlation: float) -> Linear:
+        """The same with successive rows, in this order (N,), made independent: x <- (x - rho x before) / root."""
+        rows = len(order)
+        root = float(np.sqrt(1 - correlation**2))
+
+        def change(x: Array) -> Array:
+            shaped = x.reshape(rows, self.channels, -1)[order]
+            shaped[1:] = (shaped[1:] - correlation * shaped[:-1]) / root
+            out = np.empty_like(shaped)
+            out[order] = shaped
+            return np.asarray(out.reshape(x.shape))
+
+        extra = None if self.extra is None else change(self.extra)
+        return replace(self, residual=change(self.residual), columns=change(self.columns), extra=extra)
+
     def score(self, columns: Array) -> Score:
         """Score of a hypothesis with these columns (n, k), in the directions that remain."""
         free = self.free(columns)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri
 
+from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.rotation import Array
 
 _DOUBT = 0.01  # the stated sigma is kept unless so improbable
+_ALIKE = 1e-4  # p value below which successive rows are not independent
 _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not count as noise
 
 
@@ -37,3 +39,50 @@ def _trimmed_share() -> float:
     z = float(ndtri(1 - _TRIM / 2))
     density = np.exp(-z * z / 2) / np.sqrt(2 * np.pi)
     return float(1 - _TRIM - 2 * z * density)
+
+
+def time_order(problem: Problem) -> Array:
+    """Rows (N,) in the order in which they were measured: by time where it is known, else as they stand."""
+    time = problem.rows.columns.get("time")
+    known = time is not None and bool(np.isfinite(time).all())
+    return np.argsort(time, kind="stable") if known and time is not None else np.arange(len(problem))
+
+
+def successive(linear: Linear, problem: Problem) -> tuple[float, float]:
+    """Correlation of successive rows' residuals, and its p value; large residuals count as three times the usual."""
+    rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
+    size = np.sqrt((rest**2).mean())
+    rest = np.clip(rest / size, -3.0, 3.0)
+    share = float((rest[1:] * rest[:-1]).sum() / np.sqrt((rest[1:] ** 2).sum() * (rest[:-1] ** 2).sum()))
+    return share, float(chdtrc(1, share**2 * (len(rest) - 1) * rest.shape[1]))
+
+
+def independent(linear: Linear, problem: Problem) -> Linear:
+    """The problem with successive rows made independent, where noise with a memory explains best that they are not.
+
+    A step or an oscillation in time makes them alike too; these are for others to find.
+    """
+    share, p = successive(linear, problem)
+    if share <= 0 or p > _ALIKE:
+        return linear
+    rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
+    made = linear.prewhitened(time_order(problem), share)
+    size, n = rest.shape[1], np.log(rest.size)
+    memory = 0.5 * (linear.chi2 - made.chi2 - (len(rest) - 1) * size * np.log(1 - share**2)) - 0.5 * n
+    step = 0.5 * _step(rest) - 0.5 * (size + 1) * n
+    wave = 0.5 * _wave(rest) - 0.5 * (2 * size + 1) * n
+    return made if memory > max(step, wave) else linear
+
+
+def _step(rest: Array) -> float:
+    """How much of the sum of squares of residuals (N, C) the best single step in their order explains."""
+    rows = len(rest)
+    first = np.arange(1, rows)
+    sums = np.cumsum(rest - rest.mean(axis=0), axis=0)[:-1]
+    return float(((sums**2).sum(axis=1) * rows / (first * (rows - first))).max())
+
+
+def _wave(rest: Array) -> float:
+    """How much the best single oscillation in their order explains."""
+    power = np.abs(np.fft.rfft(rest, axis=0)) ** 2
+    return float(power[1:-1].sum(axis=1).max() * 2 / len(rest))

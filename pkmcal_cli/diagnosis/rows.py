@@ -13,7 +13,9 @@ from pkmcal_cli.rotation import Array
 
 MOST = 0.05  # share of rows that may be taken out; more are no outliers but an effect
 _HEAVY = (3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0)
-_CLEARLY = 4.0  # log-likelihood by which heavy tails must be the better description
+_BETTER = 0.5  # log-likelihood by which heavy tails must be the better description
+_FEW = 40  # residuals that say nothing about tails
+_USUAL = 1e-3  # chance that any row of normal noise is set aside before the tails are looked at
 
 
 @dataclass(frozen=True)
@@ -46,26 +48,26 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     count = np.where(clear, measured.sum(axis=1), 0)
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
-    freedom = heavy_tails(np.sort(statistic[count > 0] / np.maximum(count[count > 0], 1) / scale.variance))
+    usual = p >= _USUAL / len(p)
+    size = np.sqrt(np.einsum("ncc->nc", information))
+    single = (rest / np.where(measured & clear[:, None], size, 1.0))[usual[:, None] & measured & clear[:, None]]
+    freedom = heavy_tails(np.abs(single) / np.sqrt(scale.variance))
     if freedom is not None:
         p = np.maximum(p, _heavy_p(statistic / scale.variance, count, freedom))
     return RowScores(np.where(count > 0, statistic, 0.0) / scale.variance, count, p)
 
 
-def heavy_tails(squares: Array) -> float | None:
-    """Degrees of freedom of a t distribution that describes mean squares of rows clearly better than a normal one.
+def heavy_tails(values: Array) -> float | None:
+    """Degrees of freedom of the t distribution that describes residuals (n,), without bad rows, best; None: normal.
 
-    The largest 3 % are left out, so that gross errors do not look like heavy tails.
+    Residuals in standard uncertainties, without sign, cut off at the largest.
     """
-    kept = squares[: max(int(0.97 * len(squares)), 1)]
-    values = np.sqrt(kept)
-    if len(values) < 40:
+    if len(values) < _FEW:
         return None
-    bound = values[-1]
+    bound = float(values.max()) * (1 + 1e-9)
     normal = _log_likelihood(values, bound, np.inf)
-    found = [(_log_likelihood(values, bound, f), f) for f in _HEAVY]
-    best, freedom = max(found)
-    return freedom if best > normal + _CLEARLY else None
+    best, freedom = max((_log_likelihood(values, bound, f), f) for f in _HEAVY)
+    return freedom if best > normal + _BETTER else None
 
 
 def _log_likelihood(values: Array, bound: float, freedom: float) -> float:

@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem
-from pkmcal_cli.diagnosis.noise import noise_scale
+from pkmcal_cli.diagnosis.noise import independent, noise_scale
 from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
@@ -134,6 +134,7 @@ def taken_back(linear: Linear, now: Search, hypothesis: Hypothesis) -> Linear:
 
 def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
     """Scores, p values and evidence (BIC) of hypotheses."""
+    plain, linear = linear, independent(linear, problem)
     scale = noise_scale(linear, group_columns(problem))
     scores = tuple(linear.score(linear.of(h.parameters)) for h in hypotheses)
     statistic = np.array([s.statistic for s in scores])
@@ -142,7 +143,7 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     p[count == 0] = 1.0
     evidence = (statistic / scale.variance - count * np.log(linear.used)) / 2
     evidence[count == 0] = -np.inf
-    return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(linear, problem.measured, scale))
+    return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(plain, problem.measured, scale))
 
 
 def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:

@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.noise import independent, successive
 from pkmcal_cli.rotation import Array
 
 _TESTS = 8  # groups, oscillations and runs share their part of the false-alarm rate
@@ -33,7 +34,8 @@ def unknown_effects(
     linear: Linear, problem: Problem, scale: Scale, alpha: float, bad: tuple[int, ...]
 ) -> list[Unknown]:
     """What is significant at `alpha` altogether."""
-    found = [*_groups(linear, problem, scale), *_oscillations(linear, problem, scale), *_runs(linear, problem)]
+    runs, linear = _runs(linear, problem), independent(linear, problem)
+    found = [*_groups(linear, problem, scale), *_oscillations(linear, problem, scale), *runs]
     return [u for u in found if u.p_value < alpha / _TESTS] + _clustered(problem, bad, alpha / _TESTS)
 
 
@@ -88,19 +90,11 @@ def _periodogram(
 
 def _runs(linear: Linear, problem: Problem) -> list[Unknown]:
     """Correlation of successive rows, in the order of time."""
-    rows, channels = problem.readings.shape
-    time = problem.rows.columns.get("time")
-    known = time is not None and bool(np.isfinite(time).all())
-    order = np.argsort(time, kind="stable") if known and time is not None else np.arange(rows)
-    rest = linear.rest.reshape(rows, channels)[order]
-    size = np.sqrt((rest**2).mean())
-    rest = np.clip(rest / size, -3.0, 3.0)
-    share = float((rest[1:] * rest[:-1]).sum() / np.sqrt((rest[1:] ** 2).sum() * (rest[:-1] ** 2).sum()))
-    statistic = share**2 * (rows - 1) * channels
-    p = float(chdtrc(1, statistic))
+    share, p = successive(linear, problem)
     if share <= 0:
         return []
-    return [Unknown("time", p, float(size * np.sqrt(share)), f"successive rows are alike (correlation {share:.2f})")]
+    size = float(np.sqrt((linear.rest**2).mean() * share))
+    return [Unknown("time", p, size, f"successive rows are alike (correlation {share:.2f})")]
 
 
 def _clustered(problem: Problem, bad: tuple[int, ...], alpha: float) -> list[Unknown]:

@@ -95,7 +95,7 @@ DRIFT = Effect(
         for c in "xyz"
     ),
     _drifted,
-    needs=("time",),
+    needs=("time", "temperature"),
     options=(_DURING,),
     common=False,
     measurement=True,
