@@ -1,0 +1,288 @@
+"""Scores, thresholds, noise and bad rows of the linearised problem, against definitions and simulated noise.
+
+Campaigns come from the independent simulator; noise is drawn here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, kstest, ncx2
+
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.covariates import directions, with_directions
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.groups import group_columns
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear
+from pkmcal_cli.diagnosis.noise import noise_scale
+from pkmcal_cli.diagnosis.rows import heavy_tails, row_scores
+from pkmcal_cli.diagnosis.search import Search, score_all
+from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.rotation import Array
+from tests.benchmark.setting import Setting, diagnosed, ready
+from tests.truth.campaigns import Campaign, campaign, unit
+
+DRAWS = 400
+ALPHA = 0.005
+
+
+@cache
+def setting() -> Setting:
+    """The Scissors, which determine all their nine parameters, with nothing planted."""
+    return Setting.of("scissors", 11)
+
+
+def kinds() -> list[tuple[Hypothesis, Array]]:
+    """One hypothesis of each kind that the table can show, and its columns (n, k)."""
+    linear, out = setting().linear, dict[str, tuple[Hypothesis, Array]]()
+    for h in setting().ready.candidates.hypotheses:
+        columns = linear.of(h.parameters)
+        if h.effect not in out and linear.score(columns).count:
+            out[h.effect] = (h, columns)
+    return list(out.values())
+
+
+def drawn(count: int, seed: int = 0) -> list[Linear]:
+    """The problem with residuals of pure noise."""
+    rng, linear = np.random.default_rng(seed), setting().linear
+    noise = rng.normal(size=(count, len(linear.residual)))
+    return [linear.projecting(linear.projected, residual=z) for z in noise]
+
+
+@cache
+def null_p_values() -> Array:
+    """p values (DRAWS, H) of hypotheses of all `kinds` in pure noise."""
+    found = []
+    for linear in drawn(DRAWS):
+        scores = [linear.score(columns) for _, columns in kinds()]
+        found.append([chi2.sf(s.statistic, s.count) for s in scores])
+    return np.array(found)
+
+
+# --- scores --------------------------------------------------------------------------------
+def synthetic(columns: Array, projected: int, residual: Array) -> Linear:
+    names = tuple(f"p{k}" for k in range(columns.shape[1]))
+    ranges = np.full(len(names), 2.0)
+    return Linear(residual, columns, names, ranges, names[:projected], len(residual), 1)
+
+
+def test_what_declared_parameters_absorb_has_no_direction() -> None:
+    """A column inside span(A), and one that is so but for a thousandth, are refused; others are not."""
+    rng = np.random.default_rng(0)
+    a, free = 50 * rng.normal(size=(60, 3)), 50 * rng.normal(size=60)
+    inside = a @ [1.0, -2.0, 0.5]
+    columns = np.column_stack([a, inside, inside + 1e-3 * free, inside + free])
+    linear = synthetic(columns, 3, rng.normal(size=60))
+    absorbed, nearly, seen = (linear.score(linear.of([f"p{k}"])) for k in (3, 4, 5))
+    assert absorbed.count == nearly.count == 0 and absorbed.kept < 1e-6 and nearly.kept < 0.01
+    assert absorbed.statistic == 0.0 and absorbed.mdb > 1e3
+    assert seen.count == 1
+    both = linear.score(linear.of(["p3", "p5"]))
+    assert both.count == 1, "only one direction of the two is new"
+
+
+def test_scores_are_those_of_least_squares() -> None:
+    """T is the fall of chi-square, the estimate that of a fit with both, information its inverse variance."""
+    rng = np.random.default_rng(1)
+    columns, residual = 30 * rng.normal(size=(40, 4)), rng.normal(size=40)
+    linear = synthetic(columns, 3, residual)
+    score = linear.score(linear.of(["p3"]))
+    whole, rest, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+    without = np.linalg.lstsq(columns[:, :3], residual, rcond=None)[1]
+    assert score.estimate[0] == pytest.approx(whole[3], rel=1e-6)
+    assert score.statistic == pytest.approx(float(without[0] - rest[0]), rel=1e-6)
+    assert score.information[0] == pytest.approx(1 / np.linalg.inv(columns.T @ columns)[3, 3], rel=1e-6)
+    assert score.mdb == pytest.approx(np.sqrt(NONCENTRALITY / score.information[0]))
+
+
+@pytest.mark.parametrize("name", ["backlash@q2", "thermal_strut@rod4", "straight@left.x"])
+def test_score_estimate_is_the_refit_estimate_to_first_order(name: str) -> None:
+    """Real campaigns: the score's estimate and standard uncertainty against a calibration with the effect."""
+    keyword, at = name.split("@")
+    case = ready(campaign("scissors", [unit("scissors", keyword, at, 5).scaled(0.2)], 5))
+    before = identify(case.problem, case.selected)
+    (hypothesis,) = (h for h in case.candidates.hypotheses if h.name == name)
+    found = score_all(Search(case.candidates, case.problem, case.selected, before), [hypothesis])
+    one = hypothesis.parameters[:1]  # a lag has no first order at null
+    score = found.linear.score(found.linear.of(one))
+    fit = identify(case.problem, (*case.selected, *one))
+    k, place = fit.selected.index(one[0]), case.problem.model.names.index(one[0])
+    scale = found.linear.scale_of(one)[0]
+    assert score.estimate[0] * scale == pytest.approx(fit.values[place], abs=0.1 * fit.std[k])
+    assert scale / np.sqrt(score.information[0]) == pytest.approx(fit.std[k], rel=0.02)
+    assert before.chi2 - fit.chi2 == pytest.approx(score.statistic, rel=0.02)
+
+
+def test_p_values_of_noise_are_uniform() -> None:
+    """For every kind of hypothesis, by Kolmogorov and Smirnov."""
+    p = null_p_values()
+    assert len(kinds()) > 15
+    worst = {h.name: kstest(p[:, k], "uniform").pvalue for k, (h, _) in enumerate(kinds())}
+    assert min(worst.values()) > 0.01 / len(worst), min(worst, key=lambda n: worst[n])
+
+
+@pytest.mark.parametrize("size", [0.5, 0.75, 1.0, 1.25])
+def test_power_is_that_of_noncentral_chi_square(size: float) -> None:
+    """Sizes in units of the MDB, tests at 0.1 %: an effect of one MDB is missed in 20 %."""
+    hypothesis, columns = next((h, c) for h, c in kinds() if h.effect == "backlash")
+    score = setting().linear.score(columns)
+    effect = columns @ (size * score.mdb * score.basis[:, 0])
+    limit = chi2.isf(0.001, 1)
+    hits = 0
+    for linear in drawn(DRAWS, seed=3):
+        hits += linear.projecting(linear.projected, residual=linear.residual + effect).score(columns).statistic > limit
+    power = float(ncx2.sf(limit, 1, NONCENTRALITY * size**2))
+    assert hits / DRAWS == pytest.approx(power, abs=3 * np.sqrt(power * (1 - power) / DRAWS) + 0.01), hypothesis.name
+    assert size != 1.0 or power == pytest.approx(0.8, abs=0.005)
+
+
+# --- threshold -----------------------------------------------------------------------------
+def test_critical_p_lies_between_bonferroni_and_a_single_test() -> None:
+    linear, columns = setting().linear, [c for _, c in kinds()]
+    smallest = smallest_p(linear, columns, [linear.score(c) for c in columns], seed=0)
+    for alpha in (0.003, 0.05, 0.2):
+        assert alpha / len(columns) * 0.8 < critical_p(smallest, alpha) < alpha
+    assert 1 < effective_tests(smallest) < len(columns) * 1.1
+    simulated = float(np.mean(null_p_values().min(axis=1) < critical_p(smallest, 0.2)))
+    assert simulated == pytest.approx(0.2, abs=3 * np.sqrt(0.16 / DRAWS))
+    twice = smallest_p(linear, columns * 2, [linear.score(c) for c in columns * 2], seed=0)
+    assert critical_p(twice, 0.05) == pytest.approx(critical_p(smallest, 0.05), rel=0.1), "the same tests again"
+
+
+# --- noise and rows ------------------------------------------------------------------------
+def test_a_right_sigma_is_kept_and_a_small_one_is_found_out() -> None:
+    groups = group_columns(setting().ready.problem)
+    kept = [noise_scale(linear, groups).variance == 1.0 for linear in drawn(40)]
+    assert np.mean(kept) > 0.9
+    small = [replace(linear, residual=1.25 * linear.residual) for linear in drawn(20, seed=1)]
+    found = [noise_scale(linear, groups) for linear in small]
+    factors = np.sqrt([scale.variance for scale in found])
+    assert np.mean(factors) == pytest.approx(1.25, abs=0.04) and np.std(factors) < 0.1
+    assert all(20 < scale.dof < len(small[0].residual) for scale in found if scale.variance > 1)
+
+
+def test_a_smooth_effect_is_no_noise() -> None:
+    """Sigma is judged by what no smooth group explains."""
+    problem, linear = setting().ready.problem, setting().linear
+    groups = group_columns(problem)
+    smooth = groups["pose"][:, 5] + groups["temperature"][:, 0]
+    noise = drawn(1, seed=4)[0].residual
+    disturbed = linear.projecting(linear.projected, residual=noise + 5 * smooth)
+    assert noise_scale(disturbed, groups) == noise_scale(linear.projecting(linear.projected, residual=noise), groups)
+
+
+def bad_rows(residual: Array) -> list[int]:
+    """Rows that are wrong at the usual rate of false alarms, for a residual (n,)."""
+    problem, linear = setting().ready.problem, setting().linear
+    now = linear.projecting(linear.projected, residual=residual)
+    scores = row_scores(now, problem.measured, noise_scale(now, group_columns(problem)))
+    return [int(k) for k in np.nonzero(scores.p_value < 0.2 * ALPHA / len(problem))[0]]
+
+
+def test_heavy_tails_are_no_outliers() -> None:
+    rng, size = np.random.default_rng(6), len(setting().linear.residual)
+    found = [bad_rows(rng.standard_t(4, size) / np.sqrt(2)) for _ in range(20)]
+    assert sum(map(len, found)) <= 1
+    normal = [bad_rows(rng.normal(size=size)) for _ in range(20)]
+    assert sum(map(len, normal)) == 0
+
+
+def test_a_gross_error_is_an_outlier_and_makes_no_other() -> None:
+    rng, size = np.random.default_rng(7), len(setting().linear.residual)
+    found = []
+    for _ in range(20):
+        wrong = rng.normal(size=size)
+        wrong[2 * 17] += 12.0  # x of row 17, in standard uncertainties
+        found.append(bad_rows(wrong))
+    assert found.count([17]) >= 19
+
+
+def test_heavy_tails_are_told_from_normal_noise() -> None:
+    rng = np.random.default_rng(8)
+    t4 = [heavy_tails(np.abs(rng.standard_t(4, 400)) / np.sqrt(2)) for _ in range(20)]
+    assert sum(f is not None and f <= 8 for f in t4) >= 18
+    normal = [heavy_tails(np.abs(rng.normal(size=400))) for _ in range(20)]
+    assert sum(f is not None and f <= 5 for f in normal) == 0
+    assert heavy_tails(np.abs(rng.standard_t(3, 20))) is None, "too few to tell"
+
+
+# --- directions ----------------------------------------------------------------------------
+def test_directions_follow_the_order_of_rows() -> None:
+    """A still drive keeps its direction; each session begins without one."""
+    readings = np.array([[0.0, 5], [1, 5], [1, 4], [3, 4], [2, 4], [2, 6], [1, 6]])
+    session = np.array([0, 0, 0, 0, 1, 1, 1])
+    by_hand = [[0, 0], [1, 0], [1, -1], [1, -1], [0, 0], [0, 1], [-1, 1]]
+    np.testing.assert_array_equal(directions(readings, session), by_hand)
+    np.testing.assert_array_equal(directions(readings, 0 * session)[4], [-1, -1])
+    np.testing.assert_array_equal(directions(-readings, session), -np.array(by_hand))
+    wobble = readings + 1e-12 * np.random.default_rng(0).normal(size=readings.shape)
+    np.testing.assert_array_equal(directions(wobble, session), by_hand)
+
+
+def test_given_directions_stay_and_gaps_are_derived() -> None:
+    given = {"dir.a": np.array([-1.0, np.nan, -1.0]), "session.s": np.ones(3)}
+    readings = np.array([[0.0, 0], [1, -1], [2, -2]])
+    rows = with_directions(Rows(readings, np.full((3, 2), np.nan), given), ["a", "b"])
+    np.testing.assert_array_equal(rows.columns["dir.a"], [-1, 1, -1])
+    np.testing.assert_array_equal(rows.columns["dir.b"], [0, -1, -1])
+
+
+# --- what must not matter ------------------------------------------------------------------
+@cache
+def backlash_campaign() -> Campaign:
+    return campaign("scissors", [unit("scissors", "backlash", "q3", 9).scaled(0.4)], 9)
+
+
+def changed(order: Array | None = None, **columns: object) -> Diagnosis:
+    """The diagnosis of the campaign with rows in another order, or other circumstances."""
+    plain = backlash_campaign()
+    now = replace(plain.conditions, **columns)  # type: ignore[arg-type]
+    return diagnosed(Shuffled(**{**vars(plain), "conditions": now}).in_order(order), 0)
+
+
+class Shuffled(Campaign):
+    """A campaign whose table has its rows in another order."""
+
+    order: Array | None = None
+
+    def in_order(self, order: Array | None) -> Shuffled:
+        """The same with rows in this order."""
+        object.__setattr__(self, "order", order)
+        return self
+
+    def columns(self) -> dict[str, list[str]]:
+        """Cells of the table by heading."""
+        table = super().columns()
+        return table if self.order is None else {h: [v[int(k)] for k in self.order] for h, v in table.items()}
+
+
+def same(a: Diagnosis, b: Diagnosis, sign: float = 1.0) -> None:
+    """The same effects of the same size (b's with another sign) and the same parameters."""
+    assert [f.hypothesis for f in a.findings] == [f.hypothesis for f in b.findings] != []
+    for one, other in zip(a.findings, b.findings, strict=True):
+        np.testing.assert_allclose(one.estimate, sign * np.array(other.estimate), rtol=1e-4)
+        np.testing.assert_allclose(one.std, other.std, rtol=1e-4)
+        assert one.evidence == pytest.approx(other.evidence, rel=1e-4)
+    assert a.search.fit.chi2 == pytest.approx(b.search.fit.chi2, rel=1e-6)
+    declared = [a.problem.model.names.index(n) for n in a.search.declared]
+    shift = (a.search.fit.values - b.search.fit.values)[declared] / a.problem.model.ranges[declared]
+    assert np.abs(shift).max() < 1e-5
+
+
+def test_the_order_of_rows_does_not_matter() -> None:
+    plain = backlash_campaign()
+    order = np.random.default_rng(0).permutation(len(plain.readings))
+    same(changed(), changed(order))
+
+
+def test_the_zero_of_time_does_not_matter() -> None:
+    same(changed(), changed(time=backlash_campaign().conditions.time + 86400.0))
+
+
+def test_the_sense_of_directions_only_turns_backlash() -> None:
+    same(changed(), changed(direction=-backlash_campaign().conditions.direction), sign=-1.0)
