@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.refine import Rival, credible_set, swapped
 from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
@@ -97,6 +98,8 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
             last.linear.projected, extra=residue_columns(now.problem, now.fit, now.accepted)
         )
         unknown = tuple(unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows))
+    whole = replace(now.problem, measured=problem.measured)
+    unknown += tuple(local_effects(whole, now.fit.values, parts.groups / 8))
     findings = tuple(_finding(now, h, before, last, bool(unknown)) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
     hidden = invisible(first, now)
