@@ -2,7 +2,7 @@
 
 `python -m tests.benchmark > docs/diagnosis-benchmark.md`; `--only TEST` (repeatable), `--cases N` (of each test at
 most), `--share 0.25`, `--processes N`, `--raw FILE` (results as JSON lines), `--from FILE` (the document of results
-that are there already; repeatable).
+that are there already; repeatable), `--note TEXT`.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=os.cpu_count(), help="worker processes")
     parser.add_argument("--raw", type=Path, help="file for the results, JSON lines")
     parser.add_argument("--from", dest="old", type=Path, action="append", help="results of earlier runs; repeatable")
+    parser.add_argument("--note", default="", help="a sentence about this run, for the document")
     return parser.parse_args()
 
 
@@ -71,7 +72,7 @@ def main() -> None:
         counts = {t: int(min(math.ceil(TESTS[t][0] * given.share), limit)) for t in chosen}
         keys = [(t, n) for t, count in counts.items() for n in range(count)]
         results = list(kept(run(keys, given.processes), given.raw))
-    sys.stdout.write(document(results))
+    sys.stdout.write(document(results, given.note))
 
 
 if __name__ == "__main__":

@@ -26,11 +26,11 @@ BADLY = ("nothing", "sigma", "t4", "ar1", "rows")
 """Tests in which nothing is to be named."""
 
 
-def document(results: Sequence[Result]) -> str:
-    """All of it."""
+def document(results: Sequence[Result], note: str = "") -> str:
+    """All of it; `note`: a sentence about the run."""
     parts = [
         HEAD,
-        run_of(results),
+        run_of(results, note),
         "## Results\n\n95 % intervals (Wilson) in brackets.\n",
         table(("test", "measure", "reached", "to reach", "met"), (r.cells for r in rows_of(results))),
         "## Rules\n" + RULES,
@@ -38,6 +38,8 @@ def document(results: Sequence[Result]) -> str:
         outcomes(results),
         "## Power\n",
         power(results),
+        "## Effects that are in no catalogue\n",
+        outside(results),
         "## What was named\n\nTest `single`, by keyword; rows: planted, cells: first finding.\n",
         confusion(results),
         "## Sizes off by more than three standard deviations\n",
@@ -48,7 +50,7 @@ def document(results: Sequence[Result]) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def run_of(results: Sequence[Result]) -> str:
+def run_of(results: Sequence[Result], note: str) -> str:
     """How many cases of each test were run, and what they cost."""
     counts = Counter(r.test for r in results)
     whole = sum(count for count, _ in TESTS.values())
@@ -56,7 +58,7 @@ def run_of(results: Sequence[Result]) -> str:
     share = "all cases" if len(results) == whole else f"**a reduced run, {len(results)} of {whole} cases**"
     seconds = median([r.seconds for r in results])
     crashed = sum(r.outcome == "crash" for r in results)
-    cost = f"Median time of a diagnosis {seconds:.2f} s, one core; {crashed} crashed."
+    cost = f"Median time of a diagnosis {seconds:.2f} s, one core; {crashed} crashed. {note}".rstrip()
     return f"Run: {share} ({listed}). {cost}\n"
 
 
@@ -88,6 +90,19 @@ def power(results: Sequence[Result]) -> str:
         )
         rows.append((f"{level:g}", *shares))
     return table(("size in MDB", "anything reported", "truth in a set", "exact"), rows)
+
+
+def outside(results: Sequence[Result]) -> str:
+    """What became of unknown effects, by kind."""
+    rows = []
+    for test in ("unknown", "small_unknown"):
+        every = of_test(results, test)
+        for keyword in sorted({_keyword(r) for r in every}):
+            mine = [r for r in every if _keyword(r) == keyword]
+            flagged = sum(bool(r.unknown) for r in mine)
+            named = sum(bool(r.found) and not r.unknown for r in mine)
+            rows.append((test, keyword, len(mine), flagged, named, len(mine) - flagged - named))
+    return table(("test", "effect", "cases", "flagged", "only under catalogue names", "silent, or only bad rows"), rows)
 
 
 def confusion(results: Sequence[Result]) -> str:
