@@ -58,7 +58,7 @@ class Linear:
     def _factor(self) -> tuple[Array, tuple[Array, bool]]:
         """Directions of the projected columns and the Cholesky factor of their normal matrix."""
         a = self.columns[:, [self._index[n] for n in self.projected]]
-        found = directions(a / 2.0, self.projected, np.full(len(self.projected), 2.0))
+        found = directions(a, self.projected, np.full(len(self.projected), 2.0))  # in ranges, as a fit
         a = a @ found.vectors.T
         prior = np.where(found.held, 1.0, 0.0)
         if self.extra is not None:
