@@ -92,12 +92,12 @@ class ImprovementReport:
             to.say()
         for hypothesis in found.accepted:
             sizes = ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
-            to.say(f"added: {hypothesis.name}: {sizes} (all rows)")
+            to.say(f"{'released' if hypothesis.effect == RELEASE else 'added'}: {sizes} (fitted to all rows)")
         for step in found.steps:
             if not step.accepted:
                 to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
-        for unknown in found.whole.unknown:
-            to.say(f"left as it is: something unknown that depends on {unknown.depends_on}; see `pkmcal diagnose`")
+        for depends_on in dict.fromkeys(unknown.depends_on for unknown in found.whole.unknown):
+            to.say(f"left as it is: something unknown that depends on {depends_on}; see `pkmcal diagnose`")
         to.say(self._summary())
 
     def _show_steps(self, to: Reporter) -> None:

@@ -1,0 +1,200 @@
+"""`pkmcal diagnose` and `pkmcal effects`, run: the real machine, the shop-floor table, clean tables, odd tables."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run
+
+SECOND = str(MACHINES / "hangprinter_2022-04-12.csv")
+Rows = list[dict[str, str]]
+
+
+@cache
+def diagnosed(machine: str, *tables: str) -> Done:
+    return clean(run("diagnose", machine, *tables, "--json"))
+
+
+def names(done: Done) -> set[str]:
+    return {f"{e['effect']} {e['at']}" for e in done.json["effects"]}
+
+
+def value(done: Done, name: str) -> tuple[float, float, str]:
+    """An effect's parameter: value, standard uncertainty, unit."""
+    (found,) = (p for e in done.json["effects"] for p in e["parameters"] if p["name"] == name)
+    return found["value"], found["std"], found["unit"]
+
+
+def shopfloor(folder: Path, change: Callable[[int, dict[str, str]], dict[str, str]], rows: int = 80) -> str:
+    """The shop-floor table with its rows changed."""
+    with Path(SHOPFLOOR).open(encoding="utf-8") as file:
+        table = [change(k, row) for k, row in enumerate(csv.DictReader(file)) if k < rows]
+    return written(folder / "table.csv", table)
+
+
+def written(file: Path, table: Rows) -> str:
+    with file.open("w", encoding="utf-8", newline="") as out:
+        writer = csv.DictWriter(out, table[0].keys())
+        writer.writeheader()
+        writer.writerows(table)
+    return str(file)
+
+
+def without(*starts: str) -> Callable[[int, dict[str, str]], dict[str, str]]:
+    return lambda _, row: {h: c for h, c in row.items() if not h.startswith(starts)}
+
+
+# --- what is there is found ----------------------------------------------------------------
+@pytest.mark.parametrize("table", [HANGPRINTER_DATA, SECOND])
+def test_hangprinter_radii_and_build_up(table: str) -> None:
+    """The maker's own model has line build-up, and two radii: spools A to C, and D."""
+    done = diagnosed(HANGPRINTER, table)
+    assert {"release R_low", "release R_high", "buildup all"} <= names(done)
+    for name in ("R_low", "R_high"):
+        radius, std, unit = value(done, name)
+        assert unit == "mm" and 75.4 < radius < 76.4 and 0.01 < std < 0.2
+    assert value(done, "buildup@all.b")[0] < -5 * value(done, "buildup@all.b")[1]
+    assert done.json["chi2_per_dof_before"] > 20 * done.json["chi2_per_dof_after"] or table == SECOND
+
+
+@pytest.mark.xfail(reason="the allowance for heavy tails hides it: 10 standard uncertainties, p = 0.0014", strict=False)
+def test_hangprinter_bad_row() -> None:
+    """The row with index 17 of 2022-04-12, in line 19 of the file."""
+    done = diagnosed(HANGPRINTER, SECOND)
+    assert [(o["file"], o["line"]) for o in done.json["outliers"]] == [(SECOND, 19)]
+    assert Path(SECOND).read_text(encoding="utf-8").splitlines()[18].startswith("17,")
+    assert f"bad row: {SECOND}:19" in done.err
+
+
+def test_shop_floor() -> None:
+    """What its generator planted: play of the third drive, rods that grow, one bad row; and no more."""
+    done = diagnosed(SCISSORS, SHOPFLOOR)
+    assert (done.code, done.json["verdict"]) == (0, "found")
+    assert names(done) == {"backlash q3", "thermal_strut all"}
+    for name, true, unit in (("backlash@q3.b", 12.0, "um"), ("thermal_strut@all.a", 9.0, "um/(m*K)")):
+        found, std, shown = value(done, name)
+        assert shown == unit and abs(found - true) < 3 * std < 0.1 * true
+    assert [o["id"] for o in done.json["outliers"]] == ["p37"]
+    assert done.json["chi2_per_dof_after"] < 1.3
+    assert all(len(e["credible_set"]) == 1 and e["confirmed"] for e in done.json["effects"])
+
+
+@pytest.mark.parametrize("name", ["biglide", "delta4", "scissors", "triglide", "triglide-nonredundant"])
+def test_clean_tables_are_clean(name: str) -> None:
+    done = diagnosed(str(MACHINES / f"{name}.yaml"), str(MACHINES / f"{name}.csv"))
+    assert (done.code, done.json["verdict"]) == (0, "clean")
+    assert done.json["effects"] == done.json["outliers"] == done.json["unknown"] == []
+
+
+def test_one_seed_one_result() -> None:
+    first, again = (run("diagnose", SCISSORS, SHOPFLOOR, "--json", "--seed", 3) for _ in range(2))
+    assert first.out == again.out and first.err == again.err
+    assert first.json["seed"] == 3
+
+
+# --- what is shown -------------------------------------------------------------------------
+def test_sentences_are_about_places_of_the_machine() -> None:
+    shown = diagnosed(SCISSORS, SHOPFLOOR).err
+    assert "Cause: Every member grows with temperature." in shown
+    assert "Cause: The nut, end bearing, belt or gear of q3 has play." in shown
+    spools = diagnosed(HANGPRINTER, HANGPRINTER_DATA).err
+    assert "The effective radius of the spool of every drive changes by" in spools
+    assert " of all " not in shown + spools and "all grows" not in shown
+
+
+@pytest.mark.parametrize("table", [SHOPFLOOR, HANGPRINTER_DATA])
+def test_sizes_are_readable(table: str) -> None:
+    """No powers of ten, no unit 1, nothing cut off."""
+    shown = diagnosed(SCISSORS if table == SHOPFLOOR else HANGPRINTER, table).err
+    assert "e+0" not in shown and "\u2026" not in shown and " 1  " not in shown
+    assert shown.count("not testable:") < 8, "one line for each thing that is needed"
+
+
+def test_quiet_says_the_verdict_only_where_it_is_bad(tmp_path: Path) -> None:
+    assert run("diagnose", SCISSORS, SHOPFLOOR, "-q") == Done(0, "", "")
+    bad = run("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "-q")
+    assert bad.code == 1 and bad.err.count("\n") == 1 and bad.err.startswith("Residual ")
+
+
+# --- columns -------------------------------------------------------------------------------
+def test_missing_columns_are_not_testable(tmp_path: Path) -> None:
+    done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "--json"))
+    needs = {n["effect"]: n["needs"] for n in done.json["not_testable"]}
+    assert "`time`" in needs["drift"] and "temperature" in needs["thermal_strut"]
+    assert "payload" in needs["payload"] and "session" in needs["resetup"] and "spindle" in needs["runout"]
+    assert done.code == 1 and done.json["verdict"] in ("unknown", "ambiguous")
+    assert "thermal" not in str(done.json["effects"])
+    assert "direction of q1, q2, q3, q4: from the order of the rows" in done.err
+
+
+def test_gaps_in_a_column_are_told(tmp_path: Path) -> None:
+    def gaps(k: int, row: dict[str, str]) -> dict[str, str]:
+        return row | ({"T [degC]": ""} if k % 7 == 0 else {})
+
+    done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, gaps), "--json"))
+    assert "column `T` is empty in 12 of 80 rows: no effect that needs it is tested" in done.err
+    assert "thermal_strut" in {n["effect"] for n in done.json["not_testable"]}
+
+
+def test_names_of_parts_do_not_matter(tmp_path: Path) -> None:
+    """Rods and actuators called otherwise: the same effects under the new names."""
+    other = tmp_path / "other.yaml"
+    text = Path(SCISSORS).read_text(encoding="utf-8")
+    other.write_text(text.replace("rod", "link_").replace("c3", "wagon"), encoding="utf-8")
+    done = clean(run("diagnose", other, SHOPFLOOR, "--json"))
+    assert names(done) == {"backlash q3", "thermal_strut all"}
+    mine, theirs = value(done, "backlash@q3.b"), value(diagnosed(SCISSORS, SHOPFLOOR), "backlash@q3.b")
+    assert mine[:2] == pytest.approx(theirs[:2], rel=1e-6)
+
+
+def test_temperature_and_reference_shift_together(tmp_path: Path) -> None:
+    """Rods at T with reference 20 degC are rods at T + 3 K with reference 23 degC."""
+    warm = shopfloor(tmp_path, lambda _, row: row | {"T [degC]": f"{float(row['T [degC]']) + 3:.3f}"})
+    fits = []
+    for reference, table in ((20, SHOPFLOOR), (23, warm)):
+        file = tmp_path / f"at{reference}.yaml"
+        effect = f"thermal_strut@all: {{a: 0 um/(m*K), reference: {reference} degC}}"
+        file.write_text(f"extends: {SCISSORS}\neffects: {{{effect}}}\n", encoding="utf-8")
+        fits.append(run("calibrate", file, table, "--holdout", "none", "--json").json)
+    one, other = ({p["name"]: p["value"] for p in f["parameters"]} for f in fits)
+    assert one == pytest.approx(other, rel=1e-9)
+
+
+# --- odd tables and options ----------------------------------------------------------------
+@pytest.mark.parametrize("rows", [1, 3, 7])
+def test_too_few_rows(tmp_path: Path, rows: int) -> None:
+    done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, lambda _, row: row, rows)))
+    assert done.code == 3 and "too few measurements" in done.err and "8 rows or more" in done.err
+
+
+def test_a_sigma_that_is_far_too_large_is_told(tmp_path: Path) -> None:
+    table = shopfloor(tmp_path, lambda _, row: row | {"sigma.x [mm]": "1", "sigma.y [mm]": "1"})
+    assert "sigma 1 mm, which is stated too large" in clean(run("diagnose", SCISSORS, table)).err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--alpha", "0"], "--alpha: 0 is no false-alarm rate"),
+        (["--alpha", "0.5"], "at most 0.2"),
+        (["--seed", "-1"], "--seed"),
+        (["--select", "nothing"], "nothing"),
+    ],
+)
+def test_wrong_options(options: Sequence[str], said: str) -> None:
+    done = clean(run("diagnose", SCISSORS, SHOPFLOOR, *options))
+    assert done.code == 2 and said in done.err and done.out == ""
+
+
+def test_effects_lists_places() -> None:
+    done = clean(run("effects", SCISSORS, "--json"))
+    at = {e["effect"]: e["at"] for e in done.json["effects"]}
+    assert at["backlash"] == ["q1", "q2", "q3", "q4", "all"] and at["straight"] == ["left.x", "right.x"]
+    assert "buildup" not in at and "preload" not in at, "it has no spools, and no force-controlled drives"
+    everything = clean(run("effects"))
+    assert everything.code == 0 and "buildup" in everything.err and "\u2026" not in everything.err

@@ -1,0 +1,167 @@
+"""`pkmcal improve`, run: what it gains on rows that had no part, the files that it writes, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run
+
+CLEAN = str(MACHINES / "scissors.csv")
+
+
+@dataclass(frozen=True)
+class Improved:
+    """A run of the loop, the machine that it wrote and its parameters."""
+
+    done: Done
+    machine: Path
+    parameters: Path
+
+
+def improved(folder: Path, machine: str, table: str) -> Improved:
+    target = folder / "better.yaml"
+    done = clean(run("improve", machine, table, "-o", target, "--json"))
+    return Improved(done, target, folder / "better.params.yaml")
+
+
+@pytest.fixture(scope="module")
+def hangprinter(tmp_path_factory: pytest.TempPathFactory) -> Improved:
+    return improved(tmp_path_factory.mktemp("hangprinter"), HANGPRINTER, HANGPRINTER_DATA)
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Improved:
+    return improved(tmp_path_factory.mktemp("shop"), SCISSORS, SHOPFLOOR)
+
+
+@pytest.fixture
+def halves(tmp_path: Path) -> tuple[Path, Path]:
+    """The shop-floor table in two: every third row is kept apart."""
+    head, *rows = Path(SHOPFLOOR).read_text(encoding="utf-8").splitlines(keepends=True)
+    files = tmp_path / "use.csv", tmp_path / "apart.csv"
+    for file, chosen in zip(files, ([0, 1], [2]), strict=True):
+        file.write_text(head + "".join(r for k, r in enumerate(rows) if k % 3 in chosen), encoding="utf-8")
+    return files
+
+
+# --- the real machine ----------------------------------------------------------------------
+def test_hangprinter_is_improved_on_rows_that_had_no_part(hangprinter: Improved) -> None:
+    """Line lengths: from 4.96 mm (all rows; more on rows apart) to well below the 1.2 mm of two radii alone."""
+    result = hangprinter.done.json
+    assert (hangprinter.done.code, result["verdict"], result["rotations"]) == (0, "improved", 5)
+    assert {(s["effect"], s["at"]) for s in result["steps"] if s["accepted"]} == {
+        ("release", "R_low"), ("release", "R_high"), ("buildup", "all"),
+    }  # fmt: skip
+    assert result["before"]["length"]["rms"] > 4.9 and result["after"]["length"]["rms"] < 1.0
+    assert result["after"]["length"]["count"] == 100, "every row reports once"
+    assert result["improvement"]["low"] > 0
+    assert result["improvement"]["low"] < result["improvement"]["value"] < result["improvement"]["high"]
+    falls = [s["report"]["length"]["rms"] for s in result["steps"]]
+    assert falls == sorted(falls, reverse=True)
+    assert all(s["fit"]["length"]["rms"] < s["report"]["length"]["rms"] for s in result["steps"])
+
+
+def test_the_written_machine_calibrates_to_less_than_any_radii(hangprinter: Improved) -> None:
+    """On all rows: 0.86 mm or less; 1.14 mm is what two radii reach."""
+    done = clean(run("calibrate", hangprinter.machine, HANGPRINTER_DATA, "--holdout", "none", "--json"))
+    assert done.json["after"]["length"]["rms"] <= 0.86
+    released = {p["name"] for p in done.json["parameters"] if p["identified"]}
+    assert {"R_low", "R_high", "buildup@all.b"} <= released
+
+
+# --- the files -----------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["hangprinter", "shop"])
+def test_the_files_work_in_every_command(name: str, request: pytest.FixtureRequest) -> None:
+    made: Improved = request.getfixturevalue(name)
+    table = HANGPRINTER_DATA if name == "hangprinter" else SHOPFLOOR
+    assert made.done.json["machine"] == str(made.machine) and made.done.json["parameters"] == str(made.parameters)
+    assert clean(run("check", made.machine, table)).code == 0
+    seen = clean(run("observability", made.machine, table, "-p", made.parameters, "--json"))
+    assert seen.code == 0
+    simulated = clean(run("simulate", made.machine, table, "-p", made.parameters))
+    assert simulated.code == 0 and simulated.out != clean(run("simulate", made.machine, table)).out
+    again = clean(run("diagnose", made.machine, table, "--json"))
+    assert not again.json["effects"], "nothing is found twice"
+
+
+def test_the_improved_machine_calibrates_to_the_noise(shop: Improved, tmp_path: Path) -> None:
+    """Without the bad row, what is left is the noise of the instrument."""
+    head, *rows = Path(SHOPFLOOR).read_text(encoding="utf-8").splitlines(keepends=True)
+    good = tmp_path / "good.csv"
+    good.write_text(head + "".join(r for r in rows if not r.startswith("p37,")), encoding="utf-8")
+    done = clean(run("calibrate", shop.machine, good, "--holdout", "none", "--json"))
+    assert 0.7 < done.json["chi2_per_dof"] < 1.3
+    assert 0.5 < done.json["after"]["position"]["rms"] * 1e3 < 0.85, "0.5 um in two coordinates"
+
+
+def test_the_overlay_says_where_it_holds(shop: Improved) -> None:
+    text = shop.machine.read_text(encoding="utf-8")
+    assert text.startswith("# Written by `pkmcal improve`")
+    for part in (
+        "extends: ",
+        "thermal_strut@all:",
+        "backlash@q3:",
+        "std: ",
+        "log evidence",
+        "valid from 15.4 to 24.3 degC",
+    ):
+        assert part in text
+
+
+# --- simulated -----------------------------------------------------------------------------
+def test_shop_floor_ends_at_the_noise(shop: Improved) -> None:
+    result = shop.done.json
+    assert (shop.done.code, result["verdict"], result["diagnosis"]) == (0, "improved", "found")
+    assert [o["id"] for o in result["outliers"]] == ["p37"]
+    assert result["chi2_before"] > 50 and 0.8 < result["chi2_after"] < 1.3
+    assert result["after"]["position"]["rms"] < 0.8e-3 < 7e-3 < result["before"]["position"]["rms"]
+    assert "position rms falls by 7." in shop.done.err and " um, 95 % interval " in shop.done.err
+    assert "added: backlash@q3.b 12.2" in shop.done.err
+
+
+def test_rows_kept_apart_report(halves: tuple[Path, Path]) -> None:
+    """With a validation file there is one rotation; the same seed gives the same bytes."""
+    use, apart = halves
+    first, again = (clean(run("improve", SCISSORS, use, "--validation", apart, "--json")) for _ in range(2))
+    assert first.out == again.out and first.err == again.err
+    assert first.json["rotations"] == 1 and first.json["verdict"] == "improved"
+    assert first.json["after"]["position"]["count"] == 26
+    assert first.json["after"]["position"]["rms"] < 0.2 * first.json["before"]["position"]["rms"]
+    assert first.json["machine"] is None and first.json["parameters"] is None
+
+
+def test_nothing_to_improve(tmp_path: Path) -> None:
+    target = tmp_path / "better.yaml"
+    done = clean(run("improve", SCISSORS, CLEAN, "-o", target, "--json"))
+    assert (done.code, done.json["verdict"], done.json["steps"]) == (0, "clean", [])
+    assert "nothing to improve" in done.err and "nothing written" in done.err
+    assert not target.exists()
+
+
+# --- refused -------------------------------------------------------------------------------
+def test_wrong_options(tmp_path: Path, halves: tuple[Path, Path]) -> None:
+    existing = tmp_path / "there.yaml"
+    existing.write_text("mine", encoding="utf-8")
+    for options, code, said in (
+        (["-o", "-"], 2, "-o M-improved.yaml"),
+        (["-o", existing], 4, "--force"),
+        (["--alpha", "3"], 2, "at most 0.2"),
+        (["--validation", tmp_path / "none.csv"], 3, "none.csv"),
+        (["-o", tmp_path / "no" / "folder.yaml"], 4, "folder"),
+    ):
+        done = clean(run("improve", SCISSORS, SHOPFLOOR, *options))
+        assert done.code == code and said in done.err and done.out == "", options
+    assert existing.read_text(encoding="utf-8") == "mine"
+
+
+def test_too_few_rows_to_keep_some_apart(tmp_path: Path, halves: tuple[Path, Path]) -> None:
+    few = tmp_path / "few.csv"
+    few.write_text(
+        "".join(Path(SHOPFLOOR).read_text(encoding="utf-8").splitlines(keepends=True)[:13]), encoding="utf-8"
+    )
+    done = clean(run("improve", SCISSORS, few))
+    assert done.code == 3 and "20 rows or more" in done.err
+    assert clean(run("improve", SCISSORS, few, "--validation", halves[1])).code in (0, 1)

@@ -1,0 +1,163 @@
+"""`pkmcal plan`, run: points improve what they are for and can be reached; the table is one that can be measured."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, SCISSORS, SHOPFLOOR, Done, clean, column, run
+from tests.support import model
+
+GRID = ("--grid", "x=-200:200:5,y=-200:200:5")
+
+
+def planned(*options: str) -> Done:
+    return clean(run("plan", SCISSORS, *GRID, *options, "--json"))
+
+
+def effects(done: Done) -> dict[str, dict[str, Any]]:
+    return {f"{e['effect']}@{e['at']}": e for e in done.json["effects"]}
+
+
+# --- what a plan shows ---------------------------------------------------------------------
+def test_sizes_follow_the_noise_and_the_number_of_poses(tmp_path: Path) -> None:
+    """Twice the noise: twice the smallest detectable size; a plan done twice: smaller by the root of two."""
+    noisy = tmp_path / "noisy.yaml"
+    sensor = "sensors: {grid: {sigma: 1 um}}"
+    noisy.write_text(f"extends: {SCISSORS}\n{sensor}\n", encoding="utf-8")
+    plain, coarse = effects(planned()), effects(clean(run("plan", noisy, *GRID, "--json")))
+    for name in ("pitch_curve@q1", "straight@left.x", "scale@q2"):
+        assert coarse[name]["mdb"] == pytest.approx(2 * plain[name]["mdb"], rel=0.02)
+        assert plain[name]["status"] == "detectable" and plain[name]["mdb"] < plain[name]["plausible"]
+        assert plain[name]["msb"] >= plain[name]["mdb"]
+
+
+def test_columns_decide_what_is_testable() -> None:
+    bare = {n["effect"] for n in planned().json["not_testable"]}
+    assert {"drift", "thermal_strut", "payload"} <= bare
+    logged = clean(run("plan", SCISSORS, SHOPFLOOR, "--json"))
+    assert not {"drift", "thermal_strut"} & {n["effect"] for n in logged.json["not_testable"]}
+    assert effects(logged)["thermal_strut@all"]["status"] == "detectable"
+
+
+def test_without_strain_nothing_elastic_is_seen() -> None:
+    """At nominal dimensions no rod carries force, so there is no stiffness, play or wind-up to see."""
+    found = effects(planned())
+    for name in ("stiffness@all", "clearance@all", "windup@all"):
+        assert found[name]["status"] == "invisible"
+    for group in planned().json["groups"]:
+        assert len(group) > 1
+
+
+def test_what_is_shown_is_readable() -> None:
+    shown = planned("--separate", "backlash@q1,backlash@q2").err
+    assert "e+0" not in shown and "prior standard" not in shown and "\u2026" not in shown
+    assert "smallest size that tells them apart" in shown and " um -> " in shown
+    assert "not testable: thermal_base, thermal_foot, " in shown
+
+
+# --- further points ------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--see", "backlash@q3"),
+        ("--see", "straight@left.x"),
+        ("--separate", "backlash@q2,backlash@q4"),
+        ("--separate", "scale@q1,straight@left.x"),
+        ("--determine", "xa1,l3"),
+        ("--determine", "auto"),
+    ],
+)
+def test_points_improve_their_figure_within_the_limits(options: tuple[str, str]) -> None:
+    result = planned(*options, "--points", "6").json
+    aim, points = result["aim"], result["points"]
+    assert aim["kind"] == options[0].removeprefix("--") and len(points) == 6
+    better = aim["before"] < aim["after"] if aim["kind"] == "determine" else aim["after"] < aim["before"]
+    assert better
+    low, high = limits()
+    for point in points:
+        for k, name in enumerate(("q1", "q2", "q3", "q4")):
+            assert low[k] <= point[name] <= high[k] and point[f"dir.{name}"] in (-1.0, 1.0)
+    text = "\n".join(f"{p['q1']},{p['q2']},{p['q3']},{p['q4']}" for p in points)
+    reached = clean(run("simulate", SCISSORS, "-", stdin=f"q1,q2,q3,q4\n{text}\n"))
+    assert reached.code == 0, "the machine takes every one of them"
+
+
+def limits() -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    found = np.array([a.limits for a in model("scissors").actuators]) * 1e3
+    return found[:, 0] - 1e-9, found[:, 1] + 1e-9
+
+
+def test_chosen_points_are_better_than_more_of_the_same() -> None:
+    """Six chosen points lower the smallest detectable size by more than six average ones."""
+    aim = planned("--see", "backlash@q3", "--points", "6").json["aim"]
+    assert aim["after"] < aim["before"] * np.sqrt(25 / 31)
+
+
+# --- the table to run ----------------------------------------------------------------------
+def test_the_table_can_be_run(tmp_path: Path) -> None:
+    """Every pose once in random order, a datum again and again, approached from the side that the table says."""
+    file = tmp_path / "plan.csv"
+    done = clean(run("plan", SCISSORS, *GRID, "--see", "backlash@q1", "--points", "5", "-o", file))
+    with file.open(encoding="utf-8") as text:
+        rows = list(csv.DictReader(text))
+    assert done.code == 0 and f"written: {file} ({len(rows)} rows" in done.err
+    datum = [r for r in rows if r["id"].startswith("datum")]
+    assert len(datum) == 3 and len({(r["q1 [mm]"], r["q2 [mm]"]) for r in datum}) == 1
+    assert len(rows) == 25 + 5 + 2 and rows[0] == datum[0] and rows[-1]["id"] == datum[-1]["id"]
+    for name in ("q1", "q2", "q3", "q4"):
+        way = column(file, name) - column(file, f"approach.{name}")
+        np.testing.assert_array_equal(np.sign(way), column(file, f"dir.{name}"))
+        assert 0.2 < np.mean(column(file, f"dir.{name}") > 0) < 0.8
+    place = np.arange(len(rows))
+    assert abs(np.corrcoef(place, column(file, "q1"))[0, 1]) < 0.5, "time and pose do not go together"
+    simulated = clean(run("simulate", SCISSORS, file, "-o", tmp_path / "read.csv"))
+    assert simulated.code == 0
+    assert clean(run("calibrate", SCISSORS, tmp_path / "read.csv", "--holdout", "none")).code == 0
+
+
+def test_one_seed_one_plan() -> None:
+    options = ("plan", SCISSORS, *GRID, "--see", "backlash@q1", "-o", "-", "--seed")
+    first, again, other = (run(*options, s).out for s in ("1", "1", "2"))
+    assert first == again != other
+
+
+def test_force_controlled_drives_are_no_set_values(tmp_path: Path) -> None:
+    file = tmp_path / "plan.csv"
+    done = clean(run("plan", HANGPRINTER, HANGPRINTER_DATA, "--see", "buildup@all", "--points", "3", "-o", file))
+    assert done.code == 0
+    assert "dir.A" in (head := file.read_text(encoding="utf-8").splitlines()[0]) and "dir.D" not in head
+    assert clean(run("simulate", HANGPRINTER, file)).code == 0
+
+
+# --- refused -------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (["--see", "backlsh@q1"], 2, "did you mean `backlash@q1`?"),
+        (["--see", "backlash"], 2, "one of backlash@q1, backlash@q2"),
+        (["--see", "drift"], 2, "column `time`"),
+        (["--separate", "backlash@q1"], 2, "--separate backlash@q1,drift"),
+        (["--separate", "backlash@q1,backlash@q1"], 2, "two different effects"),
+        (["--see", "backlash@q1", "--determine", "l3"], 2, "one aim at a time"),
+        (["--determine", "l1"], 2, "--select auto,l1"),
+        (["--points", "0"], 2, "--points"),
+        (["--json", "-o", "-"], 2, "give `-o` a file"),
+        (["extra.csv"], 2, "--grid"),
+    ],
+)
+def test_wrong_options(options: list[str], code: int, said: str) -> None:
+    done = clean(run("plan", SCISSORS, *GRID, *options))
+    assert done.code == code and said in done.err and done.out == ""
+
+
+def test_existing_files_and_nothing_to_plan(tmp_path: Path) -> None:
+    there = tmp_path / "there.csv"
+    there.write_text("mine", encoding="utf-8")
+    done = clean(run("plan", SCISSORS, *GRID, "-o", there))
+    assert done.code == 4 and "--force" in done.err and there.read_text(encoding="utf-8") == "mine"
+    assert clean(run("plan", SCISSORS)).code == 2
