@@ -48,8 +48,10 @@ def machine_files() -> list[Path]:
 
 
 def data_files(machine: str) -> list[Path]:
-    """The measurements of a machine."""
-    return sorted(f for f in MACHINES.glob("*.csv") if re.fullmatch(rf"{re.escape(machine)}(_.*)?", f.stem))
+    """The measurements of a machine: tables of its name, or of its name and more, unless another machine has that."""
+    others = {f.stem for f in machine_files()} - {machine}
+    found = (f for f in MACHINES.glob("*.csv") if re.fullmatch(rf"{re.escape(machine)}([_-].*)?", f.stem))
+    return sorted(f for f in found if f.stem not in others)
 
 
 def _drives(file: Path) -> str:
