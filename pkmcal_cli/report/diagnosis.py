@@ -287,5 +287,4 @@ class DiagnosisReport:
 
 
 def _words(evidence: float) -> str:
-    strength = "weak" if evidence < _CLEAR else "clear" if evidence < _OVERWHELMING else "overwhelming"
-    return f"{strength} ({evidence:.1f})"
+    return "weak" if evidence < _CLEAR else "clear" if evidence < _OVERWHELMING else "overwhelming"
