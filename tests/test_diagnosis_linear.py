@@ -157,10 +157,10 @@ def test_critical_p_lies_between_bonferroni_and_a_single_test() -> None:
 # --- noise and rows ------------------------------------------------------------------------
 def test_a_right_sigma_is_kept_and_a_small_one_is_found_out() -> None:
     groups = group_columns(setting().ready.problem)
-    kept = [noise_scale(linear, groups).variance == 1.0 for linear in drawn(40)]
+    kept = [noise_scale(linear, setting().ready.problem, groups).variance == 1.0 for linear in drawn(40)]
     assert np.mean(kept) > 0.9
     small = [replace(linear, residual=1.25 * linear.residual) for linear in drawn(20, seed=1)]
-    found = [noise_scale(linear, groups) for linear in small]
+    found = [noise_scale(linear, setting().ready.problem, groups) for linear in small]
     factors = np.sqrt([scale.variance for scale in found])
     assert np.mean(factors) == pytest.approx(1.25, abs=0.04) and np.std(factors) < 0.1
     assert all(20 < scale.dof < len(small[0].residual) for scale in found if scale.variance > 1)
@@ -173,14 +173,15 @@ def test_a_smooth_effect_is_no_noise() -> None:
     smooth = groups["pose"][:, 5] + groups["temperature"][:, 0]
     noise = drawn(1, seed=4)[0].residual
     disturbed = linear.projecting(linear.projected, residual=noise + 5 * smooth)
-    assert noise_scale(disturbed, groups) == noise_scale(linear.projecting(linear.projected, residual=noise), groups)
+    plain = linear.projecting(linear.projected, residual=noise)
+    assert noise_scale(disturbed, problem, groups) == noise_scale(plain, problem, groups)
 
 
 def bad_rows(residual: Array) -> list[int]:
     """Rows that are wrong at the usual rate of false alarms, for a residual (n,)."""
     problem, linear = setting().ready.problem, setting().linear
     now = linear.projecting(linear.projected, residual=residual)
-    scores = row_scores(now, problem.measured, noise_scale(now, group_columns(problem)))
+    scores = row_scores(now, problem.measured, noise_scale(now, problem, group_columns(problem)))
     return [int(k) for k in np.nonzero(scores.p_value < 0.2 * ALPHA / len(problem))[0]]
 
 

@@ -7,17 +7,22 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
+from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.rotation import Array
 
+_REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.01  # the stated sigma is kept unless so improbable
 _ALIKE = 1e-4  # p value below which successive rows are not independent
 _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not count as noise
 
 
-def noise_scale(linear: Linear, groups: Mapping[str, Array]) -> Scale:
-    """Scale of the noise from what neither parameters nor any smooth group explain."""
+def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -> Scale:
+    """Scale of the noise: of repeated poses where there are some, else of what no smooth group explains."""
+    repeated = _pure_error(linear, problem)
+    if repeated is not None:
+        return repeated
     if not groups:
         return Scale()
     extra = np.hstack(list(groups.values()))
@@ -28,8 +33,31 @@ def noise_scale(linear: Linear, groups: Mapping[str, Array]) -> Scale:
         return Scale()
     kept = squares[: int((1 - _TRIM) * len(squares))]
     variance = float(kept.sum()) / len(squares) / _trimmed_share() * free.used / dof
+    return _doubted(variance, dof)
+
+
+def _doubted(variance: float, dof: int) -> Scale:
+    """The stated noise, unless an estimate makes it improbable."""
     limit = float(chdtri(dof, _DOUBT)) / dof
     return Scale(variance, float(dof)) if variance > limit else Scale()
+
+
+def _pure_error(linear: Linear, problem: Problem) -> Scale | None:
+    """Noise within repeated poses of one session, approached from the same sides; None with few of them."""
+    columns = problem.rows.columns
+    same = [columns[n] for n in columns if n.startswith(("dir.", "session.")) or n == "payload"]
+    keys = np.column_stack([replicate_groups(problem), *same]) if same else replicate_groups(problem)[:, None]
+    _, label = np.unique(np.nan_to_num(keys), axis=0, return_inverse=True)
+    label = label.ravel()
+    channels = problem.readings.shape[1]
+    rest = linear.residual.reshape(-1, channels)
+    whole = problem.measured.all(axis=1)
+    counts = np.bincount(label[whole])
+    dof = int(np.maximum(counts - 1, 0).sum()) * channels
+    if dof < _REPEATED:
+        return None
+    means = np.stack([np.bincount(label[whole], c[whole]) for c in rest.T], axis=1) / np.maximum(counts, 1)[:, None]
+    return _doubted(float(((rest[whole] - means[label[whole]]) ** 2).sum()) / dof, dof)
 
 
 def _trimmed_share() -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
-from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_all, scored, taken_back
+from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_without, scored
 from pkmcal_cli.rotation import Array
 
 RIVALS = 4
@@ -41,10 +41,8 @@ def swapped(now: Search) -> Search:
 
 def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
     """The search with this effect dropped or replaced, if that is better; None if not."""
-    linear = _linear(now)
     rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
-    back = taken_back(linear, now, hypothesis)
-    found = scored(back, now.problem, (hypothesis, *now.open))
+    found = score_without(now, [hypothesis], (hypothesis, *now.open))
     mine, price = float(found.log_bayes[0]), float(np.log(len(now.candidates.hypotheses)))
     if len(now.accepted) > 1 and mine < price - _BETTER and found.p_values[0] > now.critical:
         fit = refit(rest, {})
@@ -53,7 +51,9 @@ def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
     for k in order:
         if found.log_bayes[k] > mine + _BETTER:
             after = replace(rest, accepted=(*rest.accepted, found.hypotheses[k]))
-            starts = {found.hypotheses[k]: found.scores[k].estimate * back.scale_of(found.hypotheses[k].parameters)}
+            starts = {
+                found.hypotheses[k]: found.scores[k].estimate * found.linear.scale_of(found.hypotheses[k].parameters)
+            }
             fit = refit(after, starts)
             if fit is not None and _evidence(after, fit.chi2, found) > _evidence(now, now.fit.chi2, found) + _BETTER:
                 return _renamed(replace(after, fit=fit), found, int(k))
@@ -69,10 +69,8 @@ def _reselected(now: Search, keyword: str) -> Search | None:
     if len(mine) < 2 or ALL not in [h.at for h in mine]:
         return None
     rest = replace(now, accepted=tuple(h for h in now.accepted if h not in mine))
-    linear = _linear(now)
-    for h in mine:
-        linear = taken_back(linear, replace(now, accepted=()), h)
     singles = [h for h in now.candidates.hypotheses if h.effect == keyword and h.at != ALL]
+    linear = score_without(now, mine, singles).linear
     chosen: list[Hypothesis] = []
     while len(chosen) < len(mine):
         found = scored(linear, now.problem, [h for h in singles if h not in chosen])
@@ -105,21 +103,16 @@ def _evidence(now: Search, chi2: float, found: Scored) -> float:
     return -0.5 * (chi2 / found.scale.variance + count * float(np.log(found.linear.used))) - price
 
 
-def _linear(now: Search) -> Linear:
-    return score_all(now, now.open).linear
-
-
 def credible_set(now: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:
     """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first."""
-    linear = taken_back(_linear(now), now, hypothesis)
     every = (hypothesis, *now.open)
-    found = scored(linear, now.problem, every)
+    found = score_without(now, [hypothesis], every)
     evidence = found.log_bayes - found.log_bayes.max()
     weight = np.exp(evidence) / np.exp(evidence).sum()
     order = np.argsort(-weight, kind="stable")
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
     chosen = order[:last]
-    cosines = _cosines(linear, found, 0, [int(k) for k in chosen])
+    cosines = _cosines(found.linear, found, 0, [int(k) for k in chosen])
     return tuple(Rival(every[k], float(weight[k]), c) for k, c in zip(chosen, cosines, strict=True))
 
 

@@ -102,19 +102,35 @@ def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed
         scored = score_all(now, now.open)
 
 
-def score_all(now: Search, hypotheses: Sequence[Hypothesis], without: Hypothesis | None = None) -> Scored:
-    """Scores of hypotheses at the present solution; `without`: an accepted one that is taken back, to first order."""
-    others = [n for h in hypotheses for n in h.parameters if n not in now.selected]
-    linear = linear_problem(now.problem, _same_lag(now, hypotheses), now.selected, others, now.fit.after.state)
-    if without is not None:
-        linear = taken_back(linear, now, without)
-    return scored(linear, now.problem, hypotheses)
+def score_all(now: Search, hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores of hypotheses at the present solution."""
+    return scored(_linear(now, now.fit.values, now.selected, hypotheses), now.problem, hypotheses)
 
 
-def _same_lag(now: Search, hypotheses: Sequence[Hypothesis]) -> Array:
-    """Values (P,) at which hypotheses have the lag of the accepted thermal effects, or rivals would be behind."""
-    names, values = now.problem.model.names, now.fit.values.copy()
-    lags = [values[names.index(n)] for h in now.accepted for n in h.parameters if n.endswith(".lag")]
+def score_without(now: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores of hypotheses where some accepted effects have null value, and so have their parameters' influences.
+
+    The others stay where the fit has put them: what they would do instead is projected out.
+    """
+    gone = {n for h in removed for n in h.parameters}
+    values, model = now.fit.values.copy(), now.problem.model
+    for name in gone:
+        if not name.endswith(".lag"):  # it only shapes what the others do
+            k = model.names.index(name)
+            values[k] = model.parameters[k].nominal
+    kept = tuple(n for n in now.selected if n not in gone)
+    return scored(_linear(now, values, kept, hypotheses), now.problem, hypotheses)
+
+
+def _linear(now: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
+    others = [n for h in hypotheses for n in h.parameters if n not in projected]
+    return linear_problem(now.problem, _same_lag(now, values, hypotheses), projected, others, now.fit.after.state)
+
+
+def _same_lag(now: Search, values: Array, hypotheses: Sequence[Hypothesis]) -> Array:
+    """The values (P,), but that rivals have the lag of the accepted thermal effects, or they would be behind."""
+    names, values = now.problem.model.names, values.copy()
+    lags = [now.fit.values[names.index(n)] for h in now.accepted for n in h.parameters if n.endswith(".lag")]
     if lags:
         accepted = {h.name for h in now.accepted}
         rivals = [n for h in hypotheses if h.name not in accepted for n in h.parameters if n.endswith(".lag")]
@@ -122,20 +138,10 @@ def _same_lag(now: Search, hypotheses: Sequence[Hypothesis]) -> Array:
     return values
 
 
-def taken_back(linear: Linear, now: Search, hypothesis: Hypothesis) -> Linear:
-    """The problem as it would be had this accepted effect null value, to first order in what it is linear in."""
-    names = tuple(n for n in linear.projected if n not in hypothesis.parameters)
-    index = [now.problem.model.names.index(n) for n in hypothesis.parameters]
-    size = now.fit.values[index] - now.problem.model.nominal[index]
-    size[[n.endswith(".lag") for n in hypothesis.parameters]] = 0.0  # it only shapes the others' columns
-    back = linear.of(hypothesis.parameters) @ (size / linear.scale_of(hypothesis.parameters))
-    return linear.projecting(names, residual=linear.residual + back)
-
-
 def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
     """Scores, p values and evidence (BIC) of hypotheses."""
     plain, linear = linear, independent(linear, problem)
-    scale = noise_scale(linear, group_columns(problem))
+    scale = noise_scale(linear, problem, group_columns(problem))
     scores = tuple(linear.score(linear.of(h.parameters)) for h in hypotheses)
     statistic = np.array([s.statistic for s in scores])
     count = np.array([s.count for s in scores])
