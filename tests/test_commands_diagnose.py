@@ -115,6 +115,33 @@ def test_sizes_are_readable(table: str) -> None:
     assert shown.count("not testable:") < 8, "one line for each thing that is needed"
 
 
+def test_narrow_terminals_show_names_and_sizes_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pkmcal_cli.report.console._WIDTH", 80)
+    shown = clean(run("diagnose", SCISSORS, SHOPFLOOR)).err
+    causes = shown.partition("Causes")[2].partition("bad row")[0]
+    assert "thermal_strut  all" in causes and "um/(m*K)" in causes and "\u2026" not in causes
+    assert "unequal_backlash" in run("effects", SCISSORS).err
+
+
+def test_commands_to_go_on_with_can_be_run() -> None:
+    """`plan` with the machine and table of the diagnosis; stdin has no name."""
+    shown = diagnosed(SCISSORS, SHOPFLOOR).err
+    (line,) = (row for row in shown.splitlines() if "which points would show one: " in row)
+    words = line.partition("pkmcal ")[2].replace("EFFECT", "clearance@rod5").split()
+    assert clean(run(*words, "--points", "1")).code == 0
+    piped = run("diagnose", SCISSORS, "-", stdin=Path(SHOPFLOOR).read_text(encoding="utf-8")).err
+    assert "MEAS.csv --see EFFECT" in piped
+
+
+def test_what_is_provisional_has_its_reason(tmp_path: Path) -> None:
+    """At a constant temperature growth cannot be named: all that is named is provisional."""
+    still = shopfloor(tmp_path, lambda _, row: row | {"T [degC]": "20"})
+    done = clean(run("diagnose", SCISSORS, still, "--json"))
+    assert done.code == 1 and all(e["provisional"] for e in done.json["effects"])
+    assert done.err.count("Provisional: ") == len(done.json["effects"])
+    assert "Log temperatures of more parts" in done.err
+
+
 def test_quiet_says_the_verdict_only_where_it_is_bad(tmp_path: Path) -> None:
     assert run("diagnose", SCISSORS, SHOPFLOOR, "-q") == Done(0, "", "")
     bad = run("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "-q")

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pkmcal_cli.files import write_text
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
 _BAR = 24
+_WIDE = 110
 _WIDTH = 160  # of tables that do not go to a terminal
 
 
@@ -27,6 +28,11 @@ class Reporter:
         self.quiet = quiet
         self.console: Console = Console(stderr=True, soft_wrap=True, highlight=False, width=wide)
         setattr(self.console, "on_broken_pipe", _nothing)  # noqa: B010  (rich would end the process)
+
+    @property
+    def narrow(self) -> bool:
+        """Whether wide tables do not fit."""
+        return self.console.width < _WIDE
 
     def say(self, text: str = "") -> None:
         """A line."""
@@ -70,9 +76,12 @@ class Reporter:
         from rich.text import Text
 
         table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False, header_style="bold")
+        rows = [tuple(row) for row in rows]
         for k, header in enumerate(headers):
             text = k < left or header == "" or header in folded
-            table.add_column(Text(header), justify="left" if text else "right", no_wrap=header not in folded)
+            least = 9 if header in folded else max((len(row[0]) for row in rows), default=0) if k == 0 else 0
+            justify: Literal["left", "right"] = "left" if text else "right"
+            table.add_column(Text(header), justify=justify, no_wrap=header not in folded, min_width=least or None)
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         self._print(table)

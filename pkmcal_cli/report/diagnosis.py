@@ -23,7 +23,9 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 
 _SHOWN = 12
+_STDIN = "<stdin>"
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
+_LIKE_NOISE = "no effect is found, but sigma is stated too small, or what is missing looks like noise"
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
@@ -136,7 +138,7 @@ class DiagnosisReport:
         rms, sigma = self._rms(), self._sigma
         rms_text, sigma_text = (readable(x, self._length_unit, like=max(rms, sigma)) for x in (rms, sigma))
         words = {
-            "clean": "nothing is left above noise",
+            "clean": "nothing is left above noise" if found.scale.variance == 1.0 else _LIKE_NOISE,
             "found": "an effect is missing in the model, and found",
             "ambiguous": "something is missing; several effects explain it alike",
             "unknown": "something is missing that no effect of the catalogue explains",
@@ -170,7 +172,7 @@ class DiagnosisReport:
             held = finding.held_out
             rows.append(
                 (
-                    self._title(finding.hypothesis),
+                    finding.hypothesis.effect if to.narrow else self._title(finding.hypothesis),
                     finding.hypothesis.at,
                     self._size(finding),
                     f"{100 * finding.share:.0f} %",
@@ -181,7 +183,10 @@ class DiagnosisReport:
                 )
             )
         headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "not told from", "")
-        to.table(title, headers, rows, left=2, folded=("effect", "not told from"))
+        folded = ("not told from",) if to.narrow else ("effect", "not told from")
+        kept = [k for k, h in enumerate(headers) if not (to.narrow and h in ("share", "evidence"))]
+        cells = [tuple(row[k] for k in kept) for row in rows]
+        to.table(title, tuple(headers[k] for k in kept), cells, left=2, folded=folded)
 
     def _title(self, hypothesis: Hypothesis) -> str:
         if hypothesis.effect == RELEASE:
@@ -214,7 +219,7 @@ class DiagnosisReport:
             text += f" Identify it: --select auto,{h.at}."
         else:
             cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
-            text = f"Cause: {cause} Effect: {result} {gain} Action: {action}"
+            text = f"{h.name}: Cause: {cause} Effect: {result} {gain} Action: {action}"
         if finding.ambiguous:
             text = f"{self._alternatives(finding)} {text}{self._to_decide(finding)}"
         return text + self._reservation(finding)
@@ -227,8 +232,12 @@ class DiagnosisReport:
 
     def _to_decide(self, finding: Finding) -> str:
         pair = ",".join(r.hypothesis.name for r in finding.rivals[:2])
-        machine, table = self.machine.files[0][0], self.measured.files[0]
-        return f" To decide, measure the points of: {command('plan', machine, table, '--separate', pair)}"
+        return f" To decide, measure the points of: {command('plan', *self._files(), '--separate', pair)}"
+
+    def _files(self) -> tuple[str, str]:
+        """Machine and first table, as they are named on a command line."""
+        files = self.machine.files[0][0], self.measured.files[0]
+        return (files[0] if files[0] != _STDIN else "M.yaml"), (files[1] if files[1] != _STDIN else "MEAS.csv")
 
     def _reservation(self, finding: Finding) -> str:
         """Why a finding is provisional."""
@@ -261,8 +270,7 @@ class DiagnosisReport:
         to.say()
         to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)
         more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
-        machine, table = self.machine.files[0][0], self.measured.files[0]
-        to.say(f"{more}which points would show one: {command('plan', machine, table, '--see', 'EFFECT')}")
+        to.say(f"{more}which points would show one: {command('plan', *self._files(), '--see', 'EFFECT')}")
 
     # --- units -----------------------------------------------------------------------------
     def _unit(self, parameter: str) -> Unit:

@@ -67,6 +67,6 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
         "direction": "Measure every pose from both sides.",
         "load": "Measure with several payloads.",
     }.get(depends_on, "Do not compensate outside the measured region.")
-    what = f"{size}depends on" if size else "something depends on"
+    what = f"something of {size}depends on" if size else "something depends on"
     detail = f" ({hint})" if hint else ""
     return f"Unknown: {what} {depends_on} and matches no effect of the catalogue{detail}. {advice}"

@@ -21,7 +21,13 @@ def run_effects(machine: str | None, as_json: bool, quiet: bool) -> int:
             continue
         rows.append((effect.keyword, effect.title, _short(where) or PORTS[effect.port], ", ".join(effect.needs)))
         listed.append(_json(effect, where))
-    to.table("Effects", ("keyword", "effect", "at" if machine else "enters", "needs"), rows, left=4)
+    to.table(
+        "Effects",
+        ("keyword", "effect", "at" if machine else "enters", "needs"),
+        rows,
+        left=4,
+        folded=("effect", "at", "enters"),
+    )
     to.say("parameters, plausible ranges, causes and remedies: --json, docs/effects.md")
     if as_json:
         emit_json({"effects": listed})
