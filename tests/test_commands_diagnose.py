@@ -62,7 +62,6 @@ def test_hangprinter_radii_and_build_up(table: str) -> None:
     assert done.json["chi2_per_dof_before"] > 20 * done.json["chi2_per_dof_after"] or table == SECOND
 
 
-@pytest.mark.xfail(reason="the allowance for heavy tails hides it: 10 standard uncertainties, p = 0.0014", strict=False)
 def test_hangprinter_bad_row() -> None:
     """The row with index 17 of 2022-04-12, in line 19 of the file."""
     done = diagnosed(HANGPRINTER, SECOND)

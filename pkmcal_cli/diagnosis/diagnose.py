@@ -22,6 +22,7 @@ from pkmcal_cli.prediction import settled_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
+_ORDINARY = 0.01  # p value above which a row that was taken out is put back
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
 
 
@@ -90,7 +91,7 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     same = _same_as_parameters(first)
     found = replace(found, hypotheses=tuple(h for h in found.hypotheses if h.name not in same))
     parts = Alpha(alpha)
-    now = restored(swapped(run_search(found, problem, before, parts, seed)), parts)
+    now = restored(swapped(run_search(found, problem, before, parts, seed)))
     last = score_all(now, now.open)
     unknown = tuple(unknown_effects(last.linear, now.problem, last.scale, parts.groups, now.bad_rows))
     if unknown and now.accepted:  # unless a richer shape of what was found explains it
@@ -127,7 +128,7 @@ def _same_as_parameters(first: Scored) -> dict[str, str]:
     }
 
 
-def restored(now: Search, alpha: Alpha) -> Search:
+def restored(now: Search) -> Search:
     """The search with rows put back that the accepted effects explain after all."""
     if not now.bad_rows:
         return now
@@ -137,7 +138,7 @@ def restored(now: Search, alpha: Alpha) -> Search:
     whole = replace(now, problem=replace(now.problem, measured=measured))
     again = score_all(replace(whole, fit=now.fit), ())
     scores = row_scores(again.linear, measured, again.scale)
-    good = [r for r in rows if scores.p_value[r] > alpha.rows / len(measured)]
+    good = [r for r in rows if scores.p_value[r] > _ORDINARY]
     if not good:
         return now
     kept = tuple(r for r in rows if r not in good)

@@ -13,7 +13,7 @@ from pkmcal_cli.rotation import Array
 
 MOST = 0.05  # share of rows that may be taken out; more are no outliers but an effect
 _HEAVY = (3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0)
-_BETTER = 0.5  # log-likelihood by which heavy tails must be the better description
+_BETTER = 3.0  # log-likelihood by which heavy tails must be the better description
 _FEW = 40  # residuals that say nothing about tails
 _USUAL = 1e-3  # chance that any row of normal noise is set aside before the tails are looked at
 
@@ -48,13 +48,25 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     count = np.where(clear, measured.sum(axis=1), 0)
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
-    usual = p >= _USUAL / len(p)
-    size = np.sqrt(np.einsum("ncc->nc", information))
-    single = (rest / np.where(measured & clear[:, None], size, 1.0))[usual[:, None] & measured & clear[:, None]]
-    freedom = heavy_tails(np.abs(single) / np.sqrt(scale.variance))
+    freedom = heavy_tails(_others(linear, measured & clear[:, None], information, p) / np.sqrt(scale.variance))
     if freedom is not None:
         p = np.maximum(p, _heavy_p(statistic / scale.variance, count, freedom))
     return RowScores(np.where(count > 0, statistic, 0.0) / scale.variance, count, p)
+
+
+def _others(linear: Linear, measured: NDArray[np.bool_], information: Array, p: Array) -> Array:
+    """Residuals (n,), without sign, of rows that normal noise could make, as they are without the others."""
+    odd = np.nonzero(p < _USUAL / len(p))[0]
+    odd = odd[np.argsort(p[odd], kind="stable")][: max(int(MOST * len(p)), 1)]
+    free = np.zeros((*measured.shape, len(odd), measured.shape[1]))
+    for k, row in enumerate(odd):
+        free[row, :, k] = np.eye(measured.shape[1])
+    extra = free.reshape(measured.size, -1)
+    rest = linear.projecting(linear.projected, extra=extra).rest.reshape(measured.shape) if len(odd) else linear.rest
+    usual = measured.copy()
+    usual[odd] = False
+    size = np.sqrt(np.einsum("ncc->nc", information))
+    return np.asarray(np.abs(rest.reshape(measured.shape) / size)[usual])
 
 
 def heavy_tails(values: Array) -> float | None:
