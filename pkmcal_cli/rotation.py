@@ -116,8 +116,3 @@ def log_jacobian(theta: Array) -> Array:
     c = np.where(small, 1 / 12 + angle2 / 720, 1 / safe - (1 + np.cos(a)) / (2 * a * np.sin(a)))
     k = skew(theta)
     return np.asarray(np.eye(3) - 0.5 * k + c[..., None, None] * (k @ k))
-
-
-def first_order(theta: Array, rotation: Array) -> Array:
-    """(I + [theta]x) R: exact for the complex step, where theta is i times an infinitesimal vector."""
-    return np.asarray(rotation + skew(theta) @ rotation)

@@ -50,7 +50,3 @@ class SlotTable:
                     stepped = {**parameters, name: parameters[name] + 1j * _STEP}
                     out[index, column[name]] = np.imag(formula.function(stepped)) / _STEP
         return out
-
-    def users(self, name: str) -> tuple[int, ...]:
-        """Slots that depend on parameter `name`."""
-        return tuple(index for index, formula in self.formulas if name in formula.names)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.identify import Fit, identify
-from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.calibration.residual import Problem, evaluate, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
@@ -170,7 +170,7 @@ def _inner(turn: _Rotation, folds: int = 3) -> list[tuple[Problem, Fit]]:
 
 def whitened_rows(problem: Problem, values: Array) -> Array:
     """Sum of squares of each row's whitened residual (N,)."""
-    near = linearise(problem, evaluate(problem, values, ()))
+    near = linearise_at(problem, values, (), None)
     return np.asarray((near.residual.reshape(problem.readings.shape) ** 2).sum(axis=1))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
-from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.calibration.residual import Problem, linearise_at
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.rotation import Array
 
@@ -21,7 +21,7 @@ def local_effects(problem: Problem, values: Array, alpha: float) -> list[Unknown
     `problem` has all rows that were measured, also those taken for bad.
     """
     channels = problem.readings.shape[1]
-    white = linearise(problem, evaluate(problem, values, ())).residual.reshape(-1, channels)
+    white = linearise_at(problem, values, (), None).residual.reshape(-1, channels)
     squares = (white**2).sum(axis=1)
     found = []
     drives = zip(problem.model.actuators, problem.rows.readings.T, strict=True)

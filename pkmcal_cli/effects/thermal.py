@@ -86,10 +86,7 @@ FOOT = Effect(
     "",
     "ISO 230-3 (bending of columns by temperature gradients)",
     "base",
-    (
-        *(EffectParameter(f"g{c}", "um/K", 20, f"shift along {c} per temperature", spatial=c == "z") for c in "xyz"),
-        _LAG,
-    ),
+    _per_kelvin(20, "shift"),
     _shift,
     needs=("temperature",),
     options=(_REFERENCE,),
@@ -104,10 +101,7 @@ TOOL = Effect(
     "",
     "ISO 230-3 (spindle growth)",
     "tool",
-    (
-        *(EffectParameter(f"g{c}", "um/K", 10, f"growth along {c} per temperature", spatial=c == "z") for c in "xyz"),
-        _LAG,
-    ),
+    _per_kelvin(10, "growth"),
     _shift,
     needs=("temperature",),
     options=(_REFERENCE,),
