@@ -13,14 +13,17 @@ from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.local import local_effects
-from pkmcal_cli.diagnosis.refine import Rival, credible_set, swapped
+from pkmcal_cli.diagnosis.reactive import reactive_instead
+from pkmcal_cli.diagnosis.refine import Rival, confirmed_only, credible_set, swapped
 from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
-from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
+from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, continued, run_search, score_all
+from pkmcal_cli.diagnosis.stand_in import stand_ins
 from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
+DOUBTFUL = 15.0  # log evidence below which effects that depend on forces are fitted, not only scored
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
@@ -92,15 +95,11 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     found = replace(found, hypotheses=tuple(h for h in found.hypotheses if h.name not in same))
     parts = Alpha(alpha)
     now = restored(swapped(run_search(found, problem, before, parts, seed)))
-    last = score_all(now, now.open)
-    unknown = tuple(unknown_effects(last.linear, now.problem, last.scale, parts.groups, now.bad_rows))
-    if unknown and now.accepted:  # unless a richer shape of what was found explains it
-        shaped = last.linear.projecting(
-            last.linear.projected, extra=residue_columns(now.problem, now.fit, now.accepted)
-        )
-        unknown = tuple(unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows))
-    whole = replace(now.problem, measured=problem.measured)
-    unknown += tuple(local_effects(whole, now.fit.values, parts.groups / 8))
+    last, unknown = _left(now, problem, parts)
+    if (unknown or any(now.evidence[h.name] < DOUBTFUL for h in now.accepted)) and (other := reactive_instead(now)):
+        now = restored(swapped(continued(other, parts)))
+    now = confirmed_only(now)
+    last, unknown = _left(now, problem, parts)
     findings = tuple(_finding(now, h, before, last, bool(unknown)) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
     hidden = invisible(first, now)
@@ -109,6 +108,19 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     return Diagnosis(
         verdict, now.problem, before, now, findings, unknown, hidden, found.not_testable, last.scale, same, p, seed
     )
+
+
+def _left(now: Search, whole: Problem, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...]]:
+    """All hypotheses scored at the end of a search, and what is unknown then. `whole`: with the bad rows."""
+    last = score_all(now, now.open)
+    unknown = unknown_effects(last.linear, now.problem, last.scale, parts.groups, now.bad_rows)
+    if unknown and now.accepted:  # unless a richer shape of what was found explains it
+        extra = residue_columns(now.problem, now.fit, now.accepted)
+        shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
+        unknown = unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows)
+    every = replace(now.problem, measured=whole.measured)
+    unknown += local_effects(every, now.fit.values, parts.groups / 8)
+    return last, tuple(unknown + stand_ins(now, last.scale))
 
 
 def _same_as_parameters(first: Scored) -> dict[str, str]:

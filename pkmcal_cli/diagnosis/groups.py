@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import comb
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -17,10 +18,10 @@ _TIME_DEGREE, _WARM_DEGREE = 6, 3
 
 def group_columns(problem: Problem) -> dict[str, Array]:
     """Columns (N * C, k) of every group that the table has, in whitened channels."""
-    return {name: _by_channel(problem, shapes) for name, shapes in _shapes(problem).items() if shapes.shape[1]}
+    return {name: by_channel(problem, shapes) for name, shapes in _shapes(problem).items() if shapes.shape[1]}
 
 
-def _by_channel(problem: Problem, shapes: Array) -> Array:
+def by_channel(problem: Problem, shapes: Array) -> Array:
     """Each shape (N, k) in each channel, zero where nothing was measured: (N * C, k * C)."""
     rows, channels = problem.readings.shape
     out = np.zeros((rows, channels, shapes.shape[1], channels))
@@ -66,18 +67,18 @@ def coordinates(problem: Problem) -> Array:
     return np.asarray(problem.rows.readings[:, held])
 
 
-def pose_shapes(problem: Problem) -> Array:
-    """Products of Legendre polynomials (N, k) of the pose, of as high a degree as the rows allow, at most 5."""
+def pose_shapes(problem: Problem, degree: int | None = None) -> Array:
+    """Products of Legendre polynomials (N, k) of the pose, none where they are too many for the rows.
+
+    Without a degree the highest one that the rows allow, at most 5.
+    """
     place = coordinates(problem)
     axes = [scaled(c) for c in place.T if np.ptp(c) > 0]
-    if not axes:
-        return np.zeros((len(problem), 0))
     best = np.zeros((len(problem), 0))
-    for degree in range(1, 6):
-        shapes = _products(axes, degree)
-        if shapes.shape[1] * _SHARE > len(problem):
-            break
-        best = shapes
+    for d in range(1, 6) if degree is None else [degree]:
+        count = comb(len(axes) + d, d)
+        if axes and count * _SHARE <= len(problem):
+            best = _products(axes, d)
     return best
 
 

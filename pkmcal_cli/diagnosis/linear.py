@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import fdtrc
 
@@ -38,6 +39,25 @@ class Scale:
         return np.asarray(fdtrc(count, self.dof, statistic / (self.variance * count)))
 
 
+def log_evidence(statistic: Array, count: Array) -> Array:
+    """Log evidence of hypotheses by statistic T and degrees of freedom k; minus infinity where k is 0.
+
+    The k sizes, in directions of unit information, share a normal prior of mean 0 whose variance g is the likeliest.
+    """
+    m = np.maximum(count, 1)
+    g = np.maximum(statistic / m - 1.0, 1.0)
+    out = 0.5 * (statistic * g / (1.0 + g) - m * np.log1p(g))
+    return np.asarray(np.where(count > 0, out, -np.inf))
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Noise of which successive rows, in this order (N,), are correlated: x <- (x - rho x before) / sqrt(1 - rho^2)."""
+
+    order: NDArray[np.intp]
+    correlation: float
+
+
 @dataclass(frozen=True)
 class Linear:
     """Whitened residual (n,), columns (n, q) of all parameters in standard deviations of their priors, by name.
@@ -53,6 +73,7 @@ class Linear:
     used: int
     channels: int
     extra: Array | None = None  # (n, k) further columns to project out, without names
+    memory: Memory | None = None  # by which successive rows were alike
 
     @cached_property
     def _factor(self) -> tuple[Array, tuple[Array, bool]]:
@@ -102,20 +123,33 @@ class Linear:
         """The same with other columns projected out, or another residual."""
         return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
 
-    def prewhitened(self, order: Array, correlation: float) -> Linear:
-        """The same with successive rows, in this order (N,), made independent: x <- (x - rho x before) / root."""
-        rows = len(order)
-        root = float(np.sqrt(1 - correlation**2))
+    def prewhitened(self, memory: Memory) -> Linear:
+        """The same with successive rows made independent."""
+        changed = replace(self, memory=memory)
+        extra = None if self.extra is None else changed.whitened(self.extra)
+        return replace(
+            changed, residual=changed.whitened(self.residual), columns=changed.whitened(self.columns), extra=extra
+        )
 
-        def change(x: Array) -> Array:
-            shaped = x.reshape(rows, self.channels, -1)[order]
-            shaped[1:] = (shaped[1:] - correlation * shaped[:-1]) / root
-            out = np.empty_like(shaped)
-            out[order] = shaped
-            return np.asarray(out.reshape(x.shape))
+    def whitened(self, x: Array) -> Array:
+        """Further columns (n, k) or a vector (n,) made independent from row to row as the problem's are."""
+        if self.memory is None:
+            return x
+        order, share = self.memory.order, self.memory.correlation
+        shaped = x.reshape(len(order), self.channels, -1)[order]
+        shaped[1:] = (shaped[1:] - share * shaped[:-1]) / np.sqrt(1 - share**2)
+        out = np.empty_like(shaped)
+        out[order] = shaped
+        return np.asarray(out.reshape(x.shape))
 
-        extra = None if self.extra is None else change(self.extra)
-        return replace(self, residual=change(self.residual), columns=change(self.columns), extra=extra)
+    def explained(self, columns: Array) -> tuple[float, int]:
+        """Statistic T of columns (n, k) of any size, and the number of directions that are left of them."""
+        length = np.sqrt((columns**2).sum(axis=0))
+        unit = columns[:, length > 0] / length[length > 0]
+        values, vectors = np.linalg.eigh(unit.T @ self.free(unit))
+        seen = values > 1e-6 * values.max(initial=0.0)
+        gradient = vectors[:, seen].T @ (unit.T @ self.rest)
+        return float((gradient**2 / values[seen]).sum()), int(seen.sum())
 
     def score(self, columns: Array) -> Score:
         """Score of a hypothesis with these columns (n, k), in the directions that remain."""

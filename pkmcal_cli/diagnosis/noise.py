@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtrc, chdtri
 
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.residual import Problem
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
 from pkmcal_cli.rotation import Array
 
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
@@ -69,7 +70,7 @@ def _trimmed_share() -> float:
     return float(1 - _TRIM - 2 * z * density)
 
 
-def time_order(problem: Problem) -> Array:
+def time_order(problem: Problem) -> NDArray[np.intp]:
     """Rows (N,) in the order in which they were measured: by time where it is known, else as they stand."""
     time = problem.rows.columns.get("time")
     known = time is not None and bool(np.isfinite(time).all())
@@ -94,7 +95,7 @@ def independent(linear: Linear, problem: Problem) -> Linear:
     if share <= 0 or p > _ALIKE:
         return linear
     rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
-    made = linear.prewhitened(time_order(problem), share)
+    made = linear.prewhitened(Memory(time_order(problem), share))
     size, n = rest.shape[1], np.log(rest.size)
     memory = 0.5 * (linear.chi2 - made.chi2 - (len(rest) - 1) * size * np.log(1 - share**2)) - 0.5 * n
     step = 0.5 * _step(rest) - 0.5 * (size + 1) * n

@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
-from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_without, scored
+from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_without, scored, shape_gains
 from pkmcal_cli.rotation import Array
 
 RIVALS = 4
 ALL = "all"
 CREDIBLE = 0.95
+WEAK = 10.0  # log evidence below which an effect must be confirmed by rows held out
 _BETTER = 0.5  # log evidence by which another set must be better
 
 
@@ -43,19 +45,24 @@ def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
     """The search with this effect dropped or replaced, if that is better; None if not."""
     rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
     found = score_without(now, [hypothesis], (hypothesis, *now.open))
-    mine, price = float(found.log_bayes[0]), float(np.log(len(now.candidates.hypotheses)))
+    shape = shape_gains(now, found)
+    shaped = found.log_bayes + shape
+    mine, price = float(shaped[0]), float(np.log(len(now.candidates.hypotheses)))
     if len(now.accepted) > 1 and mine < price - _BETTER and found.p_values[0] > now.critical:
         fit = refit(rest, {})
         return None if fit is None else replace(rest, fit=fit)
-    order = np.argsort(-found.log_bayes[1:])[:RIVALS] + 1
+    order = np.argsort(-shaped[1:])[:RIVALS] + 1
     for k in order:
-        if found.log_bayes[k] > mine + _BETTER:
+        if shaped[k] > mine + _BETTER:
             after = replace(rest, accepted=(*rest.accepted, found.hypotheses[k]))
             starts = {
                 found.hypotheses[k]: found.scores[k].estimate * found.linear.scale_of(found.hypotheses[k].parameters)
             }
             fit = refit(after, starts)
-            if fit is not None and _evidence(after, fit.chi2, found) > _evidence(now, now.fit.chi2, found) + _BETTER:
+            if fit is None:
+                continue
+            gain = 0.5 * (now.fit.chi2 - fit.chi2) / found.scale.variance + _price(found, 0) - _price(found, int(k))
+            if gain + shape[k] - shape[0] > _BETTER:
                 return _renamed(replace(after, fit=fit), found, int(k))
     return None
 
@@ -81,7 +88,7 @@ def _reselected(now: Search, keyword: str) -> Search | None:
         linear = linear.projecting((*linear.projected, *found.hypotheses[best].parameters))
     after = replace(rest, accepted=(*rest.accepted, *chosen))
     fit = refit(after, {})
-    if fit is None or not chosen or _evidence(after, fit.chi2, found) <= _evidence(now, now.fit.chi2, found):
+    if fit is None or not chosen or set_evidence(replace(after, fit=fit), found) <= set_evidence(now, found):
         return None
     p, evidence = dict(now.p_values), dict(now.evidence)
     for h in chosen:
@@ -96,18 +103,38 @@ def _renamed(now: Search, found: Scored, k: int) -> Search:
     return replace(now, p_values=p, evidence=now.evidence | {name: float(found.log_bayes[k])})
 
 
-def _evidence(now: Search, chi2: float, found: Scored) -> float:
-    """Log evidence of a set of effects (BIC), with the price of choosing them."""
+def _price(found: Scored, k: int) -> float:
+    """What a hypothesis's log evidence is below half its statistic."""
+    return 0.5 * found.scores[k].statistic / found.scale.variance - float(found.log_bayes[k])
+
+
+def set_evidence(now: Search, found: Scored) -> float:
+    """Log evidence of the accepted effects (BIC), with the price of choosing them."""
     count = sum(len(h.parameters) for h in now.accepted)
     price = len(now.accepted) * float(np.log(len(now.candidates.hypotheses)))
-    return -0.5 * (chi2 / found.scale.variance + count * float(np.log(found.linear.used))) - price
+    return -0.5 * (now.fit.chi2 / found.scale.variance + count * float(np.log(found.linear.used))) - price
+
+
+def confirmed_only(now: Search) -> Search:
+    """The search without effects of little evidence that do not help rows held out, the weakest first."""
+    while True:
+        weak = [h for h in now.accepted if now.evidence[h.name] < WEAK and not held_out_gain(now, h).confirmed]
+        if not weak:
+            return now
+        worst = min(weak, key=lambda h: now.evidence[h.name])
+        rest = replace(now, accepted=tuple(h for h in now.accepted if h != worst))
+        fit = refit(rest, {})
+        if fit is None:
+            return now
+        now = replace(rest, fit=fit)
 
 
 def credible_set(now: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:
     """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first."""
     every = (hypothesis, *now.open)
     found = score_without(now, [hypothesis], every)
-    evidence = found.log_bayes - found.log_bayes.max()
+    evidence = found.log_bayes + shape_gains(now, found)
+    evidence = evidence - evidence.max()
     weight = np.exp(evidence) / np.exp(evidence).sum()
     order = np.argsort(-weight, kind="stable")
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1

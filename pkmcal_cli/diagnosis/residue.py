@@ -7,80 +7,79 @@ significant only without the residues of accepted effects belongs to their shape
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit
-from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
+from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.unit_columns import unit_columns
+from pkmcal_cli.effects import Effect
 from pkmcal_cli.effects.base import legendre
-from pkmcal_cli.model import ModelParameter
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.sockets import PlacedEffect
 
 _TRAVEL = range(2, 19)  # degrees of shapes over the travel, which resolve some five waves
 _FEW = range(1, 5)  # of shapes that multiply direction or temperature
 _TIME = range(3, 9)
-_GUIDED = ("command", "guide", "carriage")
-
-
-def residue_columns(problem: Problem, fit: Fit, accepted: Sequence[Hypothesis]) -> Array:
-    """Columns (n, k) of the residues of accepted effects, whitened, of unit length; none (n, 0) for parameters."""
-    model = problem.model
-    placed = {e.name: e for e in model.effects}
-    made = [_residue(placed[h.name], model.layout.planar) for h in accepted if h.name in placed]
-    names = tuple(n for e in made for n in e.parameters)
-    if not names:
-        return np.zeros((problem.readings.size, 0))
-    parameters = tuple(ModelParameter(n, 0.0, 1.0, (-np.inf, np.inf), "", "", True) for n in names)
-    wide = replace(problem, model=model.with_effects(tuple(made), parameters))
-    values = np.append(fit.values, np.zeros(len(names)))
-    columns = linearise_at(wide, values, names, fit.after.state).jacobian
-    length = np.sqrt((columns**2).sum(axis=0))
-    return np.asarray(columns[:, length > 0] / length[length > 0])
-
-
-def _residue(placed: PlacedEffect, planar: bool) -> PlacedEffect:
-    """The effect's port, moved in the effect's directions by free shapes."""
-    effect = placed.effect
-    parts = _parts(effect, planar)
-    count = len(_shapes(effect))
-    names = tuple(f"{part}.{shape}" for part in parts for shape in range(count))
-    formula = _formula(effect, parts)
-    wide = replace(
-        effect, keyword="residue", parameters=tuple(EffectParameter(n, "1", 1.0, "") for n in names), formula=formula
-    )
-    return replace(placed, effect=wide, parameters=tuple(f"residue {placed.name}.{n}" for n in names))
-
-
-def _parts(effect: Effect, planar: bool) -> list[int]:
-    """Which of the port's numbers the effect moves."""
-    if WIDTHS[effect.port] == 1:
-        return [0]
-    return list(range(2 if planar else 3))  # places; turns and scales of frames have no residue
-
-
-def _formula(effect: Effect, parts: list[int]) -> Callable[..., Any]:
-    def formula(at: Any, *sizes: Any) -> Any:
-        shapes = [shape(at) for shape in _shapes(effect)]
-        out: list[Any] = [0.0] * WIDTHS[effect.port]
-        for p, part in enumerate(parts):
-            mine = sizes[p * len(shapes) : (p + 1) * len(shapes)]
-            out[part] = sum(size * shape for size, shape in zip(mine, shapes, strict=True))
-        return out[0] if len(out) == 1 else out
-
-    return formula
-
-
+GUIDED = ("command", "guide", "carriage")
 Shape = Callable[[Any], Array]
+
+
+def residue_columns(problem: Problem, fit: Fit, accepted: Sequence[Hypothesis], own: bool = False) -> Array:
+    """Columns (n, k) of the residues of accepted effects, whitened, of unit length; none (n, 0) for parameters.
+
+    `own`: only of effects that are a shape over the travel, or thermal; what a straight line leaves has other names.
+    """
+    by_name = {e.name: e for e in problem.model.effects}
+    placed = [by_name[h.name] for h in accepted if h.name in by_name]
+    placed = [e for e in placed if _shapes(e.effect) and (_is_shape(e.effect) or not own)]
+    summed: dict[tuple[str, int], Array] = {}
+    for unit in unit_columns(problem, fit.values, fit.after.state, placed):
+        values = [np.broadcast_to(shape(unit.inputs), len(problem)) for shape in _shapes(unit.placed.effect)]
+        columns = unit.shaped(np.stack(values, axis=1))
+        key = unit.placed.name, unit.part
+        summed[key] = summed[key] + columns if key in summed else columns  # sockets of a place have one shape
+    if not summed:
+        return np.zeros((problem.readings.size, 0))
+    every = np.hstack(list(summed.values()))
+    length = np.sqrt((every**2).sum(axis=0))
+    return np.asarray(every[:, length > 0] / length[length > 0])
+
+
+def _is_shape(effect: Effect) -> bool:
+    return bool(effect.needs) or any(option.name in ("over", "period") for option in effect.options)
+
+
+_SHARES = (0.1, 0.2, 0.3)  # rms of what an effect has beyond its named shape, over the effect's own
+
+
+def shape_evidence(linear: Linear, scale: Scale, columns: Array, residues: Array) -> float:
+    """Log evidence that an effect with columns (n, k) gains when its shape may deviate by some share of its size.
+
+    The residues' sizes are normal with mean 0; the best of three shares, 0 if none helps.
+    """
+    after = linear.projecting(linear.projected, extra=_with(linear.extra, columns))
+    explained = columns @ np.linalg.lstsq(linear.free(columns), linear.rest, rcond=1e-9)[0]
+    values, vectors = np.linalg.eigh(residues.T @ after.free(residues))
+    values = np.maximum(values, 0.0) / scale.variance
+    gradient = vectors.T @ (residues.T @ after.rest) / scale.variance
+    best = 0.0
+    for share in _SHARES:
+        prior = share**2 * float(explained @ explained) / residues.shape[1]
+        spread = 1.0 + prior * values
+        best = max(best, 0.5 * float((prior * gradient**2 / spread - np.log(spread)).sum()))
+    return best
+
+
+def _with(extra: Array | None, columns: Array) -> Array:
+    return columns if extra is None else np.hstack([extra, columns])
 
 
 def _shapes(effect: Effect) -> list[Shape]:
     """Free shapes (N,) of what the effect depends on."""
-    guided = effect.port in _GUIDED
+    guided = effect.port in GUIDED
     if "temperature" in effect.needs:
         shapes: list[Shape] = [lambda at: at.warmth**2, _slope]
         return shapes + ([_times(lambda at: at.warmth, d) for d in (1, 2, 3)] if guided else [])

@@ -12,14 +12,15 @@ from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem
+from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem, log_evidence
 from pkmcal_cli.diagnosis.noise import independent, noise_scale
-from pkmcal_cli.diagnosis.residue import residue_columns
+from pkmcal_cli.diagnosis.residue import residue_columns, shape_evidence
 from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 from pkmcal_cli.rotation import Array
 
 MOST_EFFECTS = 5
+_NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
 
@@ -93,13 +94,14 @@ def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed
     now = Search(found, problem, fit.selected, fit)
     scored = score_all(now, now.open)
     draws = smallest_p(scored.linear, [scored.linear.of(h.parameters) for h in scored.hypotheses], scored.scores, seed)
-    now = replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
-    while True:
-        after = _advanced(now, scored, alpha)
-        if after is None:
-            return now
+    return continued(replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws)), alpha)
+
+
+def continued(now: Search, alpha: Alpha) -> Search:
+    """The search taken up again until nothing significant is left."""
+    while (after := _advanced(now, score_all(now, now.open), alpha)) is not None:
         now = after
-        scored = score_all(now, now.open)
+    return now
 
 
 def score_all(now: Search, hypotheses: Sequence[Hypothesis]) -> Scored:
@@ -112,6 +114,11 @@ def score_without(now: Search, removed: Sequence[Hypothesis], hypotheses: Sequen
 
     The others stay where the fit has put them: what they would do instead is projected out.
     """
+    return scored(linear_without(now, removed, hypotheses), now.problem, hypotheses)
+
+
+def linear_without(now: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Linear:
+    """The problem linearised where some accepted effects have null value, the other accepted ones projected out."""
     gone = {n for h in removed for n in h.parameters}
     values, model = now.fit.values.copy(), now.problem.model
     for name in gone:
@@ -119,7 +126,7 @@ def score_without(now: Search, removed: Sequence[Hypothesis], hypotheses: Sequen
             k = model.names.index(name)
             values[k] = model.parameters[k].nominal
     kept = tuple(n for n in now.selected if n not in gone)
-    return scored(_linear(now, values, kept, hypotheses), now.problem, hypotheses)
+    return _linear(now, values, kept, hypotheses)
 
 
 def _linear(now: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
@@ -139,7 +146,7 @@ def _same_lag(now: Search, values: Array, hypotheses: Sequence[Hypothesis]) -> A
 
 
 def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
-    """Scores, p values and evidence (BIC) of hypotheses."""
+    """Scores, p values and evidence of hypotheses."""
     plain, linear = linear, independent(linear, problem)
     scale = noise_scale(linear, problem, group_columns(problem))
     scores = tuple(linear.score(linear.of(h.parameters)) for h in hypotheses)
@@ -147,9 +154,20 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     count = np.array([s.count for s in scores])
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
-    evidence = (statistic / scale.variance - count * np.log(linear.used)) / 2
-    evidence[count == 0] = -np.inf
+    evidence = log_evidence(statistic / scale.variance, count)
     return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(plain, problem.measured, scale))
+
+
+def shape_gains(now: Search, found: Scored) -> Array:
+    """Evidence (H,) gained where the shape of an effect may deviate from its formula; of those near the best."""
+    out, evidence = np.zeros(len(found.hypotheses)), found.log_bayes
+    for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0]:
+        hypothesis, score = found.hypotheses[k], found.scores[k]
+        residues = residue_columns(now.problem, now.fit, [hypothesis], own=True)
+        if score.count and residues.shape[1]:
+            columns = found.linear.of(hypothesis.parameters) @ score.basis
+            out[k] += shape_evidence(found.linear, found.scale, columns, found.linear.whitened(residues))
+    return out
 
 
 def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:
@@ -168,6 +186,8 @@ def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:
 
 def _best_of(now: Search, scored: Scored, evidence: Array) -> Search:
     """The contender that is best once it has been fitted: scores are linear, and a refit may turn them round."""
+    shape = shape_gains(now, scored)
+    evidence = evidence + shape
     order = np.argsort(-evidence, kind="stable")[:_CONTENDERS]
     trials = []
     for k in (int(k) for k in order if evidence[k] > max(evidence[order[0]] - _CLOSE, 0.0)):
@@ -178,8 +198,8 @@ def _best_of(now: Search, scored: Scored, evidence: Array) -> Search:
         if after is None:
             now = replace(now, refused=now.refused | {scored.hypotheses[k].name})
             continue
-        gain = 0.5 * (now.fit.chi2 - after.fit.chi2) / scored.scale.variance
-        trials.append((gain - 0.5 * scored.scores[k].count * np.log(scored.linear.used), after))
+        gain = np.array((now.fit.chi2 - after.fit.chi2) / scored.scale.variance)
+        trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), after))
     if not trials:
         return now
     best = max(trials, key=lambda trial: trial[0])[1]

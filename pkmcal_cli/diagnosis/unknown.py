@@ -43,13 +43,7 @@ def _groups(linear: Linear, problem: Problem, scale: Scale) -> list[Unknown]:
     """Smooth groups, each against all the rest."""
     out = []
     for name, columns in group_columns(problem).items():
-        free = linear.free(columns)
-        information = columns.T @ free
-        values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-        seen = values > 1e-6 * values[-1]
-        gradient = vectors[:, seen].T @ (columns.T @ linear.rest)
-        statistic = float((gradient**2 / values[seen]).sum())
-        count = int(seen.sum())
+        statistic, count = linear.explained(columns)
         p = float(scale.p_value(np.array([statistic]), np.array([count]))[0])
         out.append(Unknown(name, p, _excess(statistic, count, scale, linear)))
     return out

@@ -1,0 +1,70 @@
+"""What a unit displacement of a port does to the readings, row by row: any shape of it is this times the shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.model import ModelParameter
+from pkmcal_cli.prediction.inputs import SocketInputs
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.sockets import PlacedEffect, Socket
+
+
+@dataclass(frozen=True)
+class UnitColumn:
+    """Column (N, C), whitened, of number `part` of a port at one socket of an effect's place; `inputs`: for shapes."""
+
+    placed: PlacedEffect
+    part: int
+    inputs: SocketInputs
+    column: Array
+
+    def shaped(self, shapes: Array) -> Array:
+        """Columns (N * C, k) of shapes (N, k)."""
+        return np.asarray((self.column[:, :, None] * shapes[:, None, :]).reshape(-1, shapes.shape[1]))
+
+
+def unit_columns(
+    problem: Problem, values: Array, state: State | None, placed: Sequence[PlacedEffect]
+) -> list[UnitColumn]:
+    """Unit columns at the places of effects, whatever their formulas are; one of each socket and number of the port.
+
+    `values`: of the problem's parameters (P,).
+    """
+    model = problem.model
+    made = [(e, s, part) for e in placed for s in e.sockets for part in _parts(e.effect, model.layout.planar)]
+    if not made:
+        return []
+    names = tuple(f"unit {k}" for k in range(len(made)))
+    units = tuple(_unit(e, s, part, name) for (e, s, part), name in zip(made, names, strict=True))
+    parameters = tuple(ModelParameter(n, 0.0, 1.0, (-np.inf, np.inf), "", "", True) for n in names)
+    wide = replace(problem, model=model.with_effects(units, parameters))
+    columns = linearise_at(wide, np.append(values, np.zeros(len(names))), names, state).jacobian
+    return [
+        UnitColumn(e, part, SocketInputs(model, problem.rows, e, s, None), column.reshape(problem.readings.shape))
+        for (e, s, part), column in zip(made, columns.T, strict=True)
+    ]
+
+
+def _parts(effect: Effect, planar: bool) -> list[int]:
+    """Which of the port's numbers count: shifts, not turns and scales of frames."""
+    return [0] if WIDTHS[effect.port] == 1 else list(range(2 if planar else 3))
+
+
+def _unit(placed: PlacedEffect, socket: Socket, part: int, name: str) -> PlacedEffect:
+    width = WIDTHS[placed.effect.port]
+
+    def formula(at: Any, size: Any) -> Any:
+        return size if width == 1 else [size if k == part else 0.0 for k in range(width)]
+
+    effect = replace(
+        placed.effect, keyword="unit", parameters=(EffectParameter("size", "1", 1.0, ""),), formula=formula
+    )
+    return replace(placed, effect=effect, sockets=(socket,), parameters=(name,))
