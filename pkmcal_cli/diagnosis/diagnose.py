@@ -13,17 +13,15 @@ from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.local import local_effects
-from pkmcal_cli.diagnosis.reactive import reactive_instead
 from pkmcal_cli.diagnosis.refine import Rival, confirmed_only, credible_set, swapped
 from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
-from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, continued, run_search, score_all
+from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
 from pkmcal_cli.diagnosis.stand_in import stand_ins
 from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
-DOUBTFUL = 15.0  # log evidence below which effects that depend on forces are fitted, not only scored
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
@@ -94,11 +92,7 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     same = _same_as_parameters(first)
     found = replace(found, hypotheses=tuple(h for h in found.hypotheses if h.name not in same))
     parts = Alpha(alpha)
-    now = restored(swapped(run_search(found, problem, before, parts, seed)))
-    last, unknown = _left(now, problem, parts)
-    if (unknown or any(now.evidence[h.name] < DOUBTFUL for h in now.accepted)) and (other := reactive_instead(now)):
-        now = restored(swapped(continued(other, parts)))
-    now = confirmed_only(now)
+    now = confirmed_only(restored(swapped(run_search(found, problem, before, parts, seed))))
     last, unknown = _left(now, problem, parts)
     findings = tuple(_finding(now, h, before, last, bool(unknown)) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))

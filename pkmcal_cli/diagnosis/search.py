@@ -94,11 +94,7 @@ def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed
     now = Search(found, problem, fit.selected, fit)
     scored = score_all(now, now.open)
     draws = smallest_p(scored.linear, [scored.linear.of(h.parameters) for h in scored.hypotheses], scored.scores, seed)
-    return continued(replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws)), alpha)
-
-
-def continued(now: Search, alpha: Alpha) -> Search:
-    """The search taken up again until nothing significant is left."""
+    now = replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
     while (after := _advanced(now, score_all(now, now.open), alpha)) is not None:
         now = after
     return now
