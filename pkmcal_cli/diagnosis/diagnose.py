@@ -14,9 +14,9 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.refine import Rival, confirmed_only, credible_set, swapped
-from pkmcal_cli.diagnosis.residue import residue_columns
+from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
-from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
+from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, linear_without, run_search, score_all
 from pkmcal_cli.diagnosis.stand_in import stand_ins
 from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
@@ -157,7 +157,8 @@ def _finding(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, dou
     names = now.problem.model.names
     index = [names.index(n) for n in hypothesis.parameters]
     places = {n: k for k, n in enumerate(now.fit.selected)}
-    std = tuple(float(now.fit.std[places[n]]) for n in hypothesis.parameters)
+    spread = np.array([now.fit.std[places[n]] for n in hypothesis.parameters])
+    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(now, hypothesis, last.scale)))
     estimate = tuple(float(v) for v in now.fit.values[index])
     nominal, ranges = now.problem.model.nominal[index], now.problem.model.ranges[index]
     beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges).any())
@@ -176,6 +177,16 @@ def _finding(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, dou
         beyond,
         doubt or beyond or not gain.confirmed,
     )
+
+
+def _by_shape(now: Search, hypothesis: Hypothesis, scale: Scale) -> Array:
+    """Variance (k,), SI, that an effect's own shape adds to its parameters, where the data speak for one."""
+    linear = linear_without(now, [hypothesis], [hypothesis])
+    residues = residue_columns(now.problem, now.fit, [hypothesis], own=True)
+    if not residues.shape[1]:
+        return np.zeros(len(hypothesis.parameters))
+    shape = own_shape(linear, scale, linear.of(hypothesis.parameters), residues)
+    return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
 
 
 def invisible(scored: Scored, now: Search) -> tuple[Invisible, ...]:

@@ -88,7 +88,7 @@ def _reselected(now: Search, keyword: str) -> Search | None:
         linear = linear.projecting((*linear.projected, *found.hypotheses[best].parameters))
     after = replace(rest, accepted=(*rest.accepted, *chosen))
     fit = refit(after, {})
-    if fit is None or not chosen or set_evidence(replace(after, fit=fit), found) <= set_evidence(now, found):
+    if fit is None or not chosen or set_evidence(replace(after, fit=fit), found) < set_evidence(now, found) - _BETTER:
         return None
     p, evidence = dict(now.p_values), dict(now.evidence)
     for h in chosen:
@@ -134,13 +134,28 @@ def credible_set(now: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:
     every = (hypothesis, *now.open)
     found = score_without(now, [hypothesis], every)
     evidence = found.log_bayes + shape_gains(now, found)
-    evidence = evidence - evidence.max()
-    weight = np.exp(evidence) / np.exp(evidence).sum()
-    order = np.argsort(-weight, kind="stable")
+    order = np.argsort(-evidence, kind="stable")
+    if order[0] != 0:  # scores and fits disagree: the fits decide
+        better = [int(k) for k in order[:RIVALS] if k != 0]
+        evidence[better] = [_fitted_evidence(now, hypothesis, found, evidence, k) for k in better]
+        order = np.argsort(-evidence, kind="stable")
+    weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
     chosen = order[:last]
     cosines = _cosines(found.linear, found, 0, [int(k) for k in chosen])
     return tuple(Rival(every[k], float(weight[k]), c) for k, c in zip(chosen, cosines, strict=True))
+
+
+def _fitted_evidence(now: Search, hypothesis: Hypothesis, found: Scored, evidence: Array, k: int) -> float:
+    """Evidence of rival number k from a fit with it, against that of the accepted effect (number 0); no more than its
+    score says."""
+    rival = found.hypotheses[k]
+    after = replace(now, accepted=(*(h for h in now.accepted if h != hypothesis), rival))
+    fit = refit(after, {rival: found.scores[k].estimate * found.linear.scale_of(rival.parameters)})
+    if fit is None:
+        return min(float(evidence[k]), float(evidence[0]))
+    gain = 0.5 * (now.fit.chi2 - fit.chi2) / found.scale.variance + _price(found, 0) - _price(found, k)
+    return min(float(evidence[k]), float(evidence[0]) + gain)
 
 
 def _cosines(linear: Linear, found: Scored, one: int, others: Sequence[int]) -> list[float]:

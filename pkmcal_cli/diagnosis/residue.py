@@ -7,6 +7,7 @@ significant only without the residues of accepted effects belongs to their shape
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -55,22 +56,36 @@ def _is_shape(effect: Effect) -> bool:
 _SHARES = (0.1, 0.2, 0.3)  # rms of what an effect has beyond its named shape, over the effect's own
 
 
-def shape_evidence(linear: Linear, scale: Scale, columns: Array, residues: Array) -> float:
-    """Log evidence that an effect with columns (n, k) gains when its shape may deviate by some share of its size.
+@dataclass(frozen=True)
+class OwnShape:
+    """What speaks for an effect's shape to deviate from its formula: log evidence gained (0 if nothing does), and the
+    covariance (k, k) that such a shape adds to the sizes of the effect's columns."""
 
-    The residues' sizes are normal with mean 0; the best of three shares, 0 if none helps.
+    evidence: float
+    covariance: Array
+
+
+def own_shape(linear: Linear, scale: Scale, columns: Array, residues: Array) -> OwnShape:
+    """How far an effect with columns (n, k) has a shape of its own; the sizes of residues are normal with mean 0.
+
+    Their variance is the likeliest of three shares of the effect's size, or 0.
     """
+    free = linear.free(columns)
+    sizes = np.linalg.pinv(columns.T @ free, rcond=1e-9, hermitian=True)
+    explained = columns @ (sizes @ (columns.T @ linear.rest))
     after = linear.projecting(linear.projected, extra=_with(linear.extra, columns))
-    explained = columns @ np.linalg.lstsq(linear.free(columns), linear.rest, rcond=1e-9)[0]
     values, vectors = np.linalg.eigh(residues.T @ after.free(residues))
     values = np.maximum(values, 0.0) / scale.variance
     gradient = vectors.T @ (residues.T @ after.rest) / scale.variance
-    best = 0.0
+    best, prior = 0.0, 0.0
     for share in _SHARES:
-        prior = share**2 * float(explained @ explained) / residues.shape[1]
-        spread = 1.0 + prior * values
-        best = max(best, 0.5 * float((prior * gradient**2 / spread - np.log(spread)).sum()))
-    return best
+        variance = share**2 * float(explained @ explained) / residues.shape[1]
+        spread = 1.0 + variance * values
+        evidence = 0.5 * float((variance * gradient**2 / spread - np.log(spread)).sum())
+        if evidence > best:
+            best, prior = evidence, variance
+    moved = sizes @ (free.T @ residues)
+    return OwnShape(best, prior * moved @ moved.T)
 
 
 def _with(extra: Array | None, columns: Array) -> Array:

@@ -14,7 +14,7 @@ from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem, log_evidence
 from pkmcal_cli.diagnosis.noise import independent, noise_scale
-from pkmcal_cli.diagnosis.residue import residue_columns, shape_evidence
+from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
 from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 from pkmcal_cli.rotation import Array
@@ -162,7 +162,7 @@ def shape_gains(now: Search, found: Scored) -> Array:
         residues = residue_columns(now.problem, now.fit, [hypothesis], own=True)
         if score.count and residues.shape[1]:
             columns = found.linear.of(hypothesis.parameters) @ score.basis
-            out[k] += shape_evidence(found.linear, found.scale, columns, found.linear.whitened(residues))
+            out[k] = own_shape(found.linear, found.scale, columns, found.linear.whitened(residues)).evidence
     return out
 
 

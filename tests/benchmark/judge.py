@@ -32,7 +32,9 @@ RULES = """
   the credible set of a finding. **same place**: another effect of the same place and port is named; **wrong**: another;
   **missed one**: some of several are found; **named**: an effect is named, none of the catalogue was planted.
 - **separable**: no other hypothesis of the engine has a cosine above 0.95 with what the planted effect does to the
-  readings, declared parameters projected out.
+  readings, nor with that part of it which the effect's own hypothesis explains; declared parameters projected out.
+  (Where the truth's own shape lowers all cosines, two hypotheses that do exactly the same would else count as
+  separable.)
 - Sizes are in minimal detectable ones (MDB): the effect's change of the true readings in stated standard deviations,
   declared parameters projected out, over sqrt(17.07). Of several effects each is between 2 and 8 MDB alone, separable,
   at a place of its own, and at least 1.5 MDB with the others projected out. Sizes of unknown effects are their rms over

@@ -130,14 +130,22 @@ class Setting:
         explained = self.basis(name).T @ change
         return float(np.sqrt(explained @ explained)) / length
 
+    def _explained(self, change: Array, name: str) -> Array:
+        """What a hypothesis makes of a change."""
+        hypothesis, score = self.scores[name]
+        unit = self.linear.of(hypothesis.parameters) @ score.basis / np.sqrt(score.information)
+        return np.asarray(unit @ (self.basis(name).T @ change))
+
     def rival(self, change: Array, name: str) -> tuple[str, float]:
-        """The other hypothesis with the largest cosine; not a held parameter of which the effect is another name."""
+        """The other hypothesis with the largest cosine, with the change or with that part of it which the effect's own
+        hypothesis explains; not a held parameter of which the effect is another name."""
         mine = self.basis(name)
+        own = self._explained(change, name)
         best = ("", 0.0)
         for other, (hypothesis, score) in self.scores.items():
             if other == name or not score.count:
                 continue
-            cosine = self.cosine(change, other)
+            cosine = max(self.cosine(change, other), self.cosine(own, other))
             alias = hypothesis.effect == RELEASE and mine.shape[1] == 1
             if alias and abs(float((mine.T @ self.basis(other))[0, 0])) > SAME:
                 continue
