@@ -20,6 +20,7 @@ from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, linear_without, r
 from pkmcal_cli.diagnosis.stand_in import stand_ins
 from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
+from pkmcal_cli.rotation import Array
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter

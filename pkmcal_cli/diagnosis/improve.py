@@ -1,14 +1,15 @@
 """The closed loop: fit, diagnose, add, fit again; accepted by points that neither fitted nor chose.
 
 The table is cut into blocks. In each rotation one block only reports: the rest fits the parameters and chooses the
-effects (by its own cross-validation). Over all rotations every row reports once. With a validation table there is one
-rotation, and that table reports.
+effects (by its own cross-validation); an effect changes the errors on a rotation's report rows only if that rotation's
+other rows chose it. Over all rotations every row reports once. With a validation table there is one rotation, and
+that table reports.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem, evaluate, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
-from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
+from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.rotation import Array
 
@@ -80,12 +81,13 @@ class Improvement:
 
 @dataclass(frozen=True)
 class _Rotation:
-    """Rows that fit and choose, rows that report, what the former find, and their fit so far."""
+    """Rows that fit and choose, rows that report, what the former find; their effects and fit so far."""
 
     train: Problem
     report: Problem
     found: Diagnosis
     fit: Fit
+    accepted: tuple[Hypothesis, ...] = ()
 
     def chose(self, hypothesis: Hypothesis) -> bool:
         """Whether these rows name the effect too, or cannot tell theirs from it, and their own blocks confirm it."""
@@ -105,9 +107,9 @@ def improve(
     first = turns
     before = _errors(turns)
     now, accepted, steps = before, list[Hypothesis](), list[Step]()
-    for hypothesis in whole.search.accepted:
+    for hypothesis in _majority(whole, turns):
         chosen = sum(t.chose(hypothesis) for t in turns)
-        trial = [_with(t, [*accepted, hypothesis], whole) for t in turns]
+        trial = [_with(t, hypothesis, whole) if t.chose(hypothesis) else t for t in turns]
         gain = _gain(turns, trial, seed)
         good = 2 * chosen > len(turns) and gain.low > 0 and all(t.fit.status == "converged" for t in trial)
         errors = _errors(trial)
@@ -118,6 +120,20 @@ def improve(
     last = _fit_with(clean, accepted, whole)
     gains = _gain(first, turns, seed), _rms_gain(first, turns, seed)
     return Improvement(whole, len(turns), tuple(steps), tuple(accepted), before, now, *gains, last, clean)
+
+
+def _majority(whole: Diagnosis, turns: Sequence[_Rotation]) -> list[Hypothesis]:
+    """Effects to try: those that all rows name, and those that most rotations name though all rows do not."""
+    named = list(whole.search.accepted)
+    for hypothesis in (f.hypothesis for t in turns for f in t.found.findings):
+        if hypothesis not in named and 2 * sum(t.chose(hypothesis) for t in turns) > len(turns):
+            named += [hypothesis] if not any(_alike(hypothesis, f) for f in whole.findings) else []
+    return named
+
+
+def _alike(hypothesis: Hypothesis, finding: Finding) -> bool:
+    """Whether an effect is in the set of one that is named already."""
+    return hypothesis in [r.hypothesis for r in finding.rivals]
 
 
 def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, Problem]]:
@@ -136,8 +152,9 @@ def _rotation(
     return _Rotation(train, report, diagnosis, identify(train, selected))
 
 
-def _with(turn: _Rotation, accepted: Sequence[Hypothesis], whole: Diagnosis) -> _Rotation:
-    return _Rotation(turn.train, turn.report, turn.found, _fit_with(turn.train, accepted, whole))
+def _with(turn: _Rotation, hypothesis: Hypothesis, whole: Diagnosis) -> _Rotation:
+    accepted = (*turn.accepted, hypothesis)
+    return replace(turn, fit=_fit_with(turn.train, accepted, whole), accepted=accepted)
 
 
 def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:

@@ -20,6 +20,7 @@ from pkmcal_cli.rotation import Array
 
 ALIKE = 0.95  # cosine above which two effects are an ambiguity group
 _KEPT = 0.01
+_EXCHANGED = 60  # points up to which exchanges are tried
 Status = Literal["detectable", "weak", "invisible"]
 
 
@@ -42,7 +43,7 @@ class Visibility:
     @property
     def status(self) -> Status:
         """Detectable below half the plausible range (one standard deviation), weak below the range."""
-        if not self.mdb < self.plausible:
+        if self.absorbed_by or not self.mdb < self.plausible:
             return "invisible"
         return "detectable" if self.mdb < 0.5 * self.plausible else "weak"
 
@@ -142,57 +143,72 @@ def best_points(linear: Linear, blocks: Array, planned: int, aim: Aim, count: in
     Greedy, then exchanged one by one while that is better (Fedorov).
     """
     names = list(dict.fromkeys([*linear.projected, *(n for group in aim.parameters for n in group)]))
-    index = [linear.names.index(n) for n in names]
-    rows = blocks[..., index]
-    normals = np.einsum("mca,mcb->mab", rows, rows)
+    rows = blocks[..., [linear.names.index(n) for n in names]]
     prior = np.diag(np.where(np.isin(names, linear.projected), 1e-6, 0.0) + 1e-9)
-    start = normals[:planned].sum(axis=0) + prior
+    start = np.einsum("mca,mcb->ab", rows[:planned], rows[:planned]) + prior
     groups = [np.array([names.index(n) for n in group]) for group in aim.parameters]
-    pool = normals[planned:]
+    search = _PointSearch(start, rows[planned:], groups, aim.kind)
     chosen: list[int] = []
-    for _ in range(count):
-        chosen.append(_best(start, pool, chosen, groups, aim.kind))
-    chosen = _exchanged(start, pool, chosen, groups, aim.kind)
-    total = start + pool[chosen].sum(axis=0)
-    return Chosen(
-        np.array(chosen, dtype=np.intp),
-        float(_figure(start[None], groups, aim.kind)[0]),
-        float(_figure(total[None], groups, aim.kind)[0]),
-    )
+    for _ in range(min(count, len(rows) - planned)):
+        chosen.append(search.best(chosen))
+    chosen = search.exchanged(chosen) if count <= _EXCHANGED else chosen
+    return Chosen(np.array(chosen, dtype=np.intp), search.figure([]), search.figure(chosen))
 
 
-def _best(start: Array, pool: Array, chosen: list[int], groups: list[NDArray[np.intp]], kind: str) -> int:
-    """The row of the pool that raises the aim's figure most."""
-    figure = _figure(start + pool[chosen].sum(axis=0) + pool, groups, kind)
-    figure[chosen] = -np.inf
-    return int(np.argmax(figure))
+@dataclass(frozen=True)
+class _PointSearch:
+    """Rows of a pool (M, C, q) that raise an aim's figure over a normal matrix `start` (q, q)."""
 
+    start: Array
+    pool: Array
+    groups: list[NDArray[np.intp]]
+    kind: str
 
-def _exchanged(
-    start: Array, pool: Array, chosen: list[int], groups: list[NDArray[np.intp]], kind: str, rounds: int = 3
-) -> list[int]:
-    """Rows exchanged one by one while the figure rises."""
-    for _ in range(rounds):
-        before = list(chosen)
-        for k in range(len(chosen)):
-            rest = chosen[:k] + chosen[k + 1 :]
-            chosen = [*rest[:k], _best(start, pool, rest, groups, kind), *rest[k:]]
-        if chosen == before:
-            break
-    return chosen
+    def figure(self, chosen: Sequence[int]) -> float:
+        """The aim's figure with some rows."""
+        return float(self._of([c[None] for c in self._covariances(np.linalg.inv(self._normal(chosen)))])[0])
 
+    def best(self, chosen: Sequence[int]) -> int:
+        """The row that raises the figure most, not one of those chosen."""
+        inverse = np.linalg.inv(self._normal(chosen))
+        gained = self.pool @ inverse  # (M, C, q)
+        middle = np.linalg.inv(np.eye(self.pool.shape[1]) + gained @ self.pool.swapaxes(1, 2))  # (M, C, C)
+        changed = []
+        for group, before in zip(self._blocks, self._covariances(inverse), strict=True):
+            part = gained[..., group]  # (M, C, g)
+            changed.append(before - np.einsum("mca,mcd,mdb->mab", part, middle, part))
+        figure = self._of(changed)
+        figure[list(chosen)] = -np.inf
+        return int(np.argmax(figure))
 
-def _figure(normal: Array, groups: list[NDArray[np.intp]], kind: str) -> Array:
-    """Aim's figure (M,) of normal matrices (M, q, q): the smallest information of a group, others projected out.
+    def exchanged(self, chosen: list[int], rounds: int = 3) -> list[int]:
+        """Rows exchanged one by one while the figure rises."""
+        for _ in range(rounds):
+            before = list(chosen)
+            for k in range(len(chosen)):
+                rest = chosen[:k] + chosen[k + 1 :]
+                chosen = [*rest[:k], self.best(rest), *rest[k:]]
+            if chosen == before:
+                break
+        return chosen
 
-    `determine`: log determinant of the parameters' own information.
-    """
-    inverse = np.linalg.inv(normal)
-    if kind == "determine":
-        mine = np.concatenate(groups)
-        return np.asarray(-np.linalg.slogdet(inverse[:, mine[:, None], mine[None]])[1])
-    smallest = [np.linalg.eigvalsh(np.linalg.inv(inverse[:, g[:, None], g[None]]))[:, -1] for g in groups]
-    return np.asarray(np.min(smallest, axis=0))
+    def _normal(self, chosen: Sequence[int]) -> Array:
+        some = self.pool[list(chosen)]
+        return np.asarray(self.start + np.einsum("mca,mcb->ab", some, some))
+
+    @property
+    def _blocks(self) -> list[NDArray[np.intp]]:
+        return [np.concatenate(self.groups)] if self.kind == "determine" else self.groups
+
+    def _covariances(self, inverse: Array) -> list[Array]:
+        """Of each group's parameters (g, g), all others projected out."""
+        return [inverse[np.ix_(g, g)] for g in self._blocks]
+
+    def _of(self, covariances: list[Array]) -> Array:
+        """Figure (M,) of covariances (M, g, g): the smallest information of a group; `determine`: log determinant."""
+        if self.kind == "determine":
+            return np.asarray(-np.linalg.slogdet(covariances[0])[1])
+        return np.asarray(np.min([1.0 / np.linalg.eigvalsh(c)[:, 0] for c in covariances], axis=0))
 
 
 def whitened_blocks(linear: Linear, rows: int) -> Array:

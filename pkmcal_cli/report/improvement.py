@@ -44,6 +44,7 @@ class ImprovementReport:
         return {
             "verdict": self.verdict,
             "diagnosis": found.whole.verdict,
+            "provisional": bool(found.whole.unknown),
             "rotations": found.rotations,
             "steps": [self._step_json(s) for s in found.steps],
             "before": figures_json(self.machine, found.before.report),
@@ -142,7 +143,8 @@ class ImprovementReport:
             why = f" ({interval})" if found.accepted else ""
             return f"NOT IMPROVED: no effect is confirmed by rows that neither fitted nor chose{why}"
         names = ", ".join(h.name for h in found.accepted)
-        return f"improved by {names}: {interval}"
+        doubt = "; provisional: something unknown is left, which they may stand in for" if found.whole.unknown else ""
+        return f"improved by {names}: {interval}{doubt}"
 
     def _reason(self, step: Step) -> str | None:
         if step.accepted:
@@ -171,7 +173,8 @@ class ImprovementReport:
     def _effect_lines(self, hypothesis: Hypothesis) -> list[str]:
         step = next(s for s in self.found.steps if s.hypothesis == hypothesis)
         evidence = self.found.whole.search.evidence.get(hypothesis.name, float("nan"))
-        remark = f"log evidence {evidence:.1f}, chosen in {step.chosen} of {self.found.rotations} rotations"
+        doubt = "PROVISIONAL, something unknown is left; " if self.found.whole.unknown else ""
+        remark = f"{doubt}log evidence {evidence:.1f}, chosen in {step.chosen} of {self.found.rotations} rotations"
         lines = [f"  # {catalogue()[hypothesis.effect].title}: {remark}{self._validity()}", f"  {hypothesis.name}:"]
         for name in hypothesis.parameters:
             value, std = self._estimate(name)

@@ -25,20 +25,26 @@ from tests.truth.shop_conditions import Conditions, conditions
 from tests.truth.shop_plans import PLANS
 from tests.truth.shop_truth import truth
 
-POINTS, POOL, MOST = 48, 300, 4
+POOL, MOST = 600, 8
+LADDER = (48, 96, 192, 384)
+"""Numbers of further points; the first that should tell the members apart is measured."""
+ENOUGH = 1.8
+"""Size in MDB by which the members should differ, judged from the first campaign's estimates."""
 
 
 @dataclass(frozen=True)
 class Again:
-    """The diagnosis with further points, and the size (in MDB) of what then tells the truth from each other member of
-    the set, the least of them."""
+    """The diagnosis with further points; the size (in MDB) by which the truth then differs from each other member of
+    the set, the least of them; the same as predicted from the first campaign; how many points."""
 
     diagnosis: Diagnosis
     apart: float
+    predicted: float
+    points: int
 
 
 def again(case: Case, d: Diagnosis) -> Again:
-    """The diagnosis with further points that are to separate the members of the first finding's set."""
+    """The diagnosis with as many further points as should separate the members of the first finding's set."""
     first = case.measured()
     pool = extended(case, first)
     whole = ready(pool)
@@ -46,14 +52,37 @@ def again(case: Case, d: Diagnosis) -> Again:
     members = [known[r.hypothesis.name] for r in d.findings[0].rivals][:MOST]
     linear = _linear(whole, d, members)
     aim = Aim("separate", tuple(h.parameters for h in members))
-    blocks = whitened_blocks(linear, len(whole.problem))
-    chosen = best_points(linear, blocks, len(first.readings), aim, POINTS).rows
-    rows = np.append(np.arange(len(first.readings)), len(first.readings) + np.sort(chosen))
+    blocks, planned = whitened_blocks(linear, len(whole.problem)), len(first.readings)
+    order = planned + best_points(linear, blocks, planned, aim, LADDER[-1]).rows
+    changes = _estimated(_linear(ready(first), d, members), linear, members)
+    for points in LADDER:
+        rows = np.append(np.arange(planned), np.sort(order[:points]))
+        there = taken(pool, rows)
+        near = _linear(ready(there), d, members)
+        predicted = _differ(near, [c.reshape(len(whole.problem), -1)[rows].ravel() for c in changes], members)
+        if predicted >= ENOUGH:
+            break
     truths = names_of(case.drawn[0], d)
     rivals = [h for h in members if h.name not in truths]
-    there = taken(pool, rows)
-    apart = _apart(case, there, _linear(ready(there), d, rivals), rivals)
-    return Again(diagnosed(there, case.seed), apart)
+    return Again(diagnosed(there, case.seed), _apart(case, there, near, rivals), predicted, points)
+
+
+def _estimated(first: Linear, whole: Linear, members: list[Hypothesis]) -> list[Array]:
+    """What each member does to all rows at the size that the first campaign gives it."""
+    sizes = [first.score(first.of(h.parameters)).estimate for h in members]
+    return [whole.of(h.parameters) @ size for h, size in zip(members, sizes, strict=True)]
+
+
+def _differ(linear: Linear, changes: list[Array], members: list[Hypothesis]) -> float:
+    """The least size of the first member's change with another member projected out, and the other way round."""
+    first = [_size(linear, changes[0], other) for other in members[1:]]
+    others = [_size(linear, change, members[0]) for change in changes[1:]]
+    return min([*first, *others], default=0.0)
+
+
+def _size(linear: Linear, change: Array, other: Hypothesis) -> float:
+    rest = linear.projecting((*linear.projected, *other.parameters))
+    return float(np.sqrt(max(float(change @ rest.free(change)), 0.0) / NONCENTRALITY))
 
 
 def _linear(whole: Ready, d: Diagnosis, members: list[Hypothesis]) -> Linear:
@@ -68,11 +97,7 @@ def _apart(case: Case, there: Campaign, linear: Linear, rivals: list[Hypothesis]
     geometry = plan.geometry({**plan.nominal, **there.parameters})
     plain = truth(plan, geometry, rows, [], there.scenario.extra, case.seed, there.conditions).readings
     change = ((there.true_readings - plain) / there.sigma).ravel()
-    sizes = []
-    for h in rivals:
-        rest = linear.projecting((*linear.projected, *h.parameters))
-        sizes.append(float(np.sqrt(max(float(change @ rest.free(change)), 0.0) / NONCENTRALITY)))
-    return min(sizes, default=0.0)
+    return min((_size(linear, change, h) for h in rivals), default=0.0)
 
 
 def extended(case: Case, first: Campaign) -> Campaign:

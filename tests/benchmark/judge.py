@@ -68,6 +68,8 @@ class Result:
     held_out: Mapping[str, float] = field(default_factory=dict)
     others: Mapping[str, bool] = field(default_factory=dict)  # whether simpler ways are exact
     apart: float = 0.0  # size of what tells the members of a set apart, with further points; 0: none were measured
+    predicted: float = 0.0  # the same as the first campaign's estimates predict
+    points: int = 0  # how many further points
     solved: bool = False  # whether the diagnosis with these is exact, a set of one
 
 
@@ -112,7 +114,8 @@ def _followed(case: Case, d: Diagnosis) -> dict[str, Any]:
         return {}
     then = again(case, d)
     whole = outcome_of(case, then.diagnosis)[0] == "exact"
-    return {"apart": then.apart, "solved": whole and not then.diagnosis.findings[0].ambiguous}
+    solved = whole and not then.diagnosis.findings[0].ambiguous
+    return {"apart": then.apart, "predicted": then.predicted, "points": then.points, "solved": solved}
 
 
 def _head(case: Case) -> dict[str, Any]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tests.benchmark.cases import SURE
 from tests.benchmark.counts import Share, median, of_test
+from tests.benchmark.followup import ENOUGH
 from tests.benchmark.judge import Result
 
 FAMILIES = ("two", "three")
@@ -207,17 +208,17 @@ def _alias(results: Sequence[Result]) -> list[Row]:
     every = of_test(results, "alias")
     lone = Share.of(every, lambda r: not r.in_set and any(len(f["set"]) == 1 for f in r.found) and not r.unknown)
 
-    def solved(wanted: Callable[[float], bool]) -> Share:
-        return Share.of([r for r in every if r.apart and wanted(r.apart)], lambda r: r.solved)
-
-    few = solved(lambda a: a < SURE)
+    asked = [r for r in every if r.points]
+    told = [r for r in asked if r.predicted >= ENOUGH]
+    rest = [r for r in asked if r.predicted < ENOUGH]
+    points = f" ({int(np.median([r.points for r in told]))} points in the middle)" if told else ""
+    enough = f"further points that `plan` calls enough{points}: solved"
     return [
         at_most("alias pairs", "a lone wrong name", lone, 0.0),
         Row("", "truth in the set of a finding", str(Share.of(every, _held)), "", None),
-        at_least(
-            "", "48 further points that tell them apart by 1.5 MDB or more: solved", solved(lambda a: a >= SURE), 0.95
-        ),
-        Row("", "48 further points do not tell them apart (less than 1.5 MDB): solved", str(few), "", None),
+        at_least("", enough, Share.of(told, lambda r: r.solved), 0.95),
+        Row("", "`plan` says that no 384 points are enough", str(Share(len(rest), len(asked))), "", None),
+        Row("", "of these solved with 384 points all the same", str(Share.of(rest, lambda r: r.solved)), "", None),
     ]
 
 
