@@ -102,6 +102,13 @@ class Linear:
         return self.free(self.residual)
 
     @cached_property
+    def freedom(self) -> Array:
+        """Share (n,) of each value's variance that projection leaves; 0 where nothing was measured."""
+        a, factor = self._factor
+        taken = np.einsum("nk,kn->n", a, cho_solve(factor, a.T)) if a.shape[1] else np.zeros(len(self.residual))
+        return np.where((self.residual != 0) | (np.abs(self.columns).max(axis=1, initial=0.0) > 0), 1 - taken, 0.0)
+
+    @cached_property
     def chi2(self) -> float:
         """r^T V^-1 r."""
         return float(self.residual @ self.rest)

@@ -14,8 +14,9 @@ from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
 from pkmcal_cli.rotation import Array
 
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
-_DOUBT = 0.01  # the stated sigma is kept unless so improbable
+_DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
+_FREE = 0.2  # share of a value's variance that must be left once shapes are projected out
 _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not count as noise
 
 
@@ -28,13 +29,13 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
         return Scale()
     extra = np.hstack(list(groups.values()))
     free = linear.projecting(linear.projected, extra=extra)
-    squares = np.sort(free.rest[np.abs(free.rest) > 0] ** 2)
     dof = free.used - free._factor[0].shape[1]
     if dof < 20:
         return Scale()
-    kept = squares[: int((1 - _TRIM) * len(squares))]
-    variance = float(kept.sum()) / len(squares) / _trimmed_share() * free.used / dof
-    return _doubted(variance, dof)
+    kept = free.freedom > _FREE  # else the shapes follow the value
+    squares = np.sort(free.rest[kept] ** 2 / free.freedom[kept])
+    inner = squares[: int((1 - _TRIM) * len(squares))]
+    return _doubted(float(inner.sum()) / len(squares) / _trimmed_share(), dof)
 
 
 def _doubted(variance: float, dof: int) -> Scale:

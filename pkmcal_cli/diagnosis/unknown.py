@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
@@ -72,11 +71,13 @@ def _periodogram(
     rest = (linear.rest / np.sqrt(scale.variance)).reshape(rows, channels)
     spread = float(np.ptp(x))
     cycles = np.arange(3.0, rows / 2.0, 0.5)
+    if not len(cycles):
+        return None
     phase = 2 * np.pi * np.outer(cycles, (x - x.min()) / spread)
     power = (np.abs(np.exp(1j * phase) @ rest) ** 2).sum(axis=1) * 2 / rows / (linear.dof / linear.used)
     best = int(np.argmax(power))
     count = 2 * channels
-    single = float(chdtrc(count, power[best]))
+    single = float(Scale(1.0, scale.dof).p_value(np.array(power[best]), np.array(count)))
     p = float(-np.expm1(len(cycles) * axes * np.log1p(-min(single, 0.5))))
     size = float(np.sqrt(max(power[best] - count, 0.0) * scale.variance / linear.used))
     return Unknown(depends_on, p, size, f"oscillation {words}, {cycles[best]:g} periods over its range")
