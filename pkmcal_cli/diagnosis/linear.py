@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import fdtrc
+from scipy.special import chdtri, fdtrc
 
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.residual import Problem, linearise_at
@@ -24,6 +24,7 @@ from pkmcal_cli.rotation import Array
 NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Baarda)
 _KEPT = 1e-4  # share of a column's squared length that must remain after projection
 PLAUSIBLE = 2.0  # standard deviations of the prior: what cannot be seen within its range is no candidate
+_CERTAIN = 0.01
 _MANY = 1e9  # degrees of freedom of a sigma that is known
 
 
@@ -33,6 +34,11 @@ class Scale:
 
     variance: float = 1.0
     dof: float = _MANY
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the stated sigma is too small beyond doubt (at 1 %)."""
+        return self.dof < _MANY and self.variance > float(chdtri(self.dof, _CERTAIN)) / self.dof
 
     def p_value(self, statistic: Array, count: Array) -> Array:
         """Of statistics T with so many degrees of freedom each: chi-square, or F where sigma is estimated."""

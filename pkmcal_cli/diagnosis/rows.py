@@ -13,7 +13,7 @@ from pkmcal_cli.rotation import Array
 
 MOST = 0.05  # share of rows that may be taken out; more are no outliers but an effect
 _HEAVY = (3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0)
-_BETTER = 2.0  # log-likelihood by which heavy tails must be the better description
+_BETTER = 2.5  # log-likelihood by which heavy tails must be the better description
 _FEW = 40  # residuals that say nothing about tails
 _USUAL = 1e-3  # chance that any row of normal noise is set aside before the tails are looked at
 

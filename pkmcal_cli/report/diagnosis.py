@@ -138,7 +138,7 @@ class DiagnosisReport:
         rms, sigma = self._rms(), self._sigma
         rms_text, sigma_text = (readable(x, self._length_unit, like=max(rms, sigma)) for x in (rms, sigma))
         words = {
-            "clean": "nothing is left above noise" if found.scale.variance == 1.0 else _LIKE_NOISE,
+            "clean": _LIKE_NOISE if found.scale.doubted else "nothing is left above noise",
             "found": "an effect is missing in the model, and found",
             "ambiguous": "something is missing; several effects explain it alike",
             "unknown": "something is missing that no effect of the catalogue explains",
@@ -157,7 +157,7 @@ class DiagnosisReport:
     def _doubt_of_sigma(self) -> str:
         """What the residual says of the stated sigma, where they differ much."""
         found = self.found
-        if found.scale.variance != 1.0:
+        if found.scale.doubted:
             return f", noise taken as {np.sqrt(found.scale.variance):.3g} times sigma"
         after = found.search.fit
         return ", which is stated too large" if after.dof >= _MANY and after.chi2_per_dof < _TOO_SMALL else ""
