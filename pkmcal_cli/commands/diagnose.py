@@ -17,6 +17,10 @@ def diagnose(
     select: Select = "auto",
     alpha: Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")] = 0.005,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    plots: Annotated[
+        str | None,
+        typer.Option("--plots", metavar="DIR", help="Folder for pictures (SVG); - draws them on the terminal."),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -26,5 +30,5 @@ def diagnose(
     """
     from pkmcal_cli.workflow.diagnose import DiagnosisRequest, run_diagnosis
 
-    request = DiagnosisRequest(machine, tuple(measurements), select, alpha, seed, as_json, quiet)
+    request = DiagnosisRequest(machine, tuple(measurements), select, alpha, seed, plots, as_json, quiet)
     raise typer.Exit(run_diagnosis(request))

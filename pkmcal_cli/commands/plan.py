@@ -22,7 +22,7 @@ def plan(
     determine: Annotated[
         str | None, typer.Option("--determine", metavar="NAME,...", help="Add points for parameters (D-optimal).")
     ] = None,
-    points: Annotated[int, typer.Option("--points", min=1, max=200, help="How many points to add.")] = 8,
+    points: Annotated[int, typer.Option("--points", min=1, max=400, help="How many points to add.")] = 8,
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PLAN.csv", help="Table to run; - is stdout.")
     ] = None,

@@ -18,7 +18,8 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem, evaluate, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
-from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding, diagnose
+from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
+from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.rotation import Array
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtrc, chdtri, ndtr
 
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.residual import Problem
@@ -17,6 +18,8 @@ _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
 _FREE = 0.2  # share of a value's variance that must be left once shapes are projected out
+_FEWEST_ROWS = 30  # rows of a sensor that can show how its noise depends on distance
+_LARGEST = 16.0  # squares count up to this, so that a few odd rows are no growth of noise
 _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not count as noise
 
 
@@ -116,3 +119,45 @@ def _wave(rest: Array) -> float:
     """How much the best single oscillation in their order explains."""
     power = np.abs(np.fft.rfft(rest, axis=0)) ** 2
     return float(power[1:-1].sum(axis=1).max() * 2 / len(rest))
+
+
+@dataclass(frozen=True)
+class RangeNoise:
+    """Noise of a sensor that grows with the distance from its origin: sigma^2 = stated^2 + (slope distance)^2.
+
+    `slope` and its standard uncertainty, m/m; p value of no growth.
+    """
+
+    sensor: str
+    slope: float
+    std: float
+    p_value: float
+
+
+def range_noise(linear: Linear, problem: Problem, scale: Scale) -> list[RangeNoise]:
+    """Sensors whose residuals grow with distance: score test of the slope, one for each sensor of positions.
+
+    Breusch and Pagan 1979: squares of standardised residuals against the squared distance over the stated variance.
+    """
+    shape = problem.readings.shape
+    free = linear.freedom.reshape(shape)
+    found = []
+    for sensor in problem.model.sensors:
+        places = [channel for channel, _ in sensor.places]
+        rows = problem.measured[:, places].all(axis=1) & (free[:, places] > _FREE).all(axis=1)
+        if len(places) < 2 or rows.sum() < _FEWEST_ROWS:
+            continue
+        squares = (linear.rest.reshape(shape)[:, places] ** 2 / free[:, places] / scale.variance)[rows]
+        squares = np.minimum(squares, _LARGEST).ravel()
+        distance2 = (problem.readings[:, places][rows] ** 2).sum(axis=1)
+        grown = (distance2[:, None] / problem.sigma[:, places][rows] ** 2).ravel()
+        level = grown - grown.mean()
+        weight = float((level**2).sum())
+        if weight <= 0:
+            continue
+        slope2, spread = float(level @ squares) / weight, float(np.sqrt(2 / weight))
+        p = float(ndtr(-slope2 / spread))
+        if slope2 > 0:
+            slope = float(np.sqrt(slope2 * scale.variance))
+            found.append(RangeNoise(sensor.name, slope, 0.5 * spread * scale.variance / slope, p))
+    return found

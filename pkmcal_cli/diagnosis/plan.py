@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from pkmcal_cli.calibration.residual import Problem
-from pkmcal_cli.diagnosis.diagnose import absorbing
+from pkmcal_cli.diagnosis.findings import absorbing
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import NONCENTRALITY, PLAUSIBLE, Linear, Score, linear_problem
 from pkmcal_cli.rotation import Array
@@ -100,10 +100,10 @@ def plan_of(found: Candidates, problem: Problem, values: Array, selected: tuple[
     others = [n for h in found.hypotheses for n in h.parameters]
     linear = linear_problem(problem, values, selected, others, None)
     scores = tuple(linear.score(linear.of(h.parameters)) for h in found.hypotheses)
-    return Plan(found, problem, linear, scores, _cosines(linear, found.hypotheses, scores))
+    return Plan(found, problem, linear, scores, cosines_between(linear, found.hypotheses, scores))
 
 
-def _cosines(linear: Linear, hypotheses: Sequence[Hypothesis], scores: Sequence[Score]) -> Array:
+def cosines_between(linear: Linear, hypotheses: Sequence[Hypothesis], scores: Sequence[Score]) -> Array:
     """Cosines (H, H) of the angles between what hypotheses explain after projection.
 
     Of several principal angles the largest one of the smaller hypothesis: 1 where the larger one contains it.

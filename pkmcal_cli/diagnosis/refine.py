@@ -129,10 +129,12 @@ def confirmed_only(now: Search) -> Search:
         now = replace(rest, fit=fit)
 
 
-def credible_set(now: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:
-    """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first."""
-    every = (hypothesis, *now.open)
-    found = score_without(now, [hypothesis], every)
+def credible_set(now: Search, hypothesis: Hypothesis, found: Scored) -> tuple[Rival, ...]:
+    """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first.
+
+    `found`: the accepted effect (first) and all open ones, scored without it.
+    """
+    every = found.hypotheses
     evidence = found.log_bayes + shape_gains(now, found)
     order = np.argsort(-evidence, kind="stable")
     if order[0] != 0:  # scores and fits disagree: the fits decide

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.calibration.errors_before_after import error_figures
-from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding, Invisible
+from pkmcal_cli.diagnosis.findings import Finding
+from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.diagnosis.stability import STABLE
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.effects import catalogue
-from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import Unit, parse_unit
-from pkmcal_cli.model import Model
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.numbers import detectable_size, finite, handy, readable, uncertain
+from pkmcal_cli.report.diagnosis_json import DiagnosisJson
+from pkmcal_cli.report.diagnosis_values import DiagnosisValues
+from pkmcal_cli.report.numbers import detectable_size, handy, readable, uncertain
 from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
-from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 
 _SHOWN = 12
@@ -29,89 +29,12 @@ _LIKE_NOISE = "no effect is found, but sigma is stated too small, or what is mis
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
-class DiagnosisReport:
-    """One diagnosis, ready to be shown. `measured`: the table, for the places of its rows."""
+class DiagnosisReport(DiagnosisValues):
+    """One diagnosis, ready to be shown."""
 
-    def __init__(self, machine: Machine, measured: Measurements, found: Diagnosis) -> None:
-        self.machine, self.measured, self.found = machine, measured, found
-        self.model: Model = found.problem.model
-
-    # --- JSON ------------------------------------------------------------------------------
     def json(self) -> dict[str, Any]:
         """The JSON result."""
-        found = self.found
-        return {
-            "verdict": found.verdict,
-            "sigma": "estimated" if found.scale.variance > 1.0 else "stated",
-            "sigma_factor": float(np.sqrt(found.scale.variance)),
-            "chi2_per_dof_before": finite(found.before.chi2_per_dof),
-            "chi2_per_dof_after": finite(found.search.fit.chi2_per_dof),
-            "p_value": finite(found.p_global),
-            "effects": [self._finding_json(f) for f in found.findings],
-            "outliers": [self._row_json(row) for row in found.bad_rows],
-            "unknown": [self._unknown_json(u) for u in found.unknown],
-            "not_testable": [{"effect": name, "needs": needs} for name, needs in found.not_testable],
-            "invisible": [self._invisible_json(i) for i in found.invisible],
-            "same_as": [
-                {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")} for name, other in found.same.items()
-            ],
-            "effective_tests": finite(found.search.tests),
-            "seed": found.seed,
-        }
-
-    def _finding_json(self, finding: Finding) -> dict[str, Any]:
-        h, unit = finding.hypothesis, self._length_unit
-        return {
-            "effect": h.effect,
-            "at": h.at,
-            "parameters": [self._parameter_json(finding, k) for k in range(len(h.parameters))],
-            "evidence": finite(finding.evidence),
-            "p_value": finite(finding.p_value),
-            "share": finite(finding.share),
-            "credible_set": [
-                {"effect": r.hypothesis.effect, "at": r.hypothesis.at, "weight": r.weight, "cosine": r.cosine}
-                for r in finding.rivals
-            ],
-            "heldout_rms": finite(finding.held_out.with_it / unit.scale),
-            "heldout_rms_without": finite(finding.held_out.without / unit.scale),
-            "unit": unit.text,
-            "confirmed": finding.held_out.confirmed,
-            "provisional": finding.provisional,
-        }
-
-    def _parameter_json(self, finding: Finding, k: int) -> dict[str, Any]:
-        name = finding.hypothesis.parameters[k]
-        unit = self._unit(name)
-        scale = unit.scale
-        value = unit.from_si(finding.estimate[k])
-        return {"name": name, "value": finite(value), "std": finite(finding.std[k] / scale), "unit": unit.text}
-
-    def _row_json(self, row: int) -> dict[str, Any]:
-        m = self.measured
-        return {"file": m.files[m.file_index[row]], "line": int(m.line[row]), "id": m.ids[row] or None}
-
-    def _unknown_json(self, unknown: Unknown) -> dict[str, Any]:
-        unit = self._length_unit
-        size = unknown.rms * self._sigma / unit.scale
-        return {
-            "depends_on": unknown.depends_on,
-            "rms": finite(size),
-            "unit": unit.text,
-            "p_value": finite(unknown.p_value),
-            "hint": unknown.hint or None,
-        }
-
-    def _invisible_json(self, hidden: Invisible) -> dict[str, Any]:
-        unit = self._unit(hidden.parameter)
-        return {
-            "effect": hidden.hypothesis.effect,
-            "at": hidden.hypothesis.at,
-            "parameter": hidden.parameter,
-            "mdb": finite(hidden.mdb / unit.scale),
-            "plausible": finite(hidden.plausible / unit.scale),
-            "unit": unit.text,
-            "absorbed_by": list(hidden.absorbed_by),
-        }
+        return DiagnosisJson(self.machine, self.measured, self.found).whole()
 
     # --- tables ----------------------------------------------------------------------------
     def show(self, to: Reporter) -> None:
@@ -123,6 +46,11 @@ class DiagnosisReport:
         self._show_table(to, "Check the measurement first", instrument)
         for row in self.found.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: repeat this pose; it was not used")
+        for noise in self.found.noise:
+            slope = uncertain(1e6 * noise.slope, 1e6 * noise.std, "um/m")
+            to.say(f"noise of {noise.sensor} grows with distance: {slope} beside sigma; weight far points less")
+        if self.found.correlation:
+            to.say(f"successive rows are alike (correlation {self.found.correlation:.2f}): tested as made independent")
         for finding in self.found.findings:
             to.say()
             to.say(self._sentence(finding))
@@ -135,8 +63,8 @@ class DiagnosisReport:
         """What the data say, in one sentence."""
         found = self.found
         ratio = f"{np.sqrt(found.before.chi2 / max(found.before.dof, 1)):.3g}"
-        rms, sigma = self._rms(), self._sigma
-        rms_text, sigma_text = (readable(x, self._length_unit, like=max(rms, sigma)) for x in (rms, sigma))
+        rms, sigma = self._rms(), self.sigma
+        rms_text, sigma_text = (readable(x, self.length_unit, like=max(rms, sigma)) for x in (rms, sigma))
         words = {
             "clean": _LIKE_NOISE if found.scale.doubted else "nothing is left above noise",
             "found": "an effect is missing in the model, and found",
@@ -176,7 +104,7 @@ class DiagnosisReport:
                     finding.hypothesis.at,
                     self._size(finding),
                     f"{100 * finding.share:.0f} %",
-                    f"{self._length(held.without)} -> {self._length(held.with_it)}",
+                    f"{self.length(held.without)} -> {self.length(held.with_it)}",
                     _words(finding.evidence),
                     listed(rivals, 2),
                     "provisional" if finding.provisional else "",
@@ -198,7 +126,7 @@ class DiagnosisReport:
         """The parameter that stands out most, as deviation from null."""
         k = self._leading(finding)
         name = finding.hypothesis.parameters[k]
-        unit = self._unit(name)
+        unit = self.unit(name)
         label = "" if len(finding.hypothesis.parameters) == 1 else f"{name.rpartition('.')[2]} "
         return label + uncertain(unit.from_si(finding.estimate[k]), finding.std[k] / unit.scale, unit.text)
 
@@ -211,7 +139,7 @@ class DiagnosisReport:
     def _sentence(self, finding: Finding) -> str:
         """Cause, effect and action; the alternatives where there are some."""
         h, size = finding.hypothesis, self._size(finding)
-        before, after = self._length(finding.held_out.without), self._length(finding.held_out.with_it)
+        before, after = self.length(finding.held_out.without), self.length(finding.held_out.with_it)
         gain = f"Explains {100 * finding.share:.0f} % of what is left above noise;"
         gain += f" held-out rms {before} without, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
@@ -245,12 +173,27 @@ class DiagnosisReport:
             return " Provisional: its size is not plausible; something else may stand behind it."
         if not finding.held_out.confirmed:
             return " Provisional: rows that were held out do not confirm it."
+        if finding.stable < STABLE:
+            return f" Provisional: only {100 * finding.stable:.0f} % of resamples of the rows name it."
         return " Provisional: something unknown is left, of which it may be a part." if finding.provisional else ""
 
     def _unknown_sentence(self, unknown: Unknown) -> str:
-        size = "" if np.isnan(unknown.rms) else f"{self._length(unknown.rms * self._sigma)} rms "
+        size = "" if np.isnan(unknown.rms) else f"{self.length(unknown.rms * self.sigma)} rms "
         warm = any(name == "T" or name.startswith("T.") for name in self.measured.covariates)
-        return unknown_sentence(size, unknown.depends_on, unknown.hint, warm)
+        text = unknown_sentence(size, unknown.depends_on, unknown.hint, warm)
+        return f"{text} {self._map_sentence()}" if unknown.depends_on == POSE and not unknown.hint else text
+
+    def _map_sentence(self) -> str:
+        """Where the unknown is largest, and how much of it a smooth map explains on cells that it has not seen."""
+        field, unit = self.field, self.length_unit
+        if field is None:
+            return ""
+        size = self.length(float(np.linalg.norm(field.vectors[field.largest])))
+        place = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
+        share = max(100 * field.explained, 0.0)
+        return (
+            f"Largest near {place}: {size}; a smooth map explains {share:.0f} % of its variance where left out."
+        )
 
     def _show_unseen(self, to: Reporter) -> None:
         """What these data could not have shown."""
@@ -263,7 +206,7 @@ class DiagnosisReport:
             return
         rows = []
         for i in hidden[:_SHOWN]:
-            unit = self._unit(i.parameter)
+            unit = self.unit(i.parameter)
             size = detectable_size(i.mdb, i.plausible, unit)
             why = f"cannot be seen, absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else ""
             rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
@@ -271,27 +214,6 @@ class DiagnosisReport:
         to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)
         more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
         to.say(f"{more}which points would show one: {command('plan', *self._files(), '--see', 'EFFECT')}")
-
-    # --- units -----------------------------------------------------------------------------
-    def _unit(self, parameter: str) -> Unit:
-        found = self.model.parameters[self.model.names.index(parameter)]
-        return parse_unit(found.unit or "1")
-
-    @property
-    def _length_unit(self) -> Unit:
-        return self.machine.file_units.length
-
-    def _length(self, value: float) -> str:
-        return readable(value, self._length_unit)
-
-    @property
-    def _sigma(self) -> float:
-        """Root mean square sigma of the measured positions, m."""
-        problem = self.found.problem
-        positions = [k for k, c in enumerate(self.model.channels) if c.quantity == "position"]
-        some = positions or list(range(len(self.model.channels)))
-        sigma = problem.sigma[:, some][problem.measured[:, some]]
-        return float(np.sqrt((sigma**2).mean())) if len(sigma) else float("nan")
 
 
 def _words(evidence: float) -> str:

@@ -6,13 +6,20 @@ from typing import Any
 
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
+from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import NEVER, detectable_size, finite
-from pkmcal_cli.report.sentences import grouped, listed
+from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
 from pkmcal_cli.words import count
 
+_UNSTRAINED = (
+    "parameters are at nominal: a machine without errors is hardly strained, so effects that act by force look "
+    "invisible; -p PARAMS.yaml takes identified parameters"
+)
+_HEADERS = ("effect", "smallest detectable", "to be told apart", "plausible", "most like", "cosine", "remark")
+_ENOUGH = 2.0  # standard deviations of the prior: the plausible size
 _ORDER = ("detectable", "weak", "invisible")
 
 
@@ -20,9 +27,16 @@ class PlanReport:
     """A plan, ready to be shown."""
 
     def __init__(
-        self, machine: Machine, plan: Plan, aim: Aim | None, added: Problem | None, chosen: Chosen | None
+        self,
+        machine: Machine,
+        plan: Plan,
+        at_nominal: bool,
+        aim: Aim | None,
+        added: Problem | None,
+        chosen: Chosen | None,
     ) -> None:
-        self.machine, self.plan, self.aim, self.added, self.chosen = machine, plan, aim, added, chosen
+        self.machine, self.plan, self.at_nominal = machine, plan, at_nominal
+        self.aim, self.added, self.chosen = aim, added, chosen
         self.model = plan.problem.model
 
     def json(self) -> dict[str, Any]:
@@ -91,22 +105,23 @@ class PlanReport:
             to.say(f"not told apart: {listed(group, 8)}")
         for line in grouped(self.plan.candidates.not_testable):
             to.say(line)
+        if self.at_nominal and any(self._by_force(v) for v in self.plan.visibilities):
+            to.say(_UNSTRAINED)
         self._show_added(to)
+
+    def _by_force(self, v: Visibility) -> bool:
+        """Whether an effect acts by forces and has no influence."""
+        effect = catalogue().get(v.hypothesis.effect)
+        return effect is not None and (effect.reactive or effect.port == "stiffness") and not v.mdb < v.plausible
 
     def _show(self, to: Reporter, status: str) -> None:
         rows = [self._cells(v) for v in self.plan.visibilities if v.status == status]
         if rows:
             to.say()
-            headers = (
-                "effect",
-                "smallest detectable",
-                "to be told apart",
-                "plausible",
-                "most like",
-                "cosine",
-                "remark",
-            )
-            to.table(status.capitalize(), headers, rows)
+            headers = _HEADERS
+            kept = [k for k, h in enumerate(headers) if not (to.narrow and h in ("to be told apart", "cosine"))]
+            cells = [tuple(row[k] for k in kept) for row in rows]
+            to.table(status.capitalize(), [headers[k] for k in kept], cells)
 
     def _cells(self, v: Visibility) -> tuple[str, ...]:
         unit = self._unit(v)
@@ -127,12 +142,24 @@ class PlanReport:
         before, after = (self._figure_text(x) for x in self._figures())
         to.say()
         to.say(f"{count(len(self.added), 'further point')}: {words} {before} -> {after}")
+        if self.aim.kind == "separate" and not self._figures()[1] < _ENOUGH:
+            self._show_without_points(to)
         headers = [a.name for a in self.model.actuators]
         cells = [
             tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in headers)
             for p in self._points()
         ]
         to.table("Points to add, set values and side of approach", tuple(headers), cells, left=0)
+
+    def _show_without_points(self, to: Reporter) -> None:
+        """What tells effects apart where no pose does."""
+        to.say("these points do not tell them apart within plausible sizes: more of them, or another measurement:")
+        known = catalogue()
+        assert self.aim is not None
+        for h in self.plan.candidates.hypotheses:
+            if h.parameters in self.aim.parameters and h.effect in known:
+                action = cause_effect_action(known[h.effect], h.at, "")[2]
+                to.say(f"  {h.name}: {action}")
 
     def _figure_text(self, value: float) -> str:
         """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""

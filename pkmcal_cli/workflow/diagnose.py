@@ -13,6 +13,7 @@ from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
 from pkmcal_cli.errors import BadInput, Location, UsageError
+from pkmcal_cli.files import is_stream
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -36,6 +37,7 @@ class DiagnosisRequest:
     select: str
     alpha: float
     seed: int
+    plots: str | None
     as_json: bool
     quiet: bool
 
@@ -110,11 +112,27 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     found = diagnosed(case, request.alpha, request.seed)
     report = DiagnosisReport(case.loaded.machine, case.measured, found)
     report.show(to)
+    _draw(request, case, found, to)
     if request.as_json:
         emit_json(report.json())
     if request.quiet and exit_code(found):
         to.fail(report.verdict_line())
     return exit_code(found)
+
+
+def _draw(request: DiagnosisRequest, case: Case, found: Diagnosis, to: Reporter) -> None:
+    """Pictures as files, or as text where they are asked for on the terminal. Raises UsageError, OutputError."""
+    if request.plots is None:
+        return
+    if is_stream(request.plots):
+        from pkmcal_cli.report.text_pictures import text_pictures
+
+        to.say(text_pictures(found))
+        return
+    from pkmcal_cli.report.pictures import write_pictures
+
+    for file in write_pictures(request.plots, case.loaded.machine, found):
+        to.say(f"written: {file}")
 
 
 def diagnosed(case: Case, alpha: float, seed: int) -> Diagnosis:

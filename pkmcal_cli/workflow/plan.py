@@ -24,7 +24,7 @@ from pkmcal_cli.rotation import Array
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.schedule import write_schedule
 
-_POOL = 400  # candidate points
+_POOL = 400  # candidate points, at least; twice as many as are wanted
 _WIDER = 0.1  # by which share of the plan's box candidates may lie outside it
 
 
@@ -72,7 +72,7 @@ def run_plan(request: PlanRequest) -> int:
     plan = plan_of(found, problem, values, selected)
     aim = None if not aims else _aim(request, found, loaded.model, selected)
     added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
-    report = PlanReport(loaded.machine, plan, aim, added, chosen)
+    report = PlanReport(loaded.machine, plan, request.parameters is None, aim, added, chosen)
     report.show(to)
     if request.output is not None:
         every = problem.rows if added is None else with_rows(problem, added).rows
@@ -124,7 +124,7 @@ def _added(
     plan: Plan, problem: Problem, values: Array, selected: tuple[str, ...], aim: Aim, request: PlanRequest
 ) -> tuple[Problem, Chosen]:
     """Points to add, out of reachable ones within and a little around the plan."""
-    pool = _pool(problem, values, request.seed)
+    pool = _pool(problem, values, max(_POOL, 2 * request.points), request.seed)
     both = with_rows(problem, pool)
     others = [n for group in aim.parameters for n in group if n not in selected]
     linear = linear_problem(both, values, selected, others, None)
@@ -132,13 +132,13 @@ def _added(
     return pool.take(chosen.rows), chosen
 
 
-def _pool(problem: Problem, values: Array, seed: int) -> Problem:
+def _pool(problem: Problem, values: Array, size: int, seed: int) -> Problem:
     """Candidate points: random reachable poses, directions and covariates within those of the plan."""
     model, rng = problem.model, np.random.default_rng(seed)
     place = _places(model, problem.rows, values)
     low, high = place.min(axis=0), place.max(axis=0)
     wide = _WIDER * (high - low)
-    drawn = rng.uniform(low - wide, high + wide, (_POOL, 6))
+    drawn = rng.uniform(low - wide, high + wide, (size, 6))
     drawn[:, [k for k, c in enumerate(DIRECTIONS) if c not in model.independent_coordinates]] = np.nan
     found = drive_positions(model, drawn)
     good = found.status == 0

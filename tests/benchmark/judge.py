@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.diagnose import Diagnosis, Finding
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.findings import Finding
 from tests.benchmark.baselines import baselines
 from tests.benchmark.cases import Case
 from tests.benchmark.draw import joint_sizes

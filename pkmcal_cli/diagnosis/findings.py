@@ -1,0 +1,129 @@
+"""What is told of an accepted effect, and of effects that these data cannot show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.refine import Rival, credible_set
+from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
+from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without
+from pkmcal_cli.diagnosis.stability import STABLE, stability
+from pkmcal_cli.rotation import Array
+
+_KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One accepted effect with its credible set; `estimate` and `std` (k,) SI, nan where undetermined."""
+
+    hypothesis: Hypothesis
+    estimate: tuple[float, ...]
+    std: tuple[float, ...]
+    evidence: float
+    p_value: float
+    share: float  # of the residual's excess over noise that it explains
+    rivals: tuple[Rival, ...]
+    held_out: HeldOutGain
+    stable: float  # share of resamples of the rows that name it, or one of its set
+    nonlinear: float  # likelihood ratio over score statistic; 1 where it acts in proportion to its size
+    beyond: bool  # larger than twice what is plausible
+    provisional: bool
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether the data support several effects in its place."""
+        return len(self.rivals) > 1
+
+
+@dataclass(frozen=True)
+class Invisible:
+    """A hypothesis that these data cannot show: minimal detectable and plausible size, SI; what absorbs it."""
+
+    hypothesis: Hypothesis
+    parameter: str
+    mdb: float
+    plausible: float
+    absorbed_by: tuple[str, ...]
+
+
+def finding_of(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, doubt: bool, seed: int) -> Finding:
+    """What is told of an accepted effect. `last`: scored at the end; `doubt`: something unknown is left."""
+    names = now.problem.model.names
+    index = [names.index(n) for n in hypothesis.parameters]
+    places = {n: k for k, n in enumerate(now.fit.selected)}
+    spread = np.array([now.fit.std[places[n]] for n in hypothesis.parameters])
+    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(now, hypothesis, last.scale)))
+    estimate = tuple(float(v) for v in now.fit.values[index])
+    nominal, ranges = now.problem.model.nominal[index], now.problem.model.ranges[index]
+    beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges).any())
+    gain = held_out_gain(now, hypothesis)
+    excess = before.chi2 - last.scale.variance * before.dof
+    share = min(gain.gain * last.linear.used / excess, 1.0) if excess > 0 else 0.0
+    without = score_without(now, [hypothesis], (hypothesis, *now.open))
+    rivals = credible_set(now, hypothesis, without)
+    alike = [r.hypothesis for r in rivals]
+    stable = stability(without, now.problem, hypothesis, alike, seed)
+    return Finding(
+        hypothesis,
+        estimate,
+        std,
+        now.evidence[hypothesis.name],
+        now.p_values[hypothesis.name],
+        max(share, 0.0),
+        rivals,
+        gain,
+        stable,
+        _likelihood_ratio(now, hypothesis) / max(without.scores[0].statistic, 1e-9),
+        beyond,
+        doubt or beyond or not gain.confirmed or stable < STABLE,
+    )
+
+
+def _likelihood_ratio(now: Search, hypothesis: Hypothesis) -> float:
+    """Fall of chi-square by the effect, calibrated with and without it; nan where it cannot be without."""
+    rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
+    fit = refit(rest, {})
+    return float("nan") if fit is None else fit.chi2 - now.fit.chi2
+
+
+def _by_shape(now: Search, hypothesis: Hypothesis, scale: Scale) -> Array:
+    """Variance (k,), SI, that an effect's own shape adds to its parameters, where the data speak for one."""
+    linear = linear_without(now, [hypothesis], [hypothesis])
+    residues = residue_columns(now.problem, now.fit, [hypothesis], own=True)
+    if not residues.shape[1]:
+        return np.zeros(len(hypothesis.parameters))
+    shape = own_shape(linear, scale, linear.of(hypothesis.parameters), residues)
+    return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
+
+
+def invisible(scored: Scored, now: Search) -> tuple[Invisible, ...]:
+    """Hypotheses without a direction that could be seen within its plausible range."""
+    out = []
+    for h, s in zip(scored.hypotheses, scored.scores, strict=True):
+        if s.count or h in now.accepted:
+            continue
+        scale = scored.linear.scale_of(h.parameters)
+        lengths = (scored.linear.of(h.parameters) ** 2).sum(axis=0)
+        k = int(np.argmax(lengths))
+        by = absorbing(scored.linear, h, k) if s.kept < _KEPT and lengths[k] > 0 else ()
+        out.append(Invisible(h, h.parameters[k], s.mdb * float(scale[k]), 2 * float(scale[k]), by))
+    return tuple(out)
+
+
+def absorbing(linear: Linear, hypothesis: Hypothesis, k: int) -> tuple[str, ...]:
+    """Declared parameters that could move instead of a hypothesis's parameter number k, largest first."""
+    a = linear.of(linear.projected)
+    if not a.shape[1]:
+        return ()
+    column = linear.of(hypothesis.parameters)[:, k]
+    coefficients = np.linalg.lstsq(a, column, rcond=1e-9)[0]
+    size = np.abs(coefficients) * np.sqrt((a**2).sum(axis=0))
+    order = np.argsort(-size)[:4]
+    return tuple(linear.projected[j] for j in order if size[j] > 0.2 * size.max())

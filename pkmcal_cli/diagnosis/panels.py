@@ -1,0 +1,180 @@
+"""Numbers behind the pictures of a diagnosis: residuals over what drives them, angles between effects, shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.diagnosis.confirm import cells
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.findings import Finding
+from pkmcal_cli.diagnosis.groups import pose_shapes
+from pkmcal_cli.diagnosis.plan import cosines_between
+from pkmcal_cli.diagnosis.search import linear_without, refit, score_without
+from pkmcal_cli.diagnosis.unit_columns import unit_columns
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.sockets import PlacedEffect
+
+_MOST_ALIKE = 12
+
+
+@dataclass(frozen=True)
+class DriverPanel:
+    """One accepted effect over what drives it: measured displacement of its port (N,), SI, with its standard
+    uncertainty, what the effect says and 1.96 of its standard uncertainties; `side` (N,) of approach, or None.
+
+    `x` (N,) in SI and `shown_x` in `unit`; `turns`: whether the port turns (rad) instead of moving (m).
+    """
+
+    finding: Finding
+    name: str
+    unit: str
+    x: Array
+    measured: Array
+    noise: Array
+    fitted: Array
+    band: Array
+    side: Array | None
+    turns: bool
+
+    @property
+    def shown_x(self) -> Array:
+        """Values of what drives it, in its unit."""
+        unit = parse_unit(self.unit)
+        return np.asarray((self.x - unit.offset) / unit.scale)
+
+
+@dataclass(frozen=True)
+class Share:
+    """One bar of the waterfall: what was added, and the whitened rms left."""
+
+    name: str
+    rms: float
+
+
+def driver_panel(found: Diagnosis, finding: Finding) -> DriverPanel | None:
+    """An effect's picture; None for parameters and for effects that move nothing by themselves."""
+    placed = next((e for e in found.problem.model.effects if e.name == finding.hypothesis.name), None)
+    if placed is None or placed.effect.port in ("stiffness", "weight", "drive_force", "load"):
+        return None
+    now, problem, shape = found.search, found.problem, found.problem.readings.shape
+    linear = linear_without(now, [finding.hypothesis], [finding.hypothesis])
+    columns = linear.of(finding.hypothesis.parameters) / linear.scale_of(finding.hypothesis.parameters)
+    index = [now.fit.selected.index(n) for n in finding.hypothesis.parameters]
+    estimate = np.array(finding.estimate)
+    unit = _leading(problem, found, placed, (columns @ estimate).reshape(shape))
+    length2 = (unit**2).sum(axis=1)
+    used = (length2 > 1e-6 * length2.max()) & problem.measured.any(axis=1)
+
+    def displaced(x: Array) -> Array:
+        """Of whitened readings (n,) or (n, k), the displacement of the port (N,) or (N, k) that they show."""
+        rows = x.reshape(*shape, -1)[used]
+        return np.asarray(np.einsum("nc,nck->nk", unit[used], rows) / length2[used, None]).reshape(len(rows), -1)
+
+    by_size = displaced(columns)
+    covariance = np.nan_to_num(now.fit.covariance[np.ix_(index, index)])
+    name, unit_text, x, side = _driver(problem, placed)
+    return DriverPanel(
+        finding,
+        name,
+        unit_text,
+        x[used],
+        displaced(linear.residual)[:, 0],
+        1 / np.sqrt(length2[used]),
+        by_size @ estimate,
+        1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
+        None if side is None else side[used],
+        placed.effect.port == "carriage",
+    )
+
+
+def _leading(problem: Problem, found: Diagnosis, placed: PlacedEffect, change: Array) -> Array:
+    """Unit column (N, C) of that number of the port which explains most of the effect's change (N, C)."""
+    by_part: dict[int, Array] = {}
+    for unit in unit_columns(problem, found.search.fit.values, found.search.fit.after.state, [placed]):
+        by_part[unit.part] = by_part.get(unit.part, 0.0) + unit.column
+    return max(by_part.values(), key=lambda u: float(((u * change).sum(axis=1) ** 2 / (u**2).sum()).sum()))
+
+
+def _driver(problem: Problem, placed: PlacedEffect) -> tuple[str, str, Array, Array | None]:
+    """Name, unit and values (N,) of what an effect depends on, and the side of approach where it counts."""
+    columns, needs = problem.rows.columns, placed.effect.needs
+    socket = placed.sockets[0]
+    if "temperature" in needs and placed.effect.port != "frame":
+        name = f"T.{socket.part}" if f"T.{socket.part}" in columns else "T"
+        return name, "degC", columns[name], None
+    if "time" in needs:
+        return "time", "min", columns["time"], None
+    if socket.actuator >= 0:
+        drive = problem.model.actuators[socket.actuator]
+        side = columns[f"dir.{drive.name}"] if "direction" in needs else None
+        return drive.name, drive.unit, problem.rows.readings[:, socket.actuator], side
+    return "row", "1", np.arange(1.0, len(problem) + 1), None
+
+
+def alike(found: Diagnosis) -> tuple[tuple[str, ...], Array]:
+    """Names (H,) of accepted effects and their nearest rivals, and cosines (H, H) of the angles between them."""
+    now = found.search
+    scored = score_without(now, now.accepted, now.candidates.hypotheses)
+    names = [h.name for h in scored.hypotheses]
+    accepted = [names.index(h.name) for h in now.accepted]
+    order = [k for k in np.argsort(-scored.log_bayes) if scored.scores[k].count and k not in accepted]
+    chosen = [*accepted, *(int(k) for k in order)][:_MOST_ALIKE]
+    cosines = cosines_between(scored.linear, [scored.hypotheses[k] for k in chosen], [scored.scores[k] for k in chosen])
+    return tuple(names[k] for k in chosen), cosines
+
+
+def waterfall(found: Diagnosis) -> list[Share]:
+    """Whitened rms that is left: nominal, calibrated, with one effect after the other."""
+    problem, now = found.problem, found.search
+    nominal, calibrated = problem.model.nominal, found.before.values
+    out = [Share("nominal", _chi2(problem, nominal)), Share("calibrated", _chi2(problem, calibrated))]
+    for k in range(1, len(found.findings)):
+        part = refit(replace(now, accepted=tuple(f.hypothesis for f in found.findings[:k])), {})
+        if part is not None:
+            out.append(Share(f"+ {found.findings[k - 1].hypothesis.name}", part.chi2))
+    if found.findings:
+        out.append(Share(f"+ {found.findings[-1].hypothesis.name}", now.fit.chi2))
+    return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
+
+
+def _chi2(problem: Problem, values: Array) -> float:
+    return linearise_at(problem, values, (), None).chi2
+
+
+@dataclass(frozen=True)
+class FieldMap:
+    """A smooth field of the pose fitted to what is left of the positions: `vectors` (N, 3) at places `at` (N, 3), SI,
+    and the share of the variance that it explains on cells of the workspace that were left out."""
+
+    at: Array
+    vectors: Array
+    explained: float
+
+    @property
+    def largest(self) -> int:
+        """Row where the field is largest."""
+        return int(np.argmax((self.vectors**2).sum(axis=1)))
+
+
+def field_map(found: Diagnosis) -> FieldMap | None:
+    """The map of what is unknown; None where positions are not measured in all channels, or rows are few."""
+    problem = found.problem
+    positions = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"][:3]
+    channels = np.array(positions, dtype=np.intp)
+    rows = np.nonzero(problem.measured[:, channels].all(axis=1))[0]
+    part = problem.take(rows)
+    shapes = pose_shapes(part)
+    if not len(channels) or not shapes.shape[1]:
+        return None
+    left = found.search.fit.after.residual[np.ix_(rows, channels)]
+    fitted = shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
+    labels, unseen = cells(part), np.zeros_like(left)
+    for fold in np.unique(labels):
+        out = labels == fold
+        unseen[out] = shapes[out] @ np.linalg.lstsq(shapes[~out], left[~out], rcond=None)[0]
+    explained = 1 - float(((left - unseen) ** 2).sum() / (left**2).sum())
+    return FieldMap(problem.readings[np.ix_(rows, channels)], fitted, explained)

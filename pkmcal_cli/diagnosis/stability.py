@@ -1,0 +1,76 @@
+"""Would other rows have named the same effect? Blocks of rows drawn with replacement, linear at the solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.diagnosis.confirm import cells
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import log_evidence
+from pkmcal_cli.diagnosis.noise import time_order
+from pkmcal_cli.diagnosis.search import Scored
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.rotation import Array
+
+STABLE = 0.8  # share of resamples that must name the same
+_DRAWS = 100
+_STRETCHES = 16  # of time
+_FEWEST = 8  # cells of the workspace; with fewer, rows are drawn
+_RIVALS = 12  # hypotheses with most evidence that compete in the resamples
+_EVERY = 1_000_000
+
+
+def stability(found: Scored, problem: Problem, hypothesis: Hypothesis, alike: Sequence[Hypothesis], seed: int) -> float:
+    """Share of resamples in which the effect, or one of those not told from it (`alike`), has most evidence.
+
+    `found`: hypotheses scored without the effect; blocks are stretches of time for what depends on time, else cells
+    of the workspace.
+    """
+    best = np.argsort(-found.log_bayes, kind="stable")[:_RIVALS]
+    chosen = [int(k) for k in best if found.scores[k].count]
+    grams, counts = _grams(found, problem, hypothesis, chosen)
+    names = {h.name for h in (hypothesis, *alike)}
+    right = np.array([found.hypotheses[k].name in names for k in chosen])
+    rng = np.random.default_rng(seed)
+    drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
+    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, found))] for w in drawn.astype(float)]
+    return float(np.mean(hits)) if right.any() else 0.0
+
+
+def _grams(found: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequence[int]) -> tuple[Array, list[int]]:
+    """Gram matrices (B, q, q) by block of projected columns, hypotheses' visible columns and residual; their sizes."""
+    linear = found.linear
+    fixed = linear._factor[0]
+    columns = [linear.of(found.hypotheses[k].parameters) @ found.scores[k].basis for k in chosen]
+    whole = np.hstack([fixed, *columns, linear.residual[:, None]])
+    label = np.repeat(_blocks(problem, hypothesis), linear.channels)
+    grams = np.stack([whole[label == b].T @ whole[label == b] for b in np.unique(label)])
+    return grams, [fixed.shape[1], *(c.shape[1] for c in columns)]
+
+
+def _evidence(gram: Array, counts: Sequence[int], found: Scored) -> Array:
+    """Log evidence (H,) of hypotheses from one Gram matrix."""
+    p = counts[0]
+    ridge = np.diag(np.full(p, 1e-9)) + np.diag(1e-6 * np.diag(gram)[:p])
+    left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + ridge, gram[:p, p:])
+    statistic, first = [], 0
+    for count in counts[1:]:
+        mine = slice(first, first + count)
+        score = left[mine, -1]
+        statistic.append(float(score @ np.linalg.lstsq(left[mine, mine], score, rcond=1e-9)[0]))
+        first += count
+    return log_evidence(np.array(statistic) / found.scale.variance, np.array(counts[1:]))
+
+
+def _blocks(problem: Problem, hypothesis: Hypothesis) -> NDArray[np.intp]:
+    """Block (N,) of each row."""
+    effect = catalogue().get(hypothesis.effect)
+    if effect is not None and {"time", "temperature", "session"} & set(effect.needs):
+        rank = np.argsort(time_order(problem))
+        return np.asarray(rank * _STRETCHES // len(rank), dtype=np.intp)
+    labels = cells(problem, _EVERY)
+    return labels if len(np.unique(labels)) >= _FEWEST else np.arange(len(problem))

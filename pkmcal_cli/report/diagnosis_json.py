@@ -1,0 +1,118 @@
+"""The result of `diagnose` as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.diagnosis.findings import Finding, Invisible
+from pkmcal_cli.diagnosis.groups import POSE
+from pkmcal_cli.diagnosis.hypotheses import RELEASE
+from pkmcal_cli.diagnosis.unknown import Unknown
+from pkmcal_cli.report.diagnosis_values import DiagnosisValues
+from pkmcal_cli.report.numbers import finite
+
+
+class DiagnosisJson(DiagnosisValues):
+    """One diagnosis as plain values; docs/json.md says what they are."""
+
+    def whole(self) -> dict[str, Any]:
+        """The JSON result."""
+        found = self.found
+        return {
+            "verdict": found.verdict,
+            "sigma": "estimated" if found.scale.variance > 1.0 else "stated",
+            "sigma_factor": float(np.sqrt(found.scale.variance)),
+            "noise_correlation": found.correlation,
+            "noise_models": [
+                {
+                    "effect": "noise_model",
+                    "at": n.sensor,
+                    "slope": finite(n.slope * 1e6),
+                    "std": finite(n.std * 1e6),
+                    "unit": "um/m",
+                    "p_value": finite(n.p_value),
+                }
+                for n in found.noise
+            ],
+            "chi2_per_dof_before": finite(found.before.chi2_per_dof),
+            "chi2_per_dof_after": finite(found.search.fit.chi2_per_dof),
+            "p_value": finite(found.p_global),
+            "effects": [self._finding_json(f) for f in found.findings],
+            "outliers": [self._row_json(row) for row in found.bad_rows],
+            "unknown": [self._unknown_json(u) for u in found.unknown],
+            "not_testable": [{"effect": name, "needs": needs} for name, needs in found.not_testable],
+            "invisible": [self._invisible_json(i) for i in found.invisible],
+            "same_as": [
+                {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")} for name, other in found.same.items()
+            ],
+            "effective_tests": finite(found.search.tests),
+            "seed": found.seed,
+        }
+
+    def _finding_json(self, finding: Finding) -> dict[str, Any]:
+        h, unit = finding.hypothesis, self.length_unit
+        return {
+            "effect": h.effect,
+            "at": h.at,
+            "parameters": [self._parameter_json(finding, k) for k in range(len(h.parameters))],
+            "evidence": finite(finding.evidence),
+            "p_value": finite(finding.p_value),
+            "share": finite(finding.share),
+            "credible_set": [
+                {"effect": r.hypothesis.effect, "at": r.hypothesis.at, "weight": r.weight, "cosine": r.cosine}
+                for r in finding.rivals
+            ],
+            "heldout_rms": finite(finding.held_out.with_it / unit.scale),
+            "heldout_rms_without": finite(finding.held_out.without / unit.scale),
+            "unit": unit.text,
+            "confirmed": finding.held_out.confirmed,
+            "stable": finding.stable,
+            "likelihood_ratio_over_score": finite(finding.nonlinear),
+            "provisional": finding.provisional,
+        }
+
+    def _parameter_json(self, finding: Finding, k: int) -> dict[str, Any]:
+        name = finding.hypothesis.parameters[k]
+        unit = self.unit(name)
+        scale = unit.scale
+        value = unit.from_si(finding.estimate[k])
+        return {"name": name, "value": finite(value), "std": finite(finding.std[k] / scale), "unit": unit.text}
+
+    def _row_json(self, row: int) -> dict[str, Any]:
+        m = self.measured
+        return {"file": m.files[m.file_index[row]], "line": int(m.line[row]), "id": m.ids[row] or None}
+
+    def _unknown_json(self, unknown: Unknown) -> dict[str, Any]:
+        unit = self.length_unit
+        size = unknown.rms * self.sigma / unit.scale
+        return {
+            "depends_on": unknown.depends_on,
+            "rms": finite(size),
+            "unit": unit.text,
+            "p_value": finite(unknown.p_value),
+            "hint": unknown.hint or None,
+            "largest": self._largest_json() if unknown.depends_on == POSE else None,
+        }
+
+    def _largest_json(self) -> dict[str, Any] | None:
+        """Where a smooth map of what is unknown is largest."""
+        field, unit = self.field, self.length_unit
+        if field is None:
+            return None
+        at = {c: finite(v / unit.scale) for c, v in zip("xyz", field.at[field.largest])}
+        size = finite(float(np.linalg.norm(field.vectors[field.largest])) / unit.scale)
+        return at | {"size": size, "unit": unit.text, "explained": finite(field.explained)}
+
+    def _invisible_json(self, hidden: Invisible) -> dict[str, Any]:
+        unit = self.unit(hidden.parameter)
+        return {
+            "effect": hidden.hypothesis.effect,
+            "at": hidden.hypothesis.at,
+            "parameter": hidden.parameter,
+            "mdb": finite(hidden.mdb / unit.scale),
+            "plausible": finite(hidden.plausible / unit.scale),
+            "unit": unit.text,
+            "absorbed_by": list(hidden.absorbed_by),
+        }

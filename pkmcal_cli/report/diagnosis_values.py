@@ -1,0 +1,47 @@
+"""What every form of a diagnosis's report needs: units, sizes, where what is unknown is largest."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.panels import FieldMap, field_map
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.tables.measurement_set import Measurements
+
+
+class DiagnosisValues:
+    """One diagnosis and the units that it is told in. `measured`: the table, for the places of its rows."""
+
+    def __init__(self, machine: Machine, measured: Measurements, found: Diagnosis) -> None:
+        self.machine, self.measured, self.found = machine, measured, found
+        self.model: Model = found.problem.model
+
+    @cached_property
+    def field(self) -> FieldMap | None:
+        return field_map(self.found)
+
+    def unit(self, parameter: str) -> Unit:
+        found = self.model.parameters[self.model.names.index(parameter)]
+        return parse_unit(found.unit or "1")
+
+    @property
+    def length_unit(self) -> Unit:
+        return self.machine.file_units.length
+
+    def length(self, value: float) -> str:
+        return readable(value, self.length_unit)
+
+    @property
+    def sigma(self) -> float:
+        """Root mean square sigma of the measured positions, m."""
+        problem = self.found.problem
+        positions = [k for k, c in enumerate(self.model.channels) if c.quantity == "position"]
+        some = positions or list(range(len(self.model.channels)))
+        sigma = problem.sigma[:, some][problem.measured[:, some]]
+        return float(np.sqrt((sigma**2).mean())) if len(sigma) else float("nan")
