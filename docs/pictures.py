@@ -1,10 +1,14 @@
-"""Draws docs/hangprinter.svg: what is left of each line's length before and after calibration, real data.
+"""Draws the pictures of the README.
+
+docs/hangprinter.svg: what is left of each line's length before and after calibration, real data.
+docs/shopfloor/: what `pkmcal diagnose --plots` draws for machines/scissors-shopfloor.csv.
 
 `python docs/pictures.py` (needs matplotlib, in the extra `report`).
 """
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,13 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def main() -> None:
+    """Draw all."""
+    hangprinter()
+    command = ["pkmcal", "diagnose", "machines/scissors.yaml", "machines/scissors-shopfloor.csv", "-q"]
+    subprocess.run([*command, "--plots", "docs/shopfloor"], cwd=ROOT, check=True)
+
+
+def hangprinter() -> None:
     """Fit anchors, then anchors and radii, and plot the line-length residuals against the line's length."""
     loaded = load_machine(str(ROOT / "machines/hangprinter.yaml"))
     measured = load_measurements(loaded, [str(ROOT / "machines/hangprinter_2021-12-16.csv")])
