@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri, ndtr
 
 from pkmcal_cli.calibration.holdout import replicate_groups
@@ -147,17 +148,24 @@ def range_noise(linear: Linear, problem: Problem, scale: Scale) -> list[RangeNoi
         rows = problem.measured[:, places].all(axis=1) & (free[:, places] > _FREE).all(axis=1)
         if len(places) < 2 or rows.sum() < _FEWEST_ROWS:
             continue
-        squares = (linear.rest.reshape(shape)[:, places] ** 2 / free[:, places] / scale.variance)[rows]
-        squares = np.minimum(squares, _LARGEST).ravel()
+        squares = (linear.rest.reshape(shape)[:, places] ** 2 / free[:, places] / scale.variance)[rows].ravel()
         distance2 = (problem.readings[:, places][rows] ** 2).sum(axis=1)
-        grown = (distance2[:, None] / problem.sigma[:, places][rows] ** 2).ravel()
+        grown = (distance2[:, None] / (problem.sigma[:, places][rows] ** 2 * scale.variance)).ravel()
         level = grown - grown.mean()
-        weight = float((level**2).sum())
-        if weight <= 0:
-            continue
-        slope2, spread = float(level @ squares) / weight, float(np.sqrt(2 / weight))
-        p = float(ndtr(-slope2 / spread))
-        if slope2 > 0:
-            slope = float(np.sqrt(slope2 * scale.variance))
-            found.append(RangeNoise(sensor.name, slope, 0.5 * spread * scale.variance / slope, p))
+        score = float(level @ np.minimum(squares, _LARGEST)) / np.sqrt(2 * float(level @ level) + 1e-300)
+        if score > 0:
+            found.append(RangeNoise(sensor.name, *_slope(squares, grown), float(ndtr(-score))))
     return found
+
+
+def _slope(squares: Array, grown: Array) -> tuple[float, float]:
+    """The likeliest slope and its standard uncertainty: squares (n,) of variance 1 + slope^2 grown."""
+
+    def cost(slope: float) -> float:
+        variance = 1 + slope**2 * grown
+        return float((np.log(variance) + squares / variance).sum())
+
+    most = 10 * float(np.sqrt(squares.mean() / np.median(grown)))
+    slope = float(minimize_scalar(cost, bounds=(0.0, most), method="bounded", options={"xatol": 1e-6 * most}).x)
+    information = 0.5 * float(((grown / (1 + slope**2 * grown)) ** 2).sum())  # of the slope's square
+    return slope, 0.5 / (slope * np.sqrt(information)) if slope > 0 else float("inf")

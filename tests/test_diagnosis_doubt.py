@@ -1,0 +1,151 @@
+"""What keeps a diagnosis honest: free shapes, nameless alternatives, resampled rows, noise that is not as stated."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.generic import best_generic, families
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
+from pkmcal_cli.diagnosis.noise import range_noise
+from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
+from pkmcal_cli.diagnosis.search import Search, score_all
+from pkmcal_cli.diagnosis.stability import stability
+from pkmcal_cli.diagnosis.unit_columns import unit_columns
+from pkmcal_cli.effects.base import legendre
+from pkmcal_cli.rotation import Array
+from tests.benchmark.setting import Setting, diagnosed
+from tests.truth.campaigns import campaign, unit
+
+
+@cache
+def setting() -> Setting:
+    """The Scissors with nothing planted."""
+    return Setting.of("scissors", 11)
+
+
+@cache
+def calibrated() -> Fit:
+    return identify(setting().ready.problem, setting().ready.selected)
+
+
+def hypothesis(name: str) -> Hypothesis:
+    return next(h for h in setting().ready.candidates.hypotheses if h.name == name)
+
+
+def with_residual(residual: Array) -> Linear:
+    return setting().linear.projecting(setting().linear.projected, residual=residual)
+
+
+def noise(seed: int) -> Array:
+    return np.random.default_rng(seed).normal(size=len(setting().linear.residual))
+
+
+# --- shapes --------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["pitch_curve@q2", "straight@left.x", "carriage_angle@c1.rz"])
+def test_any_shape_is_the_unit_column_times_it(name: str) -> None:
+    """The derivative by an effect's parameter, row by row, is that by a constant displacement times the shape."""
+    problem, there = setting().ready.problem, setting().linear
+    effect = next(e for e in problem.model.effects if e.name == name)
+    values = setting()._true
+    units = unit_columns(problem, values, None, [effect])
+    orders = {"pitch_curve": range(2, 7), "straight": range(2, 5), "carriage_angle": (1, 2)}[name.partition("@")[0]]
+    for parameter, order in zip(effect.parameters, orders, strict=True):
+        made = sum(u.shaped(legendre(u.inputs.share, order)[:, None])[:, 0] for u in units)
+        column = there.of([parameter])[:, 0] / there.scale_of([parameter])[0]
+        assert made == pytest.approx(column, abs=1e-6 * np.abs(column).max())
+
+
+def test_a_shape_of_its_own_is_recognised_and_costs_certainty() -> None:
+    """An effect plus a fifth of it in free shapes speaks for these and widens its sizes; a pure effect does not."""
+    linear, name = setting().linear, hypothesis("pitch_curve@q2")
+    columns = linear.of(name.parameters)
+    residues = residue_columns(setting().ready.problem, calibrated(), [name], own=True)
+    rng = np.random.default_rng(5)
+    pure = 12 * columns @ rng.normal(size=columns.shape[1]) / np.sqrt((columns**2).sum()) * 5
+    extra = residues @ rng.normal(size=residues.shape[1])
+    extra *= 0.2 * np.sqrt((pure**2).sum() / (extra**2).sum())
+    plain, rich = (with_residual(noise(3) + r) for r in (pure, pure + extra))
+    before, after = (own_shape(x, Scale(), columns, residues) for x in (plain, rich))
+    assert after.evidence > 3 > before.evidence >= 0
+    assert np.trace(after.covariance) > 4 * np.trace(before.covariance)
+
+
+def test_evidence_is_the_likeliest_normal_prior() -> None:
+    """Against the marginal likelihood of normal sizes, maximised over their variance by trying many."""
+    for statistic, count in ((30.0, 1), (30.0, 4), (200.0, 3)):
+        g = np.geomspace(1.0, 1e5, 20001)
+        marginal = 0.5 * (statistic * g / (1 + g) - count * np.log1p(g))
+        assert float(log_evidence(np.array(statistic), np.array(count))) == pytest.approx(marginal.max(), rel=1e-6)
+    assert log_evidence(np.array(0.0), np.array(0)) == -np.inf
+
+
+# --- alternatives without a name ----------------------------------------------------------
+def test_nameless_alternatives_are_recognised() -> None:
+    """A step, an oscillation, a bump of a guide: each is the best alternative where it is there, and where it is."""
+    problem, kinds = setting().ready.problem, families(setting().ready.problem, calibrated())
+    time = problem.rows.columns["time"]
+    day = (time - time.min()) / np.ptp(time)
+    along = np.tile([1.0, 0.0], len(problem))
+    step = 4 * along * np.repeat(day > 0.3, 2)
+    wave = 3 * along * np.repeat(np.sin(2 * np.pi * 11 * day), 2)
+    effect = next(e for e in problem.model.effects if e.name == "straight@right.x")
+    units = unit_columns(problem, calibrated().values, None, [effect])
+    travel = np.stack([u.inputs.travel for u in units], axis=1)
+    share = (travel - travel.min()) / np.ptp(travel)
+    bell = np.exp(-4 * np.log(2) * ((share - 0.15) / 0.05) ** 2)
+    bump = np.sum([u.shaped(b[:, None])[:, 0] for u, b in zip(units, bell.T, strict=True)], axis=0)
+    bump *= 25 / np.sqrt((bump**2).sum())
+    cases = (step, "time", f"step at row {int(np.argmax(day > 0.3)) + 1}"), (wave, "time", "oscillation, 11"), (
+        bump, "pose", "at 15 % of the travel of right.x",
+    )  # fmt: skip
+    for planted, depends_on, words in cases:
+        best = best_generic(with_residual(noise(1) + planted), Scale(), kinds)
+        assert best is not None and best.evidence > 20
+        assert best.depends_on == depends_on and words in best.words, best
+    quiet = [best_generic(with_residual(noise(k)), Scale(), kinds) for k in range(10, 20)]
+    assert max(g.evidence for g in quiet if g is not None) < 7
+
+
+# --- rows resampled ------------------------------------------------------------------------
+@cache
+def clear_case() -> Diagnosis:
+    """A clear backlash."""
+    return diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.4)], 4), 4)
+
+
+def test_resampled_rows_name_the_same_effect() -> None:
+    (finding,) = clear_case().findings
+    assert finding.hypothesis.name == "backlash@q3" and finding.stable >= 0.95
+    assert finding.nonlinear == pytest.approx(1.0, abs=0.05), "backlash acts in proportion to its size"
+
+
+def test_resampled_noise_names_now_this_now_that() -> None:
+    """What is best in pure noise is best in few resamples."""
+    ready = setting().ready
+    now = Search(ready.candidates, ready.problem, ready.selected, calibrated())
+    scored = score_all(now, now.open)
+    best = scored.hypotheses[int(np.argmax(scored.log_bayes))]
+    assert stability(scored, ready.problem, best, [], 0) < 0.7
+    least = min((h for h, s in zip(scored.hypotheses, scored.scores, strict=True) if s.count), key=lambda h: h.name)
+    assert 0 <= stability(scored, ready.problem, least, [], 0) <= 1
+
+
+# --- noise that grows with distance --------------------------------------------------------
+def test_noise_that_grows_with_distance_is_told() -> None:
+    """sigma^2 = stated^2 + (slope distance)^2: the slope within four of its uncertainties; none of a constant sigma."""
+    problem, linear = setting().ready.problem, setting().linear
+    distance = np.sqrt((problem.readings**2).sum(axis=1)) / problem.sigma[0, 0]  # in stated sigma
+    slope = 2 / np.median(distance)
+    factor = np.repeat(np.sqrt(1 + (slope * distance) ** 2), 2)
+    (found,) = range_noise(with_residual(noise(2) * factor), problem, Scale())
+    assert found.sensor == "grid" and found.p_value < 1e-6
+    assert found.slope == pytest.approx(slope, abs=4 * found.std)
+    constant = [n for k in range(40) for n in range_noise(with_residual(noise(k)), problem, Scale())]
+    assert min(n.p_value for n in constant) > 1e-4
+    assert linear.channels == 2
