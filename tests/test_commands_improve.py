@@ -7,7 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.improve import _Rotation, improve
+from tests.benchmark.setting import ready
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run
+from tests.truth.campaigns import campaign, unit
 
 CLEAN = str(MACHINES / "scissors.csv")
 
@@ -165,3 +169,24 @@ def test_too_few_rows_to_keep_some_apart(tmp_path: Path, halves: tuple[Path, Pat
     done = clean(run("improve", SCISSORS, few))
     assert done.code == 3 and "20 rows or more" in done.err
     assert clean(run("improve", SCISSORS, few, "--validation", halves[1])).code in (0, 1)
+
+
+# --- rows that report ----------------------------------------------------------------------
+def test_report_rows_see_only_what_their_own_rotation_chose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rotation that did not choose an effect reports without it, though most rotations chose it and it is added."""
+    there = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4))
+    arguments = (there.candidates, there.problem, there.selected, None, 0.005, 0)
+    every = improve(*arguments)
+    plain = _Rotation.chose
+    first: list[_Rotation] = []
+
+    def stubborn(turn: _Rotation, hypothesis: Hypothesis) -> bool:
+        first[:] = first or [turn]
+        return turn.report is not first[0].report and plain(turn, hypothesis)
+
+    monkeypatch.setattr(_Rotation, "chose", stubborn)
+    most = improve(*arguments)
+    assert [h.name for h in most.accepted] == [h.name for h in every.accepted] == ["backlash@q3"]
+    assert [s.chosen for s in most.steps] == [4] and [s.chosen for s in every.steps] == [5]
+    assert most.before == every.before
+    assert every.after.report["position"].rms < most.after.report["position"].rms < every.before.report["position"].rms

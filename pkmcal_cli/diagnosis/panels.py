@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.calibration.identify import Fit
 from pkmcal_cli.calibration.residual import Problem, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
@@ -166,15 +167,31 @@ def field_map(found: Diagnosis) -> FieldMap | None:
     positions = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"][:3]
     channels = np.array(positions, dtype=np.intp)
     rows = np.nonzero(problem.measured[:, channels].all(axis=1))[0]
-    part = problem.take(rows)
-    shapes = pose_shapes(part)
-    if not len(channels) or not shapes.shape[1]:
+    if not len(channels) or not len(rows):
         return None
-    left = found.search.fit.after.residual[np.ix_(rows, channels)]
-    fitted = shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0]
-    labels, unseen = cells(part), np.zeros_like(left)
+    part, left = problem.take(rows), _without_stand_ins(found).after.residual[np.ix_(rows, channels)]
+    tried = [_smooth(part, left, degree) for degree in range(1, 6)]
+    best = max((t for t in tried if t is not None), key=lambda t: t[1], default=None)
+    return None if best is None else FieldMap(problem.readings[np.ix_(rows, channels)], *best)
+
+
+def _without_stand_ins(found: Diagnosis) -> Fit:
+    """The fit without the effects that something nameless explains better."""
+    gone = {name for u in found.unknown for name in u.replaces}
+    if not gone:
+        return found.search.fit
+    kept = tuple(h for h in found.search.accepted if h.name not in gone)
+    return refit(replace(found.search, accepted=kept), {}) or found.search.fit
+
+
+def _smooth(problem: Problem, left: Array, degree: int) -> tuple[Array, float] | None:
+    """A field of this degree fitted to positions (N, C), and its share of the variance on cells left out."""
+    shapes = pose_shapes(problem, degree)
+    if not shapes.shape[1]:
+        return None
+    labels, unseen = cells(problem), np.zeros_like(left)
     for fold in np.unique(labels):
         out = labels == fold
         unseen[out] = shapes[out] @ np.linalg.lstsq(shapes[~out], left[~out], rcond=None)[0]
     explained = 1 - float(((left - unseen) ** 2).sum() / (left**2).sum())
-    return FieldMap(problem.readings[np.ix_(rows, channels)], fitted, explained)
+    return shapes @ np.linalg.lstsq(shapes, left, rcond=None)[0], explained

@@ -40,9 +40,9 @@ def _better(now: Search, removed: Sequence[Hypothesis], scale: Scale, kinds: Seq
     mine = max(plain, _evidence(linear, scale, free)[1]) - len(removed) * float(np.log(len(now.candidates.hypotheses)))
     if best is None or best.statistic < statistic or best.evidence <= mine + _BETTER:
         return None
-    names = " and ".join(h.name for h in removed)
-    words = f"{best.words}: explains better what {names} would"
-    return Unknown(best.depends_on, float(np.exp(mine - best.evidence)), best.rms, words)
+    names = tuple(h.name for h in removed)
+    words = f"{best.words}: explains better what {' and '.join(names)} would"
+    return Unknown(best.depends_on, float(np.exp(mine - best.evidence)), best.rms, words, names)
 
 
 def _evidence(linear: Linear, scale: Scale, columns: Array) -> tuple[float, float]:

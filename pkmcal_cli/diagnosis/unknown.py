@@ -20,13 +20,14 @@ _TESTS = 8  # groups, oscillations and runs share their part of the false-alarm 
 class Unknown:
     """Something that depends on `depends_on` and is no effect of the catalogue; `rms` in standard uncertainties.
 
-    `hint`: more in words, such as the period of an oscillation.
+    `hint`: more in words, such as the period of an oscillation; `replaces`: accepted effects that it explains better.
     """
 
     depends_on: str
     p_value: float
     rms: float
     hint: str = ""
+    replaces: tuple[str, ...] = ()
 
 
 def unknown_effects(

@@ -181,7 +181,8 @@ class DiagnosisReport(DiagnosisValues):
         size = "" if np.isnan(unknown.rms) else f"{self.length(unknown.rms * self.sigma)} rms "
         warm = any(name == "T" or name.startswith("T.") for name in self.measured.covariates)
         text = unknown_sentence(size, unknown.depends_on, unknown.hint, warm)
-        return f"{text} {self._map_sentence()}" if unknown.depends_on == POSE and not unknown.hint else text
+        mapped = unknown.depends_on == POSE and (not unknown.hint or unknown.hint.startswith("smooth field"))
+        return f"{text} {self._map_sentence()}" if mapped else text
 
     def _map_sentence(self) -> str:
         """Where the unknown is largest, and how much of it a smooth map explains on cells that it has not seen."""

@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.errors import BadInput, Location, UsageError
+from pkmcal_cli.errors import BadInput, Location, OutputError, UsageError
 from pkmcal_cli.files import is_stream
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.poses import place_of
@@ -131,7 +131,11 @@ def _draw(request: DiagnosisRequest, case: Case, found: Diagnosis, to: Reporter)
         return
     from pkmcal_cli.report.pictures import write_pictures
 
-    for file in write_pictures(request.plots, case.loaded.machine, found):
+    try:
+        written = write_pictures(request.plots, case.loaded.machine, found)
+    except OSError as error:
+        raise OutputError(f"{request.plots}: {error.strerror}", hint="--plots takes a folder") from None
+    for file in written:
         to.say(f"written: {file}")
 
 

@@ -1,0 +1,97 @@
+"""Pictures of a diagnosis: files that a browser reads, the same on the terminal, and the numbers behind them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.panels import alike, driver_panel, field_map, waterfall
+from tests.benchmark.setting import diagnosed
+from tests.command import SCISSORS, SHOPFLOOR, process, run
+from tests.truth.campaigns import campaign, unit
+
+UM = 1e-6
+
+
+@cache
+def shop() -> Diagnosis:
+    """A backlash and a growth of rods on the Scissors."""
+    planted = [unit("scissors", "backlash", "q3", 4).scaled(0.6), unit("scissors", "thermal_strut", "rod2", 4)]
+    return diagnosed(campaign("scissors", planted, 4), 4)
+
+
+# --- numbers -------------------------------------------------------------------------------
+def test_a_panel_shows_what_was_planted() -> None:
+    """Backlash of 12 um: measured displacements lie at -6 and +6 um by the side of approach, as noise allows."""
+    finding = next(f for f in shop().findings if f.hypothesis.name == "backlash@q3")
+    panel = driver_panel(shop(), finding)
+    assert panel is not None and panel.side is not None and panel.unit == "mm"
+    expected = -0.5 * 12 * UM * panel.side
+    assert panel.fitted == pytest.approx(expected, abs=1 * UM)
+    z = (panel.measured - expected) / panel.noise
+    assert 0.7 < np.sqrt((z**2).mean()) < 1.4
+    assert (panel.band > 0).all() and panel.band.max() < 2 * UM
+
+
+def test_the_waterfall_goes_down_to_noise() -> None:
+    sizes = [s.rms for s in waterfall(shop())]
+    assert len(sizes) == 4 and sizes == sorted(sizes, reverse=True)
+    assert sizes[-1] == pytest.approx(1.0, abs=0.1)
+
+
+def test_angles_between_effects_are_cosines() -> None:
+    names, cosines = alike(shop())
+    assert {f.hypothesis.name for f in shop().findings} == set(names[:2])
+    assert np.diag(cosines) == pytest.approx(1.0) and (cosines == cosines.T).all()
+    assert ((cosines >= 0) & (cosines <= 1)).all()
+
+
+def test_the_map_of_something_smooth_is_where_it_is() -> None:
+    """A smooth field is mapped, and explains cells that it has not seen; noise does not."""
+    found = diagnosed(campaign("scissors", [unit("scissors", "smooth_field", "grid", 3).scaled(6)], 3), 3)
+    field, quiet = field_map(found), field_map(shop())
+    assert field is not None and quiet is not None
+    assert field.explained > 0.2 > quiet.explained
+    sizes = np.linalg.norm(field.vectors, axis=1)
+    assert sizes[field.largest] == sizes.max()
+
+
+# --- files ---------------------------------------------------------------------------------
+def test_files_are_pictures(tmp_path: Path) -> None:
+    done = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "new")
+    names = {"errors-xy", "effect-backlash@q3", "effect-thermal_strut@all", "variance", "ambiguity"}
+    assert done.code == 0 and {f.stem for f in (tmp_path / "new").iterdir()} == names
+    for file in (tmp_path / "new").iterdir():
+        text = file.read_text(encoding="utf-8")
+        assert ET.fromstring(text).tag.endswith("svg") and file.name in done.err
+    errors = (tmp_path / "new" / "errors-xy.svg").read_text(encoding="utf-8")
+    assert "calibrated: 8.2" in errors and "with effects found: 0.6" in errors and "2 sigma" in errors
+    again = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "again", "-q")
+    assert again.code == 0
+    for file in (tmp_path / "again").iterdir():
+        assert file.read_bytes() == (tmp_path / "new" / file.name).read_bytes()
+
+
+def test_the_terminal_shows_them_too() -> None:
+    done = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", "-")
+    assert "rms of the residual in standard uncertainties" in done.err
+    assert "backlash@q3: displacement [um]; o from above, + from below, * fitted" in done.err
+    assert "T [degC]" in done.err and max(len(line) for line in done.err.split("logarithmic")[1].splitlines()) < 80
+
+
+def test_without_matplotlib_the_remedy_is_told(tmp_path: Path) -> None:
+    (tmp_path / "matplotlib").mkdir()
+    (tmp_path / "matplotlib" / "__init__.py").write_text("raise ImportError('not here')\n", encoding="utf-8")
+    done = process("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "out", PYTHONPATH=f"{tmp_path}:{Path.cwd()}")
+    assert done.code == 2 and "pip install 'pkmcal[report]'" in done.err and "Traceback" not in done.err
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    done = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "file" / "in")
+    assert done.code in (2, 4) and "file" in done.err and "Traceback" not in done.err
