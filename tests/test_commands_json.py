@@ -24,7 +24,7 @@ from tests.command import (
 # maps whose keys are names, with the word that stands for them
 NAMED = {
     "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND",
-    "heldout.after": "KIND",
+    "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "undetermined[].parameters": "NAME", "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip

@@ -54,6 +54,16 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     return out
 
 
+def channel_figures(problem: Problem, evaluation: Evaluation) -> dict[str, ErrorFigures]:
+    """Figures of every single channel that was measured, by its name."""
+    out: dict[str, ErrorFigures] = {}
+    for k, channel in enumerate(problem.model.channels):
+        used = problem.measured[:, k]
+        if used.any():
+            out[channel.name] = _figures(channel.name, evaluation.residual[used, k] ** 2, channel.dimension)
+    return out
+
+
 def pooled(figures: Sequence[dict[str, ErrorFigures]]) -> dict[str, ErrorFigures]:
     """Figures of several parts of a table together."""
     out: dict[str, ErrorFigures] = {}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem, evaluate, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
@@ -45,6 +45,7 @@ class Errors:
     fit: dict[str, ErrorFigures]
     choose: dict[str, ErrorFigures]
     report: dict[str, ErrorFigures]
+    channels: dict[str, ErrorFigures]  # by channel, on the report rows
     chi2: float  # mean square whitened residual on the report rows
 
 
@@ -167,13 +168,15 @@ def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis
 def _errors(turns: Sequence[_Rotation]) -> Errors:
     """Figures over all rotations."""
     fit = [error_figures(t.train, t.fit.after) for t in turns]
-    choose, report, squares, count = [], [], 0.0, 0
+    choose, report, channels, squares, count = [], [], [], 0.0, 0
     for t in turns:
         choose += [error_figures(p, evaluate(p, fold.values)) for p, fold in _inner(t)]
-        report.append(error_figures(t.report, evaluate(t.report, t.fit.values)))
+        there = evaluate(t.report, t.fit.values)
+        report.append(error_figures(t.report, there))
+        channels.append(channel_figures(t.report, there))
         squares += float(whitened_rows(t.report, t.fit.values).sum())
         count += t.report.count
-    return Errors(pooled(fit), pooled(choose), pooled(report), squares / count)
+    return Errors(pooled(fit), pooled(choose), pooled(report), pooled(channels), squares / count)
 
 
 def _inner(turn: _Rotation, folds: int = 3) -> list[tuple[Problem, Fit]]:

@@ -209,7 +209,9 @@ class DiagnosisReport(DiagnosisValues):
         for i in hidden[:_SHOWN]:
             unit = self.unit(i.parameter)
             size = detectable_size(i.mdb, i.plausible, unit)
-            why = f"cannot be seen, absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else ""
+            needed = self.rows_needed(i)
+            why = f"some {needed} rows like these would show it" if needed is not None else ""
+            why = f"cannot be seen, absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
             rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
         to.say()
         to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)

@@ -115,4 +115,5 @@ class DiagnosisJson(DiagnosisValues):
             "plausible": finite(hidden.plausible / unit.scale),
             "unit": unit.text,
             "absorbed_by": list(hidden.absorbed_by),
+            "rows_needed": self.rows_needed(hidden),
         }

@@ -7,12 +7,15 @@ from functools import cached_property
 import numpy as np
 
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.findings import Invisible
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.tables.measurement_set import Measurements
+
+_MOST_ROWS = 20.0  # times as many rows as the table has: more is no advice
 
 
 class DiagnosisValues:
@@ -45,3 +48,10 @@ class DiagnosisValues:
         some = positions or list(range(len(self.model.channels)))
         sigma = problem.sigma[:, some][problem.measured[:, some]]
         return float(np.sqrt((sigma**2).mean())) if len(sigma) else float("nan")
+
+    def rows_needed(self, hidden: Invisible) -> int | None:
+        """How many rows like those of the table would show an effect within its plausible range; None: no number."""
+        ratio = hidden.mdb / hidden.plausible
+        if hidden.absorbed_by or not ratio < _MOST_ROWS**0.5:
+            return None
+        return int(np.ceil(len(self.found.problem) * ratio**2))

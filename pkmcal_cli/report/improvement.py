@@ -49,6 +49,8 @@ class ImprovementReport:
             "steps": [self._step_json(s) for s in found.steps],
             "before": figures_json(self.machine, found.before.report),
             "after": figures_json(self.machine, found.after.report),
+            "channels_before": figures_json(self.machine, found.before.channels),
+            "channels_after": figures_json(self.machine, found.after.channels),
             "chi2_before": finite(found.before.chi2),
             "chi2_after": finite(found.after.chi2),
             "improvement": {
@@ -117,19 +119,23 @@ class ImprovementReport:
         return fit, choose, report
 
     def _show_errors(self, to: Reporter) -> None:
-        before, after = self.found.before.report, self.found.after.report
-        rows = []
-        for kind, new in after.items():
-            unit, old = figure_unit(self.machine, new), before[kind]
-            numbers = (old.rms, new.rms, old.largest, new.largest)
-            squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
-            rows.append((kind, *(readable(x, unit) for x in numbers), *squares))
+        before, after = self.found.before, self.found.after
+        rows = [self._compared(kind, before.report[kind], new) for kind, new in after.report.items()]
+        if len(after.channels) > 1:
+            rows += [self._compared(f"  {name}", before.channels[name], new) for name, new in after.channels.items()]
         rows.append(
             ("chi-square per value", f"{self.found.before.chi2:.3g}", f"{self.found.after.chi2:.3g}", "", "", "", "")
         )
         to.say()
         headers = ("error", "rms before", "rms after", "max before", "max after", "criterion before", "criterion after")
         to.table("On rows that neither fitted nor chose", headers, rows)
+
+    def _compared(self, name: str, old: ErrorFigures, new: ErrorFigures) -> tuple[str, ...]:
+        """A line of the table before and after."""
+        unit = figure_unit(self.machine, new)
+        numbers = (old.rms, new.rms, old.largest, new.largest)
+        squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
+        return (name, *(readable(x, unit) for x in numbers), *squares)
 
     def _summary(self) -> str:
         found = self.found

@@ -28,6 +28,7 @@ def run_effects(machine: str | None, as_json: bool, quiet: bool) -> int:
         left=4,
         folded=("effect", "at", "enters"),
     )
+    to.say("diagnose also tests every single row (bad rows) and noise that grows with distance (noise_model)")
     to.say("parameters, plausible ranges, causes and remedies: --json, docs/effects.md")
     if as_json:
         emit_json({"effects": listed})
