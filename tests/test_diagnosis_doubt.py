@@ -13,7 +13,7 @@ from pkmcal_cli.diagnosis.generic import best_generic, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
 from pkmcal_cli.diagnosis.noise import range_noise
-from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
+from pkmcal_cli.diagnosis.residue import own_residues, own_shape
 from pkmcal_cli.diagnosis.search import Search, score_all
 from pkmcal_cli.diagnosis.stability import stability
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
@@ -65,7 +65,7 @@ def test_a_shape_of_its_own_is_recognised_and_costs_certainty() -> None:
     """An effect plus a fifth of it in free shapes speaks for these and widens its sizes; a pure effect does not."""
     linear, name = setting().linear, hypothesis("pitch_curve@q2")
     columns = linear.of(name.parameters)
-    residues = residue_columns(setting().ready.problem, calibrated(), [name], own=True)
+    residues = own_residues(setting().ready.problem, calibrated(), [name])[name.name]
     rng = np.random.default_rng(5)
     pure = 12 * columns @ rng.normal(size=columns.shape[1]) / np.sqrt((columns**2).sum()) * 5
     extra = residues @ rng.normal(size=residues.shape[1])
@@ -131,9 +131,10 @@ def test_resampled_noise_names_now_this_now_that() -> None:
     now = Search(ready.candidates, ready.problem, ready.selected, calibrated())
     scored = score_all(now, now.open)
     best = scored.hypotheses[int(np.argmax(scored.log_bayes))]
-    assert stability(scored, ready.problem, best, [], 0) < 0.7
+    none = np.zeros(len(scored.hypotheses))
+    assert stability(scored, none, ready.problem, best, [], 0) < 0.7
     least = min((h for h, s in zip(scored.hypotheses, scored.scores, strict=True) if s.count), key=lambda h: h.name)
-    assert 0 <= stability(scored, ready.problem, least, [], 0) <= 1
+    assert 0 <= stability(scored, none, ready.problem, least, [], 0) <= 1
 
 
 # --- noise that grows with distance --------------------------------------------------------

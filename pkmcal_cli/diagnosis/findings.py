@@ -11,8 +11,8 @@ from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.refine import Rival, credible_set
-from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
-from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without
+from pkmcal_cli.diagnosis.residue import own_residues, own_shape
+from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without, shape_gains
 from pkmcal_cli.diagnosis.stability import STABLE, stability
 from pkmcal_cli.rotation import Array
 
@@ -67,9 +67,10 @@ def finding_of(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, d
     excess = before.chi2 - last.scale.variance * before.dof
     share = min(gain.gain * last.linear.used / excess, 1.0) if excess > 0 else 0.0
     without = score_without(now, [hypothesis], (hypothesis, *now.open))
-    rivals = credible_set(now, hypothesis, without)
+    shape = shape_gains(now, without)
+    rivals = credible_set(now, hypothesis, without, shape)
     alike = [r.hypothesis for r in rivals]
-    stable = stability(without, now.problem, hypothesis, alike, seed)
+    stable = stability(without, shape, now.problem, hypothesis, alike, seed)
     return Finding(
         hypothesis,
         estimate,
@@ -96,10 +97,10 @@ def _likelihood_ratio(now: Search, hypothesis: Hypothesis) -> float:
 def _by_shape(now: Search, hypothesis: Hypothesis, scale: Scale) -> Array:
     """Variance (k,), SI, that an effect's own shape adds to its parameters, where the data speak for one."""
     linear = linear_without(now, [hypothesis], [hypothesis])
-    residues = residue_columns(now.problem, now.fit, [hypothesis], own=True)
-    if not residues.shape[1]:
+    residues = own_residues(now.problem, now.fit, [hypothesis])
+    if hypothesis.name not in residues:
         return np.zeros(len(hypothesis.parameters))
-    shape = own_shape(linear, scale, linear.of(hypothesis.parameters), residues)
+    shape = own_shape(linear, scale, linear.of(hypothesis.parameters), residues[hypothesis.name])
     return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
 
 

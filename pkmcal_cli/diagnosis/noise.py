@@ -148,7 +148,8 @@ def range_noise(linear: Linear, problem: Problem, scale: Scale) -> list[RangeNoi
         rows = problem.measured[:, places].all(axis=1) & (free[:, places] > _FREE).all(axis=1)
         if len(places) < 2 or rows.sum() < _FEWEST_ROWS:
             continue
-        squares = (linear.rest.reshape(shape)[:, places] ** 2 / free[:, places] / scale.variance)[rows].ravel()
+        rest = linear.rest.reshape(shape)[rows][:, places]
+        squares = (rest**2 / free[rows][:, places] / scale.variance).ravel()
         distance2 = (problem.readings[:, places][rows] ** 2).sum(axis=1)
         grown = (distance2[:, None] / (problem.sigma[:, places][rows] ** 2 * scale.variance)).ravel()
         level = grown - grown.mean()

@@ -129,13 +129,14 @@ def confirmed_only(now: Search) -> Search:
         now = replace(rest, fit=fit)
 
 
-def credible_set(now: Search, hypothesis: Hypothesis, found: Scored) -> tuple[Rival, ...]:
+def credible_set(now: Search, hypothesis: Hypothesis, found: Scored, shape: Array) -> tuple[Rival, ...]:
     """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first.
 
-    `found`: the accepted effect (first) and all open ones, scored without it.
+    `found`: the accepted effect (first) and all open ones, scored without it; `shape` (H,): what they gain by shapes of
+    their own.
     """
     every = found.hypotheses
-    evidence = found.log_bayes + shape_gains(now, found)
+    evidence = found.log_bayes + shape
     order = np.argsort(-evidence, kind="stable")
     if order[0] != 0:  # scores and fits disagree: the fits decide
         better = [int(k) for k in order[:RIVALS] if k != 0]

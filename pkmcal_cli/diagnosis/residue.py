@@ -22,35 +22,49 @@ from pkmcal_cli.effects.base import legendre
 from pkmcal_cli.rotation import Array
 
 _TRAVEL = range(2, 19)  # degrees of shapes over the travel, which resolve some five waves
+_BENT = 3  # of these, that bend a line a little
 _FEW = range(1, 5)  # of shapes that multiply direction or temperature
 _TIME = range(3, 9)
 GUIDED = ("command", "guide", "carriage")
 Shape = Callable[[Any], Array]
 
 
-def residue_columns(problem: Problem, fit: Fit, accepted: Sequence[Hypothesis], own: bool = False) -> Array:
-    """Columns (n, k) of the residues of accepted effects, whitened, of unit length; none (n, 0) for parameters.
+def residue_columns(problem: Problem, fit: Fit, accepted: Sequence[Hypothesis]) -> Array:
+    """Columns (n, k) of the residues of accepted effects, whitened, of unit length; none (n, 0) for parameters."""
+    return np.hstack([np.zeros((problem.readings.size, 0)), *_residues(problem, fit, accepted, _shapes).values()])
 
-    `own`: only of effects that are a shape over the travel, or thermal; what a straight line leaves has other names.
+
+def own_residues(problem: Problem, fit: Fit, hypotheses: Sequence[Hypothesis]) -> dict[str, Array]:
+    """The same of each hypothesis by itself, by name, as far as they may be the effect's own shape.
+
+    Of effects that are in proportion to the travel only what bends it a little: the rest has other names.
     """
+    return _residues(problem, fit, hypotheses, _own_shapes)
+
+
+def _residues(
+    problem: Problem, fit: Fit, hypotheses: Sequence[Hypothesis], shapes_of: Callable[[Effect], list[Shape]]
+) -> dict[str, Array]:
     by_name = {e.name: e for e in problem.model.effects}
-    placed = [by_name[h.name] for h in accepted if h.name in by_name]
-    placed = [e for e in placed if _shapes(e.effect) and (_is_shape(e.effect) or not own)]
-    summed: dict[tuple[str, int], Array] = {}
+    placed = [by_name[h.name] for h in hypotheses if h.name in by_name and shapes_of(by_name[h.name].effect)]
+    summed: dict[str, dict[int, Array]] = {}
     for unit in unit_columns(problem, fit.values, fit.after.state, placed):
-        values = [np.broadcast_to(shape(unit.inputs), len(problem)) for shape in _shapes(unit.placed.effect)]
+        values = [np.broadcast_to(shape(unit.inputs), len(problem)) for shape in shapes_of(unit.placed.effect)]
         columns = unit.shaped(np.stack(values, axis=1))
-        key = unit.placed.name, unit.part
-        summed[key] = summed[key] + columns if key in summed else columns  # sockets of a place have one shape
-    if not summed:
-        return np.zeros((problem.readings.size, 0))
-    every = np.hstack(list(summed.values()))
-    length = np.sqrt((every**2).sum(axis=0))
-    return np.asarray(every[:, length > 0] / length[length > 0])
+        parts = summed.setdefault(unit.placed.name, {})
+        parts[unit.part] = parts[unit.part] + columns if unit.part in parts else columns  # sockets have one shape
+    return {name: _unit_length(np.hstack(list(parts.values()))) for name, parts in summed.items()}
 
 
-def _is_shape(effect: Effect) -> bool:
-    return bool(effect.needs) or any(option.name in ("over", "period") for option in effect.options)
+def _unit_length(columns: Array) -> Array:
+    length = np.sqrt((columns**2).sum(axis=0))
+    return np.asarray(columns[:, length > 0] / length[length > 0])
+
+
+def _own_shapes(effect: Effect) -> list[Shape]:
+    """Free shapes that are still the same effect."""
+    shape = bool(effect.needs) or any(option.name in ("over", "period") for option in effect.options)
+    return _shapes(effect) if shape else _shapes(effect)[:_BENT]
 
 
 _SHARES = (0.1, 0.2, 0.3)  # rms of what an effect has beyond its named shape, over the effect's own

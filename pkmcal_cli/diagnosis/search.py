@@ -14,12 +14,13 @@ from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem, log_evidence
 from pkmcal_cli.diagnosis.noise import independent, noise_scale
-from pkmcal_cli.diagnosis.residue import own_shape, residue_columns
+from pkmcal_cli.diagnosis.residue import own_residues, own_shape, residue_columns
 from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 from pkmcal_cli.rotation import Array
 
 MOST_EFFECTS = 5
+_STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
@@ -157,12 +158,14 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
 def shape_gains(now: Search, found: Scored) -> Array:
     """Evidence (H,) gained where the shape of an effect may deviate from its formula; of those near the best."""
     out, evidence = np.zeros(len(found.hypotheses)), found.log_bayes
-    for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0]:
+    near = [int(k) for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0] if found.scores[k].count]
+    residues = own_residues(now.problem, now.fit, [found.hypotheses[k] for k in near])
+    for k in near:
         hypothesis, score = found.hypotheses[k], found.scores[k]
-        residues = residue_columns(now.problem, now.fit, [hypothesis], own=True)
-        if score.count and residues.shape[1]:
+        if hypothesis.name in residues:
             columns = found.linear.of(hypothesis.parameters) @ score.basis
-            out[k] = own_shape(found.linear, found.scale, columns, found.linear.whitened(residues)).evidence
+            free = found.linear.whitened(residues[hypothesis.name])
+            out[k] = own_shape(found.linear, found.scale, columns, free).evidence
     return out
 
 
@@ -266,7 +269,7 @@ def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
             k = now.problem.model.names.index(name)
             start[k] = np.clip(start[k] + value, *now.problem.model.parameters[k].bounds)
     try:
-        fit = identify(now.problem, now.selected, start)
+        fit = identify(now.problem, now.selected, start, _STEPS)
     except RowsFailed:
         return None
     return fit if fit.status == "converged" else None
