@@ -16,7 +16,7 @@ import yaml
 from docs import model_tables
 from docs.model_tables import table
 from pkmcal_cli.compiler import compile_machine
-from pkmcal_cli.effects import PORTS, STAGES, catalogue
+from pkmcal_cli.effects import PORTS, STAGES, EffectParameter, catalogue
 from pkmcal_cli.elements.joint import JOINTS
 from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
 from pkmcal_cli.language.machine import Machine
@@ -123,6 +123,13 @@ def _lower(model: type[Actuator], key: str) -> str:
     return text[0].lower() + text[1:]
 
 
+def plausible(parameter: EffectParameter) -> str:
+    """The plausible range, with that of drives that turn where it differs."""
+    text = f"+-{parameter.range:g} {parameter.unit if parameter.unit != '1' else ''}".rstrip()
+    turning = f" (turning: +-{parameter.range_in(True):g} {parameter.rotary})" if parameter.rotary else ""
+    return text + turning
+
+
 def effects() -> str:
     """The catalogue of effects."""
     rows = [
@@ -130,9 +137,7 @@ def effects() -> str:
             f"`{e.keyword}`",
             e.title + (f" ({e.symbol})" if e.symbol else ""),
             f"{STAGES[e.port]}: {PORTS[e.port]}",
-            "; ".join(
-                f"`{p.name}` {p.text}, +-{p.range:g} {p.unit if p.unit != '1' else ''}".rstrip() for p in e.parameters
-            ),
+            "; ".join(f"`{p.name}` {p.text}, {plausible(p)}" for p in e.parameters),
             ", ".join(e.needs),
             e.source,
         )

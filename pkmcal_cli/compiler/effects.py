@@ -51,7 +51,7 @@ def placed_effect(
     parameters = []
     for spec in effect.used(planar):
         unit, entry = unit_at(spec, rotary), entries.get(spec.name, EffectNumber())
-        spread = spec.range * unit.scale if entry.range is None else entry.range
+        spread = spec.range_in(rotary) * unit.scale if entry.range is None else entry.range
         natural = (-math.inf, math.inf) if spec.most is None else (0.0, spec.most * unit.scale)
         bounds = entry.bounds or natural
         name = f"{effect.keyword}@{at}.{spec.name}"

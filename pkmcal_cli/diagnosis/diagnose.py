@@ -67,7 +67,7 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     findings = tuple(finding_of(now, h, before, last, bool(unknown), seed) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
     hidden = invisible(first, now)
-    p = float(first.scale.p_value(np.array([first.linear.chi2]), np.array([first.linear.dof]))[0])
+    p = float(Scale().p_value(np.array([first.linear.chi2]), np.array([first.linear.dof]))[0])
     noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / 8)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
     return Diagnosis(

@@ -58,7 +58,7 @@ def finding_of(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, d
     names = now.problem.model.names
     index = [names.index(n) for n in hypothesis.parameters]
     places = {n: k for k, n in enumerate(now.fit.selected)}
-    spread = np.array([now.fit.std[places[n]] for n in hypothesis.parameters])
+    spread = np.array([now.fit.std[places[n]] for n in hypothesis.parameters]) * np.sqrt(last.scale.variance)
     std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(now, hypothesis, last.scale)))
     estimate = tuple(float(v) for v in now.fit.values[index])
     nominal, ranges = now.problem.model.nominal[index], now.problem.model.ranges[index]

@@ -59,7 +59,7 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
     """Hypotheses for a model that takes effects, of which `selected` parameters are identified anyway."""
     planar = model.layout.planar
     names = [name.removeprefix("session.") for name in rows.columns if name.startswith("session.")]
-    sessions = tuple(names) if len(names) > 1 else ()
+    sessions = tuple(names) if len(names) > 2 else tuple(names[1:])  # of two, the first is the datum
     declared = {(e.effect.keyword, e.at) for e in model.effects}
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []

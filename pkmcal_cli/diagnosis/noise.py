@@ -15,6 +15,7 @@ from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
 from pkmcal_cli.rotation import Array
 
+_SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
@@ -43,9 +44,9 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
 
 
 def _doubted(variance: float, dof: int) -> Scale:
-    """The stated noise, unless an estimate makes it improbable."""
-    limit = float(chdtri(dof, _DOUBT)) / dof
-    return Scale(variance, float(dof)) if variance > limit else Scale()
+    """The stated noise, unless an estimate makes it improbable; that it is too large must be certain."""
+    most, least = (float(chdtri(dof, share)) / dof for share in (_DOUBT, 1 - _SURELY))
+    return Scale() if least < variance < most else Scale(variance, float(dof))
 
 
 def _pure_error(linear: Linear, problem: Problem) -> Scale | None:

@@ -102,7 +102,7 @@ Formula = Callable[..., Any]
 class EffectParameter:
     """A parameter: `range` in `unit` is the half-width of what is plausible, two standard deviations; null is 0.
 
-    `rotary`: the unit where the drive turns; `spatial`: only in space; `most`: from 0 to this, else unbounded.
+    `rotary`: the unit where the drive turns, `turning`: the range then, in it; `spatial`: only in space; `most`: from 0 to this, else unbounded.
     """
 
     name: str
@@ -112,6 +112,11 @@ class EffectParameter:
     rotary: str | None = None
     spatial: bool = False
     most: float | None = None
+    turning: float | None = None
+
+    def range_in(self, rotary: bool) -> float:
+        """What is plausible, in the unit of a drive that turns or moves."""
+        return self.turning if rotary and self.turning is not None else self.range
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ ZERO = Effect(
     "",
     "ISO 230-1 (position error of the axis origin)",
     "command",
-    (EffectParameter("o", "um", 1000, "offset of the position", rotary="urad"),),
+    (EffectParameter("o", "um", 1000, "offset of the position", rotary="urad", turning=20_000),),
     lambda at, o: o,
     cause="The home position or encoder zero of {at} is off by {size}.",
     result="Every position of {at} is shifted by the same amount.",
@@ -62,7 +62,10 @@ PITCH_CURVE = Effect(
     "EXX",
     "ISO 230-2",
     "command",
-    tuple(EffectParameter(f"p{k}", "um", 60, f"Legendre polynomial {k} of the travel", "urad") for k in range(2, 7)),
+    tuple(
+        EffectParameter(f"p{k}", "um", 60, f"Legendre polynomial {k} of the travel", "urad", turning=500)
+        for k in range(2, 7)
+    ),
     _curve,
     options=(_OVER,),
     cause="The screw or scale of {at} has an error that varies along its travel.",
@@ -76,8 +79,8 @@ PITCH = Effect(
     "ISO 230-1 (periodic error of a screw or encoder)",
     "command",
     (
-        EffectParameter("c", "um", 40, "cosine part", rotary="urad"),
-        EffectParameter("s", "um", 40, "sine part", rotary="urad"),
+        EffectParameter("c", "um", 40, "cosine part", rotary="urad", turning=400),
+        EffectParameter("s", "um", 40, "sine part", rotary="urad", turning=400),
     ),
     _wave,
     options=(Option("period", "mm", "lead of screw or period of encoder; default the drive's", rotary="deg"),),

@@ -29,7 +29,7 @@ BACKLASH = Effect(
     "B",
     "ISO 230-2 (reversal error), ISO 230-4",
     "command",
-    (EffectParameter("b", "um", 60, "difference between the two directions of approach", rotary="urad"),),
+    (EffectParameter("b", "um", 60, "difference between the two directions of approach", rotary="urad", turning=1000),),
     lambda at, b: -0.5 * b * at.direction,
     needs=("direction",),
     cause="The nut, end bearing, belt or gear of {at} has play.",
@@ -42,7 +42,11 @@ UNEQUAL_BACKLASH = Effect(
     "B",
     "ISO 230-2 (reversal error at each position)",
     "command",
-    (EffectParameter("b1", "um", 80, "change of the reversal error from the middle to the end", rotary="urad"),),
+    (
+        EffectParameter(
+            "b1", "um", 80, "change of the reversal error from the middle to the end", rotary="urad", turning=1000
+        ),
+    ),
     lambda at, b1: -0.5 * b1 * at.share * at.direction,
     needs=("direction",),
     options=(_OVER,),
@@ -56,7 +60,7 @@ WINDUP = Effect(
     "",
     "friction and elasticity of the drive train between encoder and carriage",
     "command",
-    (EffectParameter("w", "um/kN", 20, "lost motion per force that the drive carries", rotary="urad/(kN*m)"),),
+    (EffectParameter("w", "um/kN", 20, "lost motion per force that the drive carries", rotary="urad/(kN*m)", turning=2000),),
     _wound,
     needs=("direction",),
     options=(_SMOOTH,),

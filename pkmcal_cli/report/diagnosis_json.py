@@ -22,7 +22,7 @@ class DiagnosisJson(DiagnosisValues):
         found = self.found
         return {
             "verdict": found.verdict,
-            "sigma": "estimated" if found.scale.variance > 1.0 else "stated",
+            "sigma": "estimated" if found.scale.variance != 1.0 else "stated",
             "sigma_factor": float(np.sqrt(found.scale.variance)),
             "noise_correlation": found.correlation,
             "noise_models": [

@@ -57,7 +57,17 @@ def _json(effect: Effect, where: list[str] | None) -> dict[str, Any]:
         "source": effect.source,
         "stage": STAGES[effect.port],
         "enters": PORTS[effect.port],
-        "parameters": [{"name": p.name, "range": p.range, "unit": p.unit, "text": p.text} for p in effect.parameters],
+        "parameters": [
+            {
+                "name": p.name,
+                "range": p.range,
+                "unit": p.unit,
+                "rotary_range": p.range_in(True) if p.rotary is not None else None,
+                "rotary_unit": p.rotary,
+                "text": p.text,
+            }
+            for p in effect.parameters
+        ],
         "needs": list(effect.needs),
         "at": where,
         "measurement": effect.measurement,
