@@ -9,13 +9,14 @@ machine are taken as inputs.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.covariates import with_covariates, with_directions
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.model import Model
+from pkmcal_cli.model import Model, tcp_model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -42,6 +43,18 @@ class Problem:
     def count(self) -> int:
         """Number of measured values."""
         return int(self.measured.sum())
+
+    @cached_property
+    def nominal_poses(self) -> Array:
+        """TCP coordinates (N, d) that move independently, at nominal parameters; where these fail, drive readings."""
+        model = self.model
+        bare = replace(tcp_model(model), effects=())
+        names = [k for k, c in enumerate(bare.channels) if c.name in model.independent_coordinates]
+        found = predict(bare, model.nominal, self.rows)
+        if names and found.solved.all():
+            return np.asarray(found.values[:, names])
+        held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled and not d.redundant]
+        return np.asarray(self.rows.readings[:, held])
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Some rows."""

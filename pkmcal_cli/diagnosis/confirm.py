@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
 from pkmcal_cli.diagnosis.groups import coordinates, scaled
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -46,8 +47,7 @@ def held_out_gain(now: Search, hypothesis: Hypothesis) -> HeldOutGain:
     raw_without, white_without = _held_out(now, rest, hypothesis.parameters, labels)
     folds = np.unique(labels)
     gains = np.array([(white_without[labels == f] ** 2 - white_with[labels == f] ** 2).mean() for f in folds])
-    positions = [k for k, c in enumerate(now.problem.model.channels) if c.quantity == "position"]
-    kind = positions or list(range(len(now.problem.model.channels)))
+    kind = shown_channels(now.problem)
     measured = now.problem.measured[:, kind]
     return HeldOutGain(
         float(np.sqrt((raw_with[:, kind][measured] ** 2).mean())),
@@ -56,6 +56,14 @@ def held_out_gain(now: Search, hypothesis: Hypothesis) -> HeldOutGain:
         float(gains.std(ddof=1) / np.sqrt(len(folds))) if len(folds) > 1 else float("inf"),
         scheme,
     )
+
+
+def shown_channels(problem: Problem) -> list[int]:
+    """Channels of which errors are told as one figure: measured positions, else all measured ones of one dimension."""
+    used = [k for k in range(len(problem.model.channels)) if problem.measured[:, k].any()]
+    channels = problem.model.channels
+    positions = [k for k in used if channels[k].quantity == "position"]
+    return positions or [k for k in used if channels[k].dimension == channels[used[0]].dimension]
 
 
 def _held_out(
@@ -75,12 +83,15 @@ def _held_out(
     assert evaluation.prediction.jacobian is not None
     by_step = np.where(problem.measured[..., None], evaluation.prediction.jacobian, 0.0) * ranges
     raw = evaluation.residual - by_step @ moved
-    columns = (near.jacobian * ranges).reshape(*shape, -1)[..., : len(selected)]
+    scaled_columns = (near.jacobian * ranges)[:, : len(selected)]
+    found = directions(scaled_columns, selected, np.full(len(selected), 2.0))
+    columns = scaled_columns.reshape(*shape, -1)
+    prior = found.vectors.T @ np.diag(np.where(found.held, 1.0, 1e-6)) @ found.vectors  # held ones stay near
     out_raw, out_white = raw.copy(), white.copy()
     for fold in np.unique(labels):
         train, test = labels != fold, labels == fold
         a = columns[train].reshape(-1, len(selected))
-        step = np.linalg.solve(a.T @ a + 1e-6 * np.eye(len(selected)), a.T @ white[train].ravel())
+        step = np.linalg.solve(a.T @ a + prior, a.T @ white[train].ravel())
         out_raw[test] = raw[test] - by_step[test][..., : len(selected)] @ step
         out_white[test] = white[test] - columns[test] @ step
     return out_raw, out_white

@@ -64,11 +64,11 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     parts = Alpha(alpha)
     now = confirmed_only(restored(swapped(run_search(found, problem, before, parts, seed))))
     last, unknown = _left(now, problem, parts)
-    findings = tuple(finding_of(now, h, before, last, bool(unknown), seed) for h in now.accepted)
+    findings = tuple(finding_of(now, h, last, bool(unknown), seed) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
     hidden = invisible(first, now)
     p = float(Scale().p_value(np.array([first.linear.chi2]), np.array([first.linear.dof]))[0])
-    noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / 8)
+    noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / 10)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
     return Diagnosis(
         _verdict(findings, unknown, bool(now.bad_rows or noise)),
@@ -97,8 +97,8 @@ def _left(now: Search, whole: Problem, parts: Alpha) -> tuple[Scored, tuple[Unkn
         shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
         unknown = unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows)
     every = replace(now.problem, measured=whole.measured)
-    unknown += local_effects(every, now.fit.values, parts.groups / 8)
-    return last, tuple(unknown + stand_ins(now, last.scale))
+    unknown += local_effects(every, now.fit.values, parts.groups / 10)
+    return last, tuple(unknown + stand_ins(now, last))
 
 
 def _same_as_parameters(first: Scored) -> dict[str, str]:

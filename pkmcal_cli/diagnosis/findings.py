@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.calibration.identify import Fit
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.refine import Rival, credible_set
 from pkmcal_cli.diagnosis.residue import own_residues, own_shape
 from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without, shape_gains
@@ -39,7 +38,7 @@ class Finding:
     @property
     def ambiguous(self) -> bool:
         """Whether the data support several effects in its place."""
-        return len(self.rivals) > 1
+        return any(r.hypothesis != self.hypothesis for r in self.rivals)
 
 
 @dataclass(frozen=True)
@@ -53,19 +52,20 @@ class Invisible:
     absorbed_by: tuple[str, ...]
 
 
-def finding_of(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, doubt: bool, seed: int) -> Finding:
+def finding_of(now: Search, hypothesis: Hypothesis, last: Scored, doubt: bool, seed: int) -> Finding:
     """What is told of an accepted effect. `last`: scored at the end; `doubt`: something unknown is left."""
     names = now.problem.model.names
     index = [names.index(n) for n in hypothesis.parameters]
     places = {n: k for k, n in enumerate(now.fit.selected)}
     spread = np.array([now.fit.std[places[n]] for n in hypothesis.parameters]) * np.sqrt(last.scale.variance)
-    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(now, hypothesis, last.scale)))
+    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(now, hypothesis, last)))
     estimate = tuple(float(v) for v in now.fit.values[index])
     nominal, ranges = now.problem.model.nominal[index], now.problem.model.ranges[index]
     beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges).any())
     gain = held_out_gain(now, hypothesis)
-    excess = before.chi2 - last.scale.variance * before.dof
-    share = min(gain.gain * last.linear.used / excess, 1.0) if excess > 0 else 0.0
+    every = linear_without(now, now.accepted, ()).chi2 - now.fit.chi2
+    fall = _likelihood_ratio(now, hypothesis)
+    share = min(fall / every, 1.0) if every > 0 and np.isfinite(fall) else float("nan")
     without = score_without(now, [hypothesis], (hypothesis, *now.open))
     shape = shape_gains(now, without)
     rivals = credible_set(now, hypothesis, without, shape)
@@ -81,7 +81,7 @@ def finding_of(now: Search, hypothesis: Hypothesis, before: Fit, last: Scored, d
         rivals,
         gain,
         stable,
-        _likelihood_ratio(now, hypothesis) / max(without.scores[0].statistic, 1e-9),
+        fall / max(without.scores[0].statistic, 1e-9),
         beyond,
         doubt or beyond or not gain.confirmed or stable < STABLE,
     )
@@ -94,13 +94,17 @@ def _likelihood_ratio(now: Search, hypothesis: Hypothesis) -> float:
     return float("nan") if fit is None else fit.chi2 - now.fit.chi2
 
 
-def _by_shape(now: Search, hypothesis: Hypothesis, scale: Scale) -> Array:
+def _by_shape(now: Search, hypothesis: Hypothesis, last: Scored) -> Array:
     """Variance (k,), SI, that an effect's own shape adds to its parameters, where the data speak for one."""
     linear = linear_without(now, [hypothesis], [hypothesis])
+    if last.linear.memory is not None:
+        linear = linear.prewhitened(last.linear.memory)
     residues = own_residues(now.problem, now.fit, [hypothesis])
     if hypothesis.name not in residues:
         return np.zeros(len(hypothesis.parameters))
-    shape = own_shape(linear, scale, linear.of(hypothesis.parameters), residues[hypothesis.name])
+    shape = own_shape(
+        linear, last.scale, linear.of(hypothesis.parameters), linear.whitened(residues[hypothesis.name])
+    )
     return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
 
 
@@ -112,9 +116,10 @@ def invisible(scored: Scored, now: Search) -> tuple[Invisible, ...]:
             continue
         scale = scored.linear.scale_of(h.parameters)
         lengths = (scored.linear.of(h.parameters) ** 2).sum(axis=0)
-        k = int(np.argmax(lengths))
+        k = s.leading
         by = absorbing(scored.linear, h, k) if s.kept < _KEPT and lengths[k] > 0 else ()
-        out.append(Invisible(h, h.parameters[k], s.mdb * float(scale[k]), 2 * float(scale[k]), by))
+        size = s.mdb * float(scale[k]) * float(np.sqrt(scored.scale.variance))
+        out.append(Invisible(h, h.parameters[k], size, 2 * float(scale[k]), by))
     return tuple(out)
 
 

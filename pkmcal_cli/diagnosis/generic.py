@@ -61,10 +61,11 @@ def best_generic(linear: Linear, scale: Scale, kinds: Sequence[Family]) -> Gener
 
 def _best(linear: Linear, scale: Scale, kind: Family) -> Generic:
     rows, tries, size = kind.columns.shape
-    free = linear.free(kind.columns.reshape(rows, -1)).reshape(kind.columns.shape)
-    information = np.einsum("nmk,nml->mkl", kind.columns, free)
-    before = np.einsum("nmk,nmk->mk", kind.columns, kind.columns)
-    gradient = np.einsum("nmk,n->mk", kind.columns, linear.rest)
+    columns = linear.whitened(kind.columns.reshape(rows, -1)).reshape(kind.columns.shape)
+    free = linear.free(columns.reshape(rows, -1)).reshape(columns.shape)
+    information = np.einsum("nmk,nml->mkl", columns, free)
+    before = np.einsum("nmk,nmk->mk", columns, columns)
+    gradient = np.einsum("nmk,n->mk", columns, linear.rest)
     values, vectors = np.linalg.eigh(information)
     turned = np.einsum("mkd,mk->md", vectors, gradient)
     seen = values > 1e-3 * before.max(axis=1, keepdims=True, initial=1e-300)

@@ -57,14 +57,11 @@ def scaled(values: Array) -> Array:
 
 
 def coordinates(problem: Problem) -> Array:
-    """Coordinates (N, d) in which a pose is told: measured positions where all are, else readings of drives."""
-    places = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"]
-    if places and problem.measured[:, places].all():
-        chosen = problem.readings[:, places]
-        if problem.model.layout.width == len(places) and len(problem.model.independent_coordinates) <= len(places):
-            return np.asarray(chosen)
-    held = [a for a, d in enumerate(problem.model.layout.drives) if not d.force_controlled and not d.redundant]
-    return np.asarray(problem.rows.readings[:, held])
+    """Coordinates (N, d) in which a pose is told: where the nominal machine is at the drives' readings.
+
+    Not the measured positions: their noise would be in the shapes, which would explain themselves with it.
+    """
+    return problem.nominal_poses
 
 
 def pose_shapes(problem: Problem, degree: int | None = None) -> Array:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem, evaluate, linearise_at
-from pkmcal_cli.diagnosis.confirm import cells
+from pkmcal_cli.diagnosis.confirm import cells, shown_channels
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.prediction import frozen
 from pkmcal_cli.rotation import Array
 
 ROTATIONS = 5
@@ -105,6 +106,9 @@ def improve(
     """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
     whole = diagnose(found, problem, selected, alpha, seed)
     clean = whole.problem  # without its bad rows
+    model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
+    clean, found = replace(clean, model=model), replace(found, model=model)
+    validation = None if validation is None else replace(validation, model=model)
     turns = [_rotation(found, train, report, selected, alpha, seed) for train, report in _parts(clean, validation)]
     first = turns
     before = _errors(turns)
@@ -207,8 +211,7 @@ def _gain(before: Sequence[_Rotation], after: Sequence[_Rotation], seed: int) ->
 
 def _rms_gain(before: Sequence[_Rotation], after: Sequence[_Rotation], seed: int) -> Interval:
     """Fall of the root mean square error of positions (of all channels without any), SI."""
-    channels = before[0].report.model.channels
-    positions = [k for k, c in enumerate(channels) if c.quantity == "position"] or list(range(len(channels)))
+    positions = shown_channels(before[0].report)
     sums = []
     for old, new in zip(before, after, strict=True):
         residuals = [evaluate(t.report, t.fit.values).residual[:, positions] for t in (old, new)]

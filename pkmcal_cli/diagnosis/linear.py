@@ -62,6 +62,7 @@ class Memory:
 
     order: NDArray[np.intp]
     correlation: float
+    measured: NDArray[np.bool_]  # (N, C); a value after one that is missing stays as it is
 
 
 @dataclass(frozen=True)
@@ -82,14 +83,21 @@ class Linear:
     memory: Memory | None = None  # by which successive rows were alike
 
     @cached_property
-    def _factor(self) -> tuple[Array, tuple[Array, bool]]:
-        """Directions of the projected columns and the Cholesky factor of their normal matrix."""
+    def fixed(self) -> tuple[Array, Array]:
+        """Directions (n, d) that are projected out, and the weight (d,) of their priors: 1 where they are held."""
         a = self.columns[:, [self._index[n] for n in self.projected]]
         found = directions(a, self.projected, np.full(len(self.projected), 2.0))  # in ranges, as a fit
         a = a @ found.vectors.T
         prior = np.where(found.held, 1.0, 0.0)
         if self.extra is not None:
-            a, prior = np.hstack([a, self.extra]), np.append(prior, np.full(self.extra.shape[1], 1e-9))
+            own = 1e-6 * (self.extra**2).sum(axis=0) + 1e-12
+            a, prior = np.hstack([a, self.extra]), np.append(prior, own)
+        return a, prior
+
+    @cached_property
+    def _factor(self) -> tuple[Array, tuple[Array, bool]]:
+        """The same directions and the Cholesky factor of their normal matrix."""
+        a, prior = self.fixed
         normal = a.T @ a + np.diag(prior)
         return a, cho_factor(normal) if len(normal) else (np.zeros((0, 0)), True)
 
@@ -150,7 +158,10 @@ class Linear:
             return x
         order, share = self.memory.order, self.memory.correlation
         shaped = x.reshape(len(order), self.channels, -1)[order]
-        shaped[1:] = (shaped[1:] - share * shaped[:-1]) / np.sqrt(1 - share**2)
+        on = self.memory.measured[order][..., None]
+        before = on[1:] & on[:-1]
+        changed = (shaped[1:] - share * shaped[:-1]) / np.sqrt(1 - share**2)
+        shaped[1:] = np.where(before, changed, shaped[1:])
         out = np.empty_like(shaped)
         out[order] = shaped
         return np.asarray(out.reshape(x.shape))
@@ -174,21 +185,22 @@ class Linear:
         seen = (values > _KEPT * whole) & (values > NONCENTRALITY / PLAUSIBLE**2)
         basis = vectors[:, seen]
         gradient = basis.T @ (columns.T @ self.rest)
-        return Score(basis, values[seen], gradient, float(values.max(initial=0.0)), float(before.max(initial=0.0)))
+        return Score(basis, values[seen], gradient, np.diag(information).copy(), before)
 
 
 @dataclass(frozen=True)
 class Score:
     """Of one hypothesis with k parameters: directions (k, m) that can be seen, their information (m,) and score (m,).
 
-    `best`: largest information of all directions, `length2`: largest squared length of a column before projection.
+    `alone` (k,): information of each parameter by itself, `length2` (k,): squared length of its column before
+    projection.
     """
 
     basis: Array
     information: Array
     gradient: Array
-    best: float
-    length2: float
+    alone: Array
+    length2: Array
 
     @property
     def count(self) -> int:
@@ -206,14 +218,21 @@ class Score:
         return np.asarray(self.basis @ (self.gradient / self.information))
 
     @property
+    def leading(self) -> int:
+        """The parameter that shows most by itself."""
+        return int(np.argmax(self.alone))
+
+    @property
     def kept(self) -> float:
-        """Share of the column's length that is left after projection."""
-        return float(np.sqrt(max(self.best, 0.0) / self.length2)) if self.length2 > 0 else 0.0
+        """Share of the leading parameter's column that is left after projection."""
+        whole = float(self.length2[self.leading])
+        return float(np.sqrt(max(float(self.alone[self.leading]), 0.0) / whole)) if whole > 0 else 0.0
 
     @property
     def mdb(self) -> float:
-        """Minimal detectable size of the best direction, in standard deviations of the prior."""
-        return float(np.sqrt(NONCENTRALITY / self.best)) if self.best > 0 else float("inf")
+        """Minimal detectable size of the leading parameter by itself, in standard deviations of its prior."""
+        best = float(self.alone[self.leading])
+        return float(np.sqrt(NONCENTRALITY / best)) if best > 0 else float("inf")
 
 
 def linear_problem(

@@ -12,10 +12,12 @@ from scipy.special import chdtrc, chdtri, ndtr
 
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.diagnosis.groups import TEMPERATURE, TIME, group_columns
 from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
 from pkmcal_cli.rotation import Array
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
+_FEWEST = 20  # values that must be free once shapes are projected out
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
 _ALIKE = 1e-4  # p value below which successive rows are not independent
@@ -27,20 +29,23 @@ _TRIM = 0.05  # share of the largest squares left out, so that bad rows do not c
 
 def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -> Scale:
     """Scale of the noise: of repeated poses where there are some, else of what no smooth group explains."""
-    repeated = _pure_error(linear, problem)
+    repeated = _pure_error(linear, problem, groups)
     if repeated is not None:
         return repeated
-    if not groups:
-        return Scale()
-    extra = np.hstack(list(groups.values()))
-    free = linear.projecting(linear.projected, extra=extra)
-    dof = free.used - free._factor[0].shape[1]
-    if dof < 20:
-        return Scale()
+    shapes = np.hstack([*_none(linear), *map(linear.whitened, groups.values())])
+    free = linear.projecting(linear.projected, extra=shapes)
     kept = free.freedom > _FREE  # else the shapes follow the value
+    dof = free.dof
+    if dof < _FEWEST or kept.sum() < _FEWEST:  # few rows: what declared parameters leave, effects included
+        dof = linear.dof
+        return _doubted(linear.chi2 / dof, dof) if dof > 0 else Scale()
     squares = np.sort(free.rest[kept] ** 2 / free.freedom[kept])
     inner = squares[: int((1 - _TRIM) * len(squares))]
     return _doubted(float(inner.sum()) / len(squares) / _trimmed_share(), dof)
+
+
+def _none(linear: Linear) -> list[Array]:
+    return [np.zeros((len(linear.residual), 0))]
 
 
 def _doubted(variance: float, dof: int) -> Scale:
@@ -49,15 +54,23 @@ def _doubted(variance: float, dof: int) -> Scale:
     return Scale() if least < variance < most else Scale(variance, float(dof))
 
 
-def _pure_error(linear: Linear, problem: Problem) -> Scale | None:
-    """Noise within repeated poses of one session, approached from the same sides; None with few of them."""
+def _pure_error(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -> Scale | None:
+    """Noise within repeated poses of one session, approached from the same sides; None with few of them.
+
+    What is smooth in time and temperature is taken off before.
+    """
+    if linear.memory is not None:
+        return None  # rows that were made independent are no repeated poses any more
+    slow = [groups[name] for name in (TIME, TEMPERATURE) if name in groups]
     columns = problem.rows.columns
     same = [columns[n] for n in columns if n.startswith(("dir.", "session.")) or n == "payload"]
     keys = np.column_stack([replicate_groups(problem), *same]) if same else replicate_groups(problem)[:, None]
     _, label = np.unique(np.nan_to_num(keys), axis=0, return_inverse=True)
     label = label.ravel()
     channels = problem.readings.shape[1]
-    rest = linear.residual.reshape(-1, channels)
+    free = linear.projecting(linear.projected, extra=np.hstack([*_none(linear), *slow]))
+    rest = (free.rest / np.sqrt(np.maximum(free.freedom, _FREE))).reshape(-1, channels) if slow else linear.residual
+    rest = rest.reshape(-1, channels)
     whole = problem.measured.all(axis=1)
     counts = np.bincount(label[whole])
     dof = int(np.maximum(counts - 1, 0).sum()) * channels
@@ -87,9 +100,12 @@ def successive(linear: Linear, problem: Problem) -> tuple[float, float]:
     """Correlation of successive rows' residuals, and its p value; large residuals count as three times the usual."""
     rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
     size = np.sqrt((rest**2).mean())
+    on = problem.measured[time_order(problem)]
+    pairs = on[1:] & on[:-1]
     rest = np.clip(rest / size, -3.0, 3.0)
-    share = float((rest[1:] * rest[:-1]).sum() / np.sqrt((rest[1:] ** 2).sum() * (rest[:-1] ** 2).sum()))
-    return share, float(chdtrc(1, share**2 * (len(rest) - 1) * rest.shape[1]))
+    squares = np.where(pairs, rest[1:] ** 2, 0.0).sum() * np.where(pairs, rest[:-1] ** 2, 0.0).sum()
+    share = float(np.where(pairs, rest[1:] * rest[:-1], 0.0).sum() / np.sqrt(squares)) if squares > 0 else 0.0
+    return share, float(chdtrc(1, share**2 * pairs.sum()))
 
 
 def independent(linear: Linear, problem: Problem) -> Linear:
@@ -97,11 +113,14 @@ def independent(linear: Linear, problem: Problem) -> Linear:
 
     A step or an oscillation in time makes them alike too; these are for others to find.
     """
-    share, p = successive(linear, problem)
+    if linear.memory is not None:
+        return linear
+    slow = group_columns(problem).get(TIME)  # a drift is no memory
+    share, p = successive(linear if slow is None else linear.projecting(linear.projected, extra=slow), problem)
     if share <= 0 or p > _ALIKE:
         return linear
     rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
-    made = linear.prewhitened(Memory(time_order(problem), share))
+    made = linear.prewhitened(Memory(time_order(problem), share, problem.measured))
     size, n = rest.shape[1], np.log(rest.size)
     memory = 0.5 * (linear.chi2 - made.chi2 - (len(rest) - 1) * size * np.log(1 - share**2)) - 0.5 * n
     step = 0.5 * _step(rest) - 0.5 * (size + 1) * n

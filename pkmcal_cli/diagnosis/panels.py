@@ -136,14 +136,15 @@ def waterfall(found: Diagnosis) -> list[Share]:
     for k in range(1, len(found.findings)):
         part = refit(replace(now, accepted=tuple(f.hypothesis for f in found.findings[:k])), {})
         if part is not None:
-            out.append(Share(f"+ {found.findings[k - 1].hypothesis.name}", part.chi2))
+            out.append(Share(f"+ {found.findings[k - 1].hypothesis.name}", _chi2(problem, part.values)))
     if found.findings:
-        out.append(Share(f"+ {found.findings[-1].hypothesis.name}", now.fit.chi2))
+        out.append(Share(f"+ {found.findings[-1].hypothesis.name}", _chi2(problem, now.fit.values)))
     return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
 
 
 def _chi2(problem: Problem, values: Array) -> float:
-    return linearise_at(problem, values, (), None).chi2
+    """With the drives' errors as part of the noise, at every step alike."""
+    return float((linearise_at(problem, values, (), None).residual ** 2).sum())
 
 
 @dataclass(frozen=True)

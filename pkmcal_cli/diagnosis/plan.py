@@ -76,7 +76,7 @@ class Plan:
         hypothesis, score = self.candidates.hypotheses[k], self.scores[k]
         scale = self.linear.scale_of(hypothesis.parameters)
         lengths = (self.linear.of(hypothesis.parameters) ** 2).sum(axis=0)
-        j = int(np.argmax(lengths))
+        j = score.leading
         others = self.cosines[k].copy()
         others[k] = 0.0
         rival = int(np.argmax(others))
@@ -142,17 +142,32 @@ def best_points(linear: Linear, blocks: Array, planned: int, aim: Aim, count: in
 
     Greedy, then exchanged one by one while that is better (Fedorov).
     """
-    names = list(dict.fromkeys([*linear.projected, *(n for group in aim.parameters for n in group)]))
-    rows = blocks[..., [linear.names.index(n) for n in names]]
-    prior = np.diag(np.where(np.isin(names, linear.projected), 1e-6, 0.0) + 1e-9)
-    start = np.einsum("mca,mcb->ab", rows[:planned], rows[:planned]) + prior
-    groups = [np.array([names.index(n) for n in group]) for group in aim.parameters]
+    rows, prior, groups = _arranged(linear, blocks, aim)
+    start = np.einsum("mca,mcb->ab", rows[:planned], rows[:planned]) + np.diag(prior)
     search = _PointSearch(start, rows[planned:], groups, aim.kind)
     chosen: list[int] = []
     for _ in range(min(count, len(rows) - planned)):
         chosen.append(search.best(chosen))
     chosen = search.exchanged(chosen) if count <= _EXCHANGED else chosen
     return Chosen(np.array(chosen, dtype=np.intp), search.figure([]), search.figure(chosen))
+
+
+def _arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, list[NDArray[np.intp]]]:
+    """Rows (M, C, q) of what is projected out and of the aim's columns, weights (q,) of their priors, the aim's groups.
+
+    What is projected out are directions, of which some are held; to determine parameters, the parameters themselves.
+    """
+    if aim.kind == "determine":
+        names = list(linear.projected)
+        fixed, prior = blocks[..., [linear.names.index(n) for n in names]], np.full(len(names), 1e-6)
+        return fixed, prior, [np.array([names.index(n) for n in group]) for group in aim.parameters]
+    columns, weights = linear.fixed
+    mine = list(dict.fromkeys(n for group in aim.parameters for n in group))
+    own = blocks[..., [linear.names.index(n) for n in mine]]
+    rows = np.concatenate([columns.reshape(*blocks.shape[:2], -1), own], axis=2)
+    first = columns.shape[1]
+    groups = [np.array([first + mine.index(n) for n in group]) for group in aim.parameters]
+    return rows, np.concatenate([weights, np.zeros(len(mine))]) + 1e-9, groups
 
 
 @dataclass(frozen=True)

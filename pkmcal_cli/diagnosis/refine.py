@@ -80,7 +80,10 @@ def _reselected(now: Search, keyword: str) -> Search | None:
     linear = score_without(now, mine, singles).linear
     chosen: list[Hypothesis] = []
     while len(chosen) < len(mine):
-        found = scored(linear, now.problem, [h for h in singles if h not in chosen])
+        rest_of_them = [h for h in singles if h not in chosen]
+        if not rest_of_them:
+            break
+        found = scored(linear, now.problem, rest_of_them)
         best = int(np.argmax(found.log_bayes))
         if found.log_bayes[best] <= 0:
             break
@@ -162,12 +165,12 @@ def _fitted_evidence(now: Search, hypothesis: Hypothesis, found: Scored, evidenc
 
 
 def _cosines(linear: Linear, found: Scored, one: int, others: Sequence[int]) -> list[float]:
-    """Cosines between what one hypothesis explains and what others could."""
-    basis = _basis(linear, found, one)
-    return [float(np.linalg.norm(_basis(linear, found, int(k)).T @ basis, 2)) for k in others]
+    """Cosines between what one hypothesis explains and what others could, declared parameters projected out."""
+    basis = linear.free(_basis(linear, found, one))
+    return [min(float(np.linalg.norm(_basis(linear, found, int(k)).T @ basis, 2)), 1.0) for k in others]
 
 
 def _basis(linear: Linear, found: Scored, k: int) -> Array:
-    """Orthonormal columns that a hypothesis spans after projection, (n, m)."""
+    """Columns (n, m) of a hypothesis, orthonormal in the metric of what is left after projection."""
     score = found.scores[k]
-    return linear.free(linear.of(found.hypotheses[k].parameters) @ score.basis) / np.sqrt(score.information)
+    return np.asarray(linear.of(found.hypotheses[k].parameters) @ score.basis / np.sqrt(score.information))

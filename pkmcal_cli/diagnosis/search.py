@@ -215,7 +215,7 @@ def _is_residue(now: Search, scored: Scored, best: int) -> bool:
     extra = residue_columns(now.problem, now.fit, others)
     if not extra.shape[1]:
         return False
-    free = scored.linear.projecting(scored.linear.projected, extra=extra)
+    free = scored.linear.projecting(scored.linear.projected, extra=scored.linear.whitened(extra))
     score = free.score(free.of(hypothesis.parameters))
     if not score.count:
         return True
@@ -225,7 +225,7 @@ def _is_residue(now: Search, scored: Scored, best: int) -> bool:
 
 def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
     """Rows to take out now: significant ones, of the size of the worst; none beyond the largest share."""
-    room = int(MOST * len(now.problem)) - len(now.bad_rows)
+    room = max(int(MOST * len(now.problem)), 1) - len(now.bad_rows)
     p = scored.rows.p_value
     chosen = np.nonzero(p < alpha.rows / len(p))[0]
     if not len(chosen) or room <= 0:

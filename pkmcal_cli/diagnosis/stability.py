@@ -35,19 +35,20 @@ def stability(
     best = np.argsort(-found.log_bayes - shape, kind="stable")[:_RIVALS]
     chosen = [int(k) for k in best if found.scores[k].count]
     grams, counts = _grams(found, problem, hypothesis, chosen)
+    prior = np.diag(found.linear.fixed[1] + 1e-9)
     names = {h.name for h in (hypothesis, *alike)}
     right = np.array([found.hypotheses[k].name in names for k in chosen])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights, more = drawn.astype(float), shape[chosen]
-    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, found) + more)] for w in weights]
+    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, found) + more)] for w in weights]
     return float(np.mean(hits)) if right.any() else 0.0
 
 
 def _grams(found: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequence[int]) -> tuple[Array, list[int]]:
     """Gram matrices (B, q, q) by block of projected columns, hypotheses' visible columns and residual; their sizes."""
     linear = found.linear
-    fixed = linear._factor[0]
+    fixed = linear.fixed[0]
     columns = [linear.of(found.hypotheses[k].parameters) @ found.scores[k].basis for k in chosen]
     whole = np.hstack([fixed, *columns, linear.residual[:, None]])
     label = np.repeat(_blocks(problem, hypothesis), linear.channels)
@@ -55,11 +56,10 @@ def _grams(found: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequ
     return grams, [fixed.shape[1], *(c.shape[1] for c in columns)]
 
 
-def _evidence(gram: Array, counts: Sequence[int], found: Scored) -> Array:
+def _evidence(gram: Array, counts: Sequence[int], prior: Array, found: Scored) -> Array:
     """Log evidence (H,) of hypotheses from one Gram matrix."""
     p = counts[0]
-    ridge = np.diag(np.full(p, 1e-9)) + np.diag(1e-6 * np.diag(gram)[:p])
-    left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + ridge, gram[:p, p:])
+    left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + prior, gram[:p, p:])
     statistic, first = [], 0
     for count in counts[1:]:
         mine = slice(first, first + count)

@@ -10,32 +10,37 @@ from pkmcal_cli.diagnosis.generic import Family, best_generic, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.residue import residue_columns
-from pkmcal_cli.diagnosis.search import Search, linear_without
+from pkmcal_cli.diagnosis.search import Scored, Search, linear_without
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.rotation import Array
 
 _BETTER = 7.0  # log evidence by which a nameless alternative must be better
 
 
-def stand_ins(now: Search, scale: Scale) -> list[Unknown]:
-    """What explains accepted effects better than these do: the best alternative to all of them, or to each."""
+def stand_ins(now: Search, last: Scored) -> list[Unknown]:
+    """What explains accepted effects better than these do: the best alternative to all of them, or to each.
+
+    `last`: scored with all of them.
+    """
     if not now.accepted:
         return []
     kinds = families(now.problem, now.fit)
     every = [tuple(now.accepted), *([(h,) for h in now.accepted] if len(now.accepted) > 1 else [])]
     for removed in every:
-        found = _better(now, removed, scale, kinds)
+        found = _better(now, removed, last, kinds)
         if found is not None:
             return [found]
     return []
 
 
-def _better(now: Search, removed: Sequence[Hypothesis], scale: Scale, kinds: Sequence[Family]) -> Unknown | None:
+def _better(now: Search, removed: Sequence[Hypothesis], last: Scored, kinds: Sequence[Family]) -> Unknown | None:
     """The best alternative to some accepted effects, if it has more evidence and explains more."""
-    linear = linear_without(now, removed, removed)
+    linear, scale = linear_without(now, removed, removed), last.scale
+    if last.linear.memory is not None:
+        linear = linear.prewhitened(last.linear.memory)
     best = best_generic(linear, scale, kinds)
     columns = linear.of([n for h in removed for n in h.parameters])
-    free = np.hstack([columns, residue_columns(now.problem, now.fit, removed)])
+    free = np.hstack([columns, linear.whitened(residue_columns(now.problem, now.fit, removed))])
     statistic, plain = _evidence(linear, scale, columns)
     mine = max(plain, _evidence(linear, scale, free)[1]) - len(removed) * float(np.log(len(now.candidates.hypotheses)))
     if best is None or best.statistic < statistic or best.evidence <= mine + _BETTER:

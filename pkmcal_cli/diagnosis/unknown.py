@@ -13,7 +13,7 @@ from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.noise import independent, successive
 from pkmcal_cli.rotation import Array
 
-_TESTS = 8  # groups, oscillations and runs share their part of the false-alarm rate
+_TESTS = 10  # groups, oscillations and runs share their part of the false-alarm rate
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def _groups(linear: Linear, problem: Problem, scale: Scale) -> list[Unknown]:
     """Smooth groups, each against all the rest."""
     out = []
     for name, columns in group_columns(problem).items():
-        statistic, count = linear.explained(columns)
+        statistic, count = linear.explained(linear.whitened(columns))
         p = float(scale.p_value(np.array([statistic]), np.array([count]))[0])
         out.append(Unknown(name, p, _excess(statistic, count, scale, linear)))
     return out

@@ -102,7 +102,8 @@ Formula = Callable[..., Any]
 class EffectParameter:
     """A parameter: `range` in `unit` is the half-width of what is plausible, two standard deviations; null is 0.
 
-    `rotary`: the unit where the drive turns, `turning`: the range then, in it; `spatial`: only in space; `most`: from 0 to this, else unbounded.
+    `rotary`: the unit where the drive turns, `turning`: the range then, in it; `spatial`: only in space; `most`: from 0
+    to this, else unbounded.
     """
 
     name: str

@@ -60,7 +60,11 @@ WINDUP = Effect(
     "",
     "friction and elasticity of the drive train between encoder and carriage",
     "command",
-    (EffectParameter("w", "um/kN", 20, "lost motion per force that the drive carries", rotary="urad/(kN*m)", turning=2000),),
+    (
+        EffectParameter(
+            "w", "um/kN", 20, "lost motion per force that the drive carries", rotary="urad/(kN*m)", turning=2000
+        ),
+    ),
     _wound,
     needs=("direction",),
     options=(_SMOOTH,),

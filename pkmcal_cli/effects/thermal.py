@@ -54,7 +54,9 @@ SCREW = Effect(
     "command",
     (
         EffectParameter("a", _EXPANSION, 50, "expansion coefficient"),
-        EffectParameter("o", "um/K", 10, "shift of the zero, by the place of the fixed bearing", rotary="urad/K", turning=20),
+        EffectParameter(
+            "o", "um/K", 10, "shift of the zero, by the place of the fixed bearing", rotary="urad/K", turning=20
+        ),
         _LAG,
     ),
     lambda at, a, o, lag: (a * at.travel + o) * at.lagged(lag),

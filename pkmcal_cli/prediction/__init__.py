@@ -7,7 +7,7 @@ stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and 
 
 from __future__ import annotations
 
-from pkmcal_cli.prediction.inputs import settled_options
+from pkmcal_cli.prediction.inputs import frozen, settled_options
 from pkmcal_cli.prediction.pipeline import predict, row_chunks, settled_smoothing
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose
@@ -20,6 +20,7 @@ __all__ = [
     "Rows",
     "drawing_slots",
     "drive_travels",
+    "frozen",
     "joined_rows",
     "predict",
     "rigid_pose",

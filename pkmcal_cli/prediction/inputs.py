@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -229,3 +229,21 @@ def settled_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str,
         else:
             out[option.name] = ((inputs.option(option.name),), unit)
     return out
+
+
+def frozen(model: Model, rows: Rows) -> Model:
+    """The model whose effects spread their shapes over travel and time of these rows, whatever rows are predicted.
+
+    Effects whose places have different travels keep to the rows that are predicted.
+    """
+    return model.with_options(tuple(_frozen(model, rows, e) for e in model.effects))
+
+
+def _frozen(model: Model, rows: Rows, placed: PlacedEffect) -> PlacedEffect:
+    options = dict(placed.options)
+    for option in placed.effect.options:
+        if option.name in ("over", "during") and option.name not in options:
+            spans = {getattr(SocketInputs(model, rows, placed, s, None), option.name) for s in placed.sockets}
+            if len(spans) == 1:
+                options[option.name] = next(iter(spans))
+    return replace(placed, options=options)

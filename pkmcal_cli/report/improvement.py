@@ -212,6 +212,9 @@ class ImprovementReport:
         fit = self.found.fit
         value = float(fit.values[self.model.names.index(name)])
         std = float(fit.std[fit.selected.index(name)]) if name in fit.selected else float("nan")
+        std *= float(np.sqrt(self.found.whole.scale.variance))
+        told = [s for f in self.found.whole.findings for n, s in zip(f.hypothesis.parameters, f.std) if n == name]
+        std = max([std, *told])  # with what the effect's own shape adds
         return value, std if np.isfinite(std) else None
 
     def parameter_file(self, provenance: dict[str, Any]) -> str:

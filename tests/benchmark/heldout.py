@@ -10,10 +10,8 @@ import numpy as np
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.residual import Problem, evaluate
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
-from pkmcal_cli.model import Model
-from pkmcal_cli.prediction.inputs import SocketInputs
+from pkmcal_cli.prediction import frozen
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.sockets import PlacedEffect
 from tests.benchmark.cases import Case
 from tests.benchmark.setting import ready
 
@@ -25,7 +23,7 @@ def held_out(case: Case, d: Diagnosis) -> dict[str, float]:
     """rms (m) on rows of another stream, against their true readings: before, after, with the planted family declared
     from the start (`floor`), and what noise alone does to the parameters of that fit (`noise`)."""
     fitted = d.search.problem
-    model = frozen(d.search.candidates.model, fitted)
+    model = frozen(d.search.candidates.model, fitted.rows)
     other = case.measured(stream=1)
     there = replace(ready(other).problem, model=model, readings=other.true_readings)
     hypotheses = {h.name: h for h in d.search.candidates.hypotheses}
@@ -58,18 +56,3 @@ def _noise(problem: Problem, values: Array, names: tuple[str, ...], covariance: 
     known = np.isfinite(np.diag(covariance))
     flat, covariance = flat[:, known], covariance[np.ix_(known, known)]
     return float(np.sqrt(np.einsum("np,pq,nq->n", flat, covariance, flat).mean()))
-
-
-def frozen(model: Model, fitted: Problem) -> Model:
-    """The model whose effects spread their shapes over travel and time of the rows that were fitted."""
-    return replace(model, effects=tuple(_frozen(model, fitted, e) for e in model.effects))
-
-
-def _frozen(model: Model, fitted: Problem, placed: PlacedEffect) -> PlacedEffect:
-    options = dict(placed.options)
-    for option in placed.effect.options:
-        if option.name in ("over", "during") and option.name not in options:
-            spans = {getattr(SocketInputs(model, fitted.rows, placed, s, None), option.name) for s in placed.sockets}
-            if len(spans) == 1:
-                options[option.name] = next(iter(spans))
-    return replace(placed, options=options)
