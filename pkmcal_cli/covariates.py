@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 
+_REST = {"temperature": ("T", 293.15), "time": ("time", 0.0), "payload": ("payload", 0.0), "spindle": ("spindle", 0.0)}
 _STILL = 1e-9  # m or rad; a drive that moves less has not moved
 
 
@@ -30,6 +32,18 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
         given = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
         columns[f"dir.{name}"] = np.where(np.isnan(given), derived[:, a], given)
     return Rows(rows.readings, rows.forces, columns)
+
+
+def at_rest(model: Model, rows: Rows) -> Rows:
+    """Rows of positions that nobody measured: columns that declared effects need, where these do nothing or little.
+
+    20 degC, no payload, spindle and time at 0, no direction of approach.
+    """
+    needs = {need for e in model.effects for need in e.effect.needs}
+    columns = {name: np.full(len(rows), value) for need, (name, value) in _REST.items() if need in needs}
+    named = with_directions(rows, [a.name for a in model.actuators])
+    still = {name: np.zeros(len(rows)) for name in named.columns if name.startswith("dir.") and "direction" in needs}
+    return Rows(rows.readings, rows.forces, {**named.columns, **columns, **still})
 
 
 def _sessions(rows: Rows) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.covariates import with_covariates, with_directions
+from pkmcal_cli.covariates import at_rest, with_covariates, with_directions
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
@@ -129,6 +129,7 @@ class PoseSource:
     notes: tuple[str, ...] = ()
     inputs: dict[str, str] = field(default_factory=dict)
     forces: bool = False  # the table has forces of force-controlled drives
+    covariates: tuple[str, ...] = ()  # columns of the table beside the positions, and its sessions where it has some
 
     def __post_init__(self) -> None:
         self.travels = Travels(self.loaded.model)
@@ -153,6 +154,7 @@ class PoseSource:
             poses, notes = _table_poses(self.loaded, block)
             more |= dict.fromkeys(notes)
             self.forces = self.forces or not np.isnan(block.forces).all()
+            self.covariates = self.covariates or _given(block)
             yield poses
         self.notes = (*stream.notes, *more)
 
@@ -199,6 +201,11 @@ def _table_poses(loaded: LoadedMachine, block: Measurements) -> tuple[Poses, lis
     return Poses(rows, reachable, lambda row: place_of(block, row)), notes
 
 
+def _given(block: Measurements) -> tuple[str, ...]:
+    """Columns that a table gives beside its positions."""
+    return (*block.covariates, *(("session",) if "session" in block.labels else ()))
+
+
 def _pose_notes(aimed: tuple[str, ...], given: list[str]) -> list[str]:
     """Coordinates that the table lacks, and those that the mechanism does not move on their own."""
     lacking = [f"`{c}`" for c in aimed if c not in given]
@@ -233,7 +240,7 @@ def _grid_blocks(loaded: LoadedMachine, axes: list[Axis]) -> Iterator[Poses]:
         for axis, where in zip(axes, index, strict=True):
             poses[:, DIRECTIONS.index(axis.name)] = axis.values(where)
         found = drive_positions(loaded.model, poses)
-        rows = with_directions(Rows.at(found.readings), [a.name for a in loaded.model.actuators])
+        rows = at_rest(loaded.model, Rows.at(found.readings))
         yield Poses(rows, found.status == 0, lambda row, first=first: Place(None, first + row + 1, ""))  # type: ignore[misc]
 
 

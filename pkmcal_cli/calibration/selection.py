@@ -8,7 +8,7 @@ from pkmcal_cli.errors import UsageError, did_you_mean
 from pkmcal_cli.model import Model
 
 
-def select(model: Model, text: str) -> tuple[str, ...]:
+def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]:
     """Parameter names for a `--select` text, in the machine file's order.
 
     A comma-separated list of names and patterns (`l*`); `auto`: all but those declared `identify: false`; `all`:
@@ -21,7 +21,7 @@ def select(model: Model, text: str) -> tuple[str, ...]:
         found = _matching(model, pattern)
         if not found:
             raise UsageError(
-                f"--select: the machine has no parameter `{pattern}`",
+                f"{option}: the machine has no parameter `{pattern}`",
                 hint=did_you_mean(pattern, [*model.names, "auto", "all"]),
             )
         chosen = chosen - found if remove else chosen | found

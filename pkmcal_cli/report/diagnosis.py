@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.diagnosis.plan import ALIKE
 from pkmcal_cli.diagnosis.stability import STABLE
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.effects import catalogue
@@ -22,10 +23,12 @@ from pkmcal_cli.report.numbers import detectable_size, handy, readable, uncertai
 from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
 from pkmcal_cli.words import count
 
-_SHOWN = 12
+_SHOWN, _SEPARATED = 12, 4
+_MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _STDIN = "<stdin>"
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect is found, but sigma is stated too small, or what is missing looks like noise"
+_BEYOND = "an effect explains it, but larger than is plausible: something else may stand behind it"
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
@@ -69,11 +72,12 @@ class DiagnosisReport(DiagnosisValues):
             "clean": _LIKE_NOISE if found.scale.doubted else "nothing is left above noise",
             "found": "an effect is missing in the model, and found",
             "ambiguous": "something is missing; several effects explain it alike",
-            "unknown": "something is missing that no effect of the catalogue explains",
+            "unknown": "something is missing that no effect of the catalogue explains" if found.unknown else _BEYOND,
             "measurement_fault": "the measurement is at fault",
         }
-        scale = f"{ratio} times what noise explains (sigma {sigma_text}{self._doubt_of_sigma()})"
-        return f"Residual {rms_text} rms after calibration, {scale}: {words[found.verdict]}."
+        scale = f"{ratio} times what noise explains (sigma {sigma_text}{self._doubt_of_sigma()}"
+        chance = f", p {found.p_global:.1g}" if found.p_global > 1e-12 else ", p < 1e-12"
+        return f"Residual {rms_text} rms after calibration, {scale}{chance}): {words[found.verdict]}."
 
     def _rms(self) -> float:
         """Root mean square error after calibration, bad rows included: of positions where they are measured, SI."""
@@ -149,18 +153,24 @@ class DiagnosisReport(DiagnosisValues):
             cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
             text = f"{h.name}: Cause: {cause} Effect: {result} {gain} Action: {action}"
         if finding.ambiguous:
-            text = f"{self._alternatives(finding)} {text}{self._to_decide(finding)}"
-        return text + self._reservation(finding)
+            text = f"{self._alternatives(finding)} {text}"
+        text += self._reservation(finding)
+        return f"{text}\nTo decide, measure the points of: {self._to_decide(finding)}" if finding.ambiguous else text
 
     def _alternatives(self, finding: Finding) -> str:
         """Which effects the data support in its place."""
         names = [f"{r.hypothesis.name} ({100 * r.weight:.0f} %)" for r in finding.rivals]
         lead = "Either of these" if len(names) == 2 else f"Any one of these {len(names)}"
-        return f"{lead} explains it: {listed(names, 6)}. They correct the measured region alike."
+        return f"{lead} explains it: {listed(names, 6)}. {self._how_alike(finding)}"
+
+    def _how_alike(self, finding: Finding) -> str:
+        """Whether it matters which one is corrected, within the measured region."""
+        alike = all(r.cosine > ALIKE for r in finding.rivals)
+        return "They correct the measured region alike." if alike else "They do not correct the same: decide first."
 
     def _to_decide(self, finding: Finding) -> str:
-        pair = ",".join(r.hypothesis.name for r in finding.rivals[:2])
-        return f" To decide, measure the points of: {command('plan', *self._files(), '--separate', pair)}"
+        names = dict.fromkeys([finding.hypothesis.name, *(r.hypothesis.name for r in finding.rivals)])
+        return command("plan", *self._files(), "--separate", ",".join(list(names)[:_SEPARATED]))
 
     def _files(self) -> tuple[str, str]:
         """Machine and first table, as they are named on a command line."""
@@ -187,7 +197,7 @@ class DiagnosisReport(DiagnosisValues):
     def _map_sentence(self) -> str:
         """Where the unknown is largest, and how much of it a smooth map explains on cells that it has not seen."""
         field, unit = self.field, self.length_unit
-        if field is None:
+        if field is None or field.explained < _MAPPED:
             return ""
         size = self.length(float(np.linalg.norm(field.vectors[field.largest])))
         place = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
@@ -211,7 +221,7 @@ class DiagnosisReport(DiagnosisValues):
             size = detectable_size(i.mdb, i.plausible, unit)
             needed = self.rows_needed(i)
             why = f"some {needed} rows like these would show it" if needed is not None else ""
-            why = f"cannot be seen, absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
+            why = f"absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
             rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
         to.say()
         to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)

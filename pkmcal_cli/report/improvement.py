@@ -17,6 +17,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
+from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 
@@ -96,6 +97,8 @@ class ImprovementReport:
         for hypothesis in found.accepted:
             sizes = ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
             to.say(f"{'released' if hypothesis.effect == RELEASE else 'added'}: {sizes} (fitted to all rows)")
+            if rivals := self._rivals(hypothesis):
+                to.say(f"  these rows do not tell it from {rivals}; `pkmcal diagnose` says what would")
         for step in found.steps:
             if not step.accepted:
                 to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
@@ -129,6 +132,12 @@ class ImprovementReport:
         to.say()
         headers = ("error", "rms before", "rms after", "max before", "max after", "criterion before", "criterion after")
         to.table("On rows that neither fitted nor chose", headers, rows)
+
+    def _rivals(self, hypothesis: Hypothesis) -> str:
+        """Effects that explain all rows as well, with their weights."""
+        found = next((f for f in self.found.whole.findings if f.hypothesis == hypothesis), None)
+        others = [] if found is None else [r for r in found.rivals if r.hypothesis != hypothesis]
+        return listed([f"{r.hypothesis.name} ({100 * r.weight:.0f} %)" for r in others], 4)
 
     def _compared(self, name: str, old: ErrorFigures, new: ErrorFigures) -> tuple[str, ...]:
         """A line of the table before and after."""
@@ -181,6 +190,8 @@ class ImprovementReport:
         evidence = self.found.whole.search.evidence.get(hypothesis.name, float("nan"))
         doubt = "PROVISIONAL, something unknown is left; " if self.found.whole.unknown else ""
         remark = f"{doubt}log evidence {evidence:.1f}, chosen in {step.chosen} of {self.found.rotations} rotations"
+        if rivals := self._rivals(hypothesis):
+            remark += f"; not told from {rivals}"
         lines = [f"  # {catalogue()[hypothesis.effect].title}: {remark}{self._validity()}", f"  {hypothesis.name}:"]
         for name in hypothesis.parameters:
             value, std = self._estimate(name)
@@ -202,11 +213,17 @@ class ImprovementReport:
         return out
 
     def _validity(self) -> str:
-        """Range of the table: temperature where it was logged."""
-        warm = self.found.problem.rows.columns.get("T")
-        if warm is None or not np.isfinite(warm).all():
-            return ""
-        return f"; valid from {warm.min() - 273.15:.1f} to {warm.max() - 273.15:.1f} degC"
+        """Range of the table: travel of the drives, temperatures that were logged."""
+        rows, out = self.found.problem.rows, []
+        for a, actuator in enumerate(self.model.actuators):
+            unit, travel = parse_unit(actuator.unit), rows.readings[:, a]
+            if np.isfinite(travel).all():
+                low, high = unit.from_si(float(travel.min())), unit.from_si(float(travel.max()))
+                out.append(f"{actuator.name} {low:.6g} to {high:.6g} {unit.text}")
+        for name, warm in rows.columns.items():
+            if (name == "T" or name.startswith("T.")) and np.isfinite(warm).all():
+                out.append(f"{name} {warm.min() - 273.15:.1f} to {warm.max() - 273.15:.1f} degC")
+        return f"; valid for {', '.join(out)}" if out else ""
 
     def _estimate(self, name: str) -> tuple[float, float | None]:
         fit = self.found.fit

@@ -144,12 +144,15 @@ class PlanReport:
         to.say(f"{count(len(self.added), 'further point')}: {words} {before} -> {after}")
         if self.aim.kind == "separate" and not self._figures()[1] < _ENOUGH:
             self._show_without_points(to)
-        headers = [a.name for a in self.model.actuators]
+        if self.aim.kind == "see" and not self._figures()[1] < _ENOUGH:
+            to.say("these points do not show it within what is plausible: more of them, or another kind of measurement")
+        names = [a.name for a in self.model.actuators]
+        headers = tuple(f"{a.name} [{a.unit}]" for a in self.model.actuators)
         cells = [
-            tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in headers)
+            tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in names)
             for p in self._points()
         ]
-        to.table("Points to add, set values and side of approach", tuple(headers), cells, left=0)
+        to.table("Points to add: set values; + approached from below, - from above", headers, cells, left=0)
 
     def _show_without_points(self, to: Reporter) -> None:
         """What tells effects apart where no pose does."""

@@ -23,7 +23,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 from pkmcal_cli.workflow.amounts import amount
-from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.arguments import no_input, one_stdin, selection
 from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
 
 _FOLDS = "5"
@@ -92,6 +92,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     _check_holdout(request.holdout)
     if request.output is not None:
         check_target(request.output, force=request.force)
+        no_input(request.output, [request.machine, *request.measurements])
     loaded = load_machine(request.machine)
     selected = selection(loaded.model, request.select)
     start = load_parameters(loaded.model, request.parameters)

@@ -107,6 +107,8 @@ def _gaps(measured: Measurements) -> list[str]:
 def run_diagnosis(request: DiagnosisRequest) -> int:
     """Diagnose and show; returns the exit code. Raises PkmcalError."""
     check_alpha(request.alpha)
+    if request.plots is not None and is_stream(request.plots) and request.quiet:
+        raise UsageError("--plots -: pictures on the terminal, and -q wants none", hint="--plots DIR writes files")
     to = Reporter(request.quiet)
     case = prepare(request.machine, request.measurements, request.select, to)
     found = diagnosed(case, request.alpha, request.seed)

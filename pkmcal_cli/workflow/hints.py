@@ -17,6 +17,7 @@ from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.plausibility import Hint, find_gross_faults, find_limit_faults
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
+_REACH = 20.0  # sizes of the machine: no TCP is as far away
 _ROWS = 2000  # a sample of a long table shows a gross mistake as well
 
 
@@ -24,10 +25,14 @@ def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
     """Readings beyond all measure, with which nothing can be computed."""
     with np.errstate(over="ignore", invalid="ignore"):
         far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)
+        places = np.array([c.quantity == "position" for c in problem.model.channels])
+        reach = _REACH * problem.model.length + np.abs(problem.model.tcp_drawn[:3]).max()
+        far |= problem.measured & places & (np.abs(problem.readings) > reach)
     faults = []
     for row, channel in np.argwhere(far)[:MAX_FAULTS]:
-        found = place(int(row)).fault(f"the reading of `{problem.model.channels[channel].name}` is beyond all measure")
-        faults.append(replace(found, hint="correct the cell, or leave it empty"))
+        name = problem.model.channels[channel].name
+        found = place(int(row)).fault(f"the reading of `{name}` is far outside the machine")
+        faults.append(replace(found, hint="correct the cell or the unit, or leave it empty"))
     return faults
 
 

@@ -14,6 +14,7 @@ from pkmcal_cli.loading import load_measurements
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.workflow.arguments import no_input
 from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, check_alpha, prepare
 from pkmcal_cli.workflow.hints import nothing_measured
@@ -44,6 +45,8 @@ def run_improvement(request: ImproveRequest) -> int:
     to = Reporter(request.quiet)
     fewest = FEWEST_TO_SPLIT if request.validation is None else FEWEST_ROWS
     case = prepare(request.machine, request.measurements, request.select, to, fewest)
+    for target in targets or ():
+        no_input(target, [*(name for name, _ in case.loaded.machine.files), *case.measured.files])
     validation = None if request.validation is None else _validation(case, request.validation)
     try:
         found = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)
@@ -61,6 +64,8 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
     """Files to write: the machine and, beside it, its parameters. Raises UsageError or OutputError."""
     if request.output is None:
         return None
+    if is_stream(request.machine):
+        raise UsageError("-o: what is written extends the machine's file, and stdin is none", hint="give a file")
     if is_stream(request.output):
         raise UsageError("improve: the machine and its parameters go to two files", hint="-o M-improved.yaml")
     stem = os.path.splitext(request.output)[0]
@@ -72,7 +77,10 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
 
 def _validation(case: Case, file: str) -> Problem:
     """The rows of a validation file, of the candidates' model."""
-    problem = problem_of(case.candidates.model, load_measurements(case.loaded, [file]))
+    measured = load_measurements(case.loaded, [file])
+    if set(measured.sha256) & set(case.measured.sha256):
+        raise UsageError("--validation: these rows are those that are fitted", hint="give rows that were kept apart")
+    problem = problem_of(case.candidates.model, measured)
     if not problem.count:
         raise BadInput([nothing_measured(case.loaded, problem)])
     return problem

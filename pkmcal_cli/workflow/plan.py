@@ -21,7 +21,7 @@ from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.plan import PlanReport
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.arguments import no_input, one_stdin, selection
 from pkmcal_cli.workflow.schedule import write_schedule
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
@@ -57,6 +57,7 @@ def run_plan(request: PlanRequest) -> int:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     if request.output is not None:
         check_target(request.output, force=request.force)
+        no_input(request.output, [n for n in (request.machine, request.poses, request.parameters) if n is not None])
     one_stdin(request.machine, request.poses, request.parameters)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine, receptive=True)
@@ -90,7 +91,7 @@ def _nulls(found: Candidates, model: Model) -> Array:
 def _aim(request: PlanRequest, found: Candidates, model: Model, selected: tuple[str, ...]) -> Aim:
     """What further points are for. Raises UsageError."""
     if request.determine is not None:
-        names = selection(model, request.determine)
+        names = selection(model, request.determine, "--determine")
         lost = [n for n in names if n not in selected]
         if lost:
             raise UsageError(f"--determine: `{lost[0]}` is not selected", hint=f"--select auto,{lost[0]}")

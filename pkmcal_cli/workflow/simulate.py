@@ -22,7 +22,7 @@ from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.csv_write import TableWriter, open_writer
 from pkmcal_cli.words import count
-from pkmcal_cli.workflow.arguments import one_stdin
+from pkmcal_cli.workflow.arguments import no_input, one_stdin
 from pkmcal_cli.workflow.noise import Noise
 from pkmcal_cli.workflow.table import SimulatedTable
 
@@ -94,7 +94,7 @@ def run_simulation(request: SimulationRequest) -> int:
         dict(loaded.machine.files) | start.inputs | source.inputs,
         seed=request.seed, noise=request.noise, method=request.method,
     )  # fmt: skip
-    table = SimulatedTable(loaded.machine, loaded.model, source.forces, request.forces)
+    table = SimulatedTable(loaded.machine, loaded.model, source.forces, request.forces, source.covariates)
     tally = _Tally()
     comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
     with open_writer(target, table.columns, comments=comments, force=request.force) as writer, to.progress() as tick:
@@ -120,6 +120,7 @@ def _checked(request: SimulationRequest) -> str:
         raise UsageError("--json and the table both go to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
     check_target(target, force=request.force)
+    no_input(target, [n for n in (request.machine, request.poses, request.parameters) if n is not None])
     return target
 
 
@@ -144,8 +145,7 @@ def _simulate_block(
     tally.add(readings)
     ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
     tally.seen += len(block)
-    positions, forces = block.rows.readings[rows], block.rows.forces[rows]
-    writer.write(table.cells(ids, positions, forces, readings, _only(found, good)))
+    writer.write(table.cells(ids, block.rows.take(rows), readings, _only(found, good)))
 
 
 def _only(found: Prediction, rows: Array) -> Prediction:

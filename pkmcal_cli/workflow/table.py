@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import UnitError, parse_unit
 from pkmcal_cli.model import Model
-from pkmcal_cli.prediction import Prediction
+from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.tables.columns import columns_of
+from pkmcal_cli.tables.columns import columns_of, temperature_column
 from pkmcal_cli.tables.csv_sniff import split_header
 from pkmcal_cli.tables.csv_write import Values
 
+_SESSION = "session."
 ENERGY = "strain_energy_J"
 
 
@@ -20,14 +23,20 @@ class SimulatedTable:
     """Columns of a machine's simulated readings.
 
     `given`: forces of force-controlled drives come from the poses' table; `asked`: forces of all drives and the
-    energy are wanted.
+    energy are wanted; `covariates`: time, temperatures, directions ... that the poses' table has, and sessions.
     """
 
-    def __init__(self, machine: Machine, model: Model, given: bool, asked: bool) -> None:
-        self.asked = asked
+    def __init__(self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str]) -> None:
+        self.asked, self.covariates = asked, [n for n in covariates if n != "session"]
+        self.sessions = "session" in covariates
         self.drives = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled]
         known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
+        self.columns += [("session", None)] if self.sessions else []
+        for name in self.covariates:
+            column = known.get((name, "covariate")) or temperature_column(name, machine)
+            assert column is not None
+            self._add(column.header, column.unit)
         for a in self.drives:
             self._add(known[model.actuators[a].name, "actuator"].header, model.actuators[a].unit)
         for channel in model.channels:
@@ -51,10 +60,17 @@ class SimulatedTable:
         self.columns.append((cell.name, cell.unit) if named else (header, unit))
 
     def cells(
-        self, ids: list[str], positions: Array, forces: Array, readings: Array, found: Prediction
+        self, ids: list[str], rows: Rows, readings: Array, found: Prediction
     ) -> list[Values]:
-        """Columns of solved rows: drive positions (N, A), given forces (N, A), readings (N, C)."""
-        cells: list[Values] = [ids, *(positions[:, a] for a in self.drives), *readings.T]
+        """Columns of solved rows and their readings (N, C)."""
+        forces = rows.forces
+        cells: list[Values] = [ids]
+        if self.sessions:
+            names = [n for n in rows.columns if n.startswith(_SESSION)]
+            flags = np.stack([rows.columns[n] for n in names], axis=1)
+            cells.append([names[k].removeprefix(_SESSION) for k in flags.argmax(axis=1)])
+        cells += [rows.columns[n] for n in self.covariates]
+        cells += [*(rows.readings[:, a] for a in self.drives), *readings.T]
         if self.asked:
             assert found.forces is not None and found.energy is not None
             forces = found.forces
