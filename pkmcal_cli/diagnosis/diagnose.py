@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem
-from pkmcal_cli.diagnosis.findings import Finding, Invisible, finding_of, invisible
+from pkmcal_cli.diagnosis.findings import Detectable, Finding, finding_of, sizes_seen
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates
 from pkmcal_cli.diagnosis.linear import Scale
 from pkmcal_cli.diagnosis.local import local_effects
@@ -38,13 +38,18 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     unknown: tuple[Unknown, ...]
     noise: tuple[RangeNoise, ...]  # sensors whose noise grows with distance
-    invisible: tuple[Invisible, ...]
+    detectable: tuple[Detectable, ...]  # every hypothesis that is not accepted
     not_testable: tuple[tuple[str, str], ...]
     scale: Scale
     correlation: float  # of successive rows' noise; 0 where they are independent
     same: dict[str, str]  # effects that are another name for a parameter, and its name
     p_global: float
     seed: int
+
+    @property
+    def invisible(self) -> tuple[Detectable, ...]:
+        """Hypotheses that these data cannot show."""
+        return tuple(d for d in self.detectable if not d.tested)
 
     @property
     def bad_rows(self) -> tuple[int, ...]:
@@ -66,7 +71,6 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     last, unknown = _left(now, problem, parts)
     findings = tuple(finding_of(now, h, last, bool(unknown), seed) for h in now.accepted)
     findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
-    hidden = invisible(first, now)
     p = float(Scale().p_value(np.array([first.linear.chi2]), np.array([first.linear.dof]))[0])
     noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / 10)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
@@ -78,7 +82,7 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
         findings,
         unknown,
         noise,
-        hidden,
+        sizes_seen(first, now),
         found.not_testable,
         last.scale,
         memory,

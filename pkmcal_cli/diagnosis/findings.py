@@ -42,14 +42,16 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Invisible:
-    """A hypothesis that these data cannot show: minimal detectable and plausible size, SI; what absorbs it."""
+class Detectable:
+    """What these data show of a hypothesis: minimal detectable and plausible size, SI; what absorbs it; whether it was
+    tested, having a direction that can be seen within its plausible range."""
 
     hypothesis: Hypothesis
     parameter: str
     mdb: float
     plausible: float
     absorbed_by: tuple[str, ...]
+    tested: bool
 
 
 def finding_of(now: Search, hypothesis: Hypothesis, last: Scored, doubt: bool, seed: int) -> Finding:
@@ -108,18 +110,17 @@ def _by_shape(now: Search, hypothesis: Hypothesis, last: Scored) -> Array:
     return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
 
 
-def invisible(scored: Scored, now: Search) -> tuple[Invisible, ...]:
-    """Hypotheses without a direction that could be seen within its plausible range."""
+def sizes_seen(scored: Scored, now: Search) -> tuple[Detectable, ...]:
+    """Minimal detectable sizes of all hypotheses that are not accepted."""
     out = []
     for h, s in zip(scored.hypotheses, scored.scores, strict=True):
-        if s.count or h in now.accepted:
+        if h in now.accepted:
             continue
         scale = scored.linear.scale_of(h.parameters)
-        lengths = (scored.linear.of(h.parameters) ** 2).sum(axis=0)
         k = s.leading
-        by = absorbing(scored.linear, h, k) if s.kept < _KEPT and lengths[k] > 0 else ()
+        by = absorbing(scored.linear, h, k) if s.kept < _KEPT and s.length2[k] > 0 else ()
         size = s.mdb * float(scale[k]) * float(np.sqrt(scored.scale.variance))
-        out.append(Invisible(h, h.parameters[k], size, 2 * float(scale[k]), by))
+        out.append(Detectable(h, h.parameters[k], size, 2 * float(scale[k]), by, s.count > 0))
     return tuple(out)
 
 

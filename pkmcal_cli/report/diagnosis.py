@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.calibration.errors_before_after import error_figures
-from pkmcal_cli.diagnosis.findings import Finding
+from pkmcal_cli.diagnosis.findings import Detectable, Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.plan import ALIKE
@@ -60,6 +60,8 @@ class DiagnosisReport(DiagnosisValues):
         for unknown in self.found.unknown:
             to.say()
             to.say(self._unknown_sentence(unknown))
+        if self.found.verdict == "clean":
+            self._show_seen(to)
         self._show_unseen(to)
 
     def verdict_line(self) -> str:
@@ -205,6 +207,17 @@ class DiagnosisReport(DiagnosisValues):
         return (
             f"Largest near {place}: {size}; a smooth map explains {share:.0f} % of its variance where left out."
         )
+
+    def _show_seen(self, to: Reporter) -> None:
+        """How large effects would have been found, where nothing was: the worst place of every kind."""
+        worst: dict[str, Detectable] = {}
+        for seen in self.found.detectable:
+            kind = seen.hypothesis.effect
+            if seen.tested and kind != RELEASE and (kind not in worst or seen.mdb > worst[kind].mdb):
+                worst[kind] = seen
+        if worst:
+            texts = [f"{d.hypothesis.name} {handy(d.mdb, self.unit(d.parameter))}" for d in worst.values()]
+            to.say(f"smallest detectable, the worst place of each kind: {listed(texts, len(texts))}")
 
     def _show_unseen(self, to: Reporter) -> None:
         """What these data could not have shown."""

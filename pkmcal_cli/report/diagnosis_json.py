@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.findings import Finding, Invisible
+from pkmcal_cli.diagnosis.findings import Detectable, Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE
 from pkmcal_cli.diagnosis.unknown import Unknown
@@ -43,6 +43,7 @@ class DiagnosisJson(DiagnosisValues):
             "outliers": [self._row_json(row) for row in found.bad_rows],
             "unknown": [self._unknown_json(u) for u in found.unknown],
             "not_testable": [{"effect": name, "needs": needs} for name, needs in found.not_testable],
+            "detectable": [self._detectable_json(d) for d in found.detectable if d.tested],
             "invisible": [self._invisible_json(i) for i in found.invisible],
             "same_as": [
                 {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")} for name, other in found.same.items()
@@ -105,7 +106,17 @@ class DiagnosisJson(DiagnosisValues):
         size = finite(float(np.linalg.norm(field.vectors[field.largest])) / unit.scale)
         return at | {"size": size, "unit": unit.text, "explained": finite(field.explained)}
 
-    def _invisible_json(self, hidden: Invisible) -> dict[str, Any]:
+    def _detectable_json(self, seen: Detectable) -> dict[str, Any]:
+        unit = self.unit(seen.parameter)
+        return {
+            "effect": seen.hypothesis.effect,
+            "at": seen.hypothesis.at,
+            "parameter": seen.parameter,
+            "mdb": finite(seen.mdb / unit.scale),
+            "unit": unit.text,
+        }
+
+    def _invisible_json(self, hidden: Detectable) -> dict[str, Any]:
         unit = self.unit(hidden.parameter)
         return {
             "effect": hidden.hypothesis.effect,

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
-from pkmcal_cli.diagnosis.findings import Invisible
+from pkmcal_cli.diagnosis.findings import Detectable
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
@@ -49,7 +49,7 @@ class DiagnosisValues:
         sigma = problem.sigma[:, some][problem.measured[:, some]]
         return float(np.sqrt((sigma**2).mean())) if len(sigma) else float("nan")
 
-    def rows_needed(self, hidden: Invisible) -> int | None:
+    def rows_needed(self, hidden: Detectable) -> int | None:
         """How many rows like those of the table would show an effect within its plausible range; None: no number."""
         ratio = hidden.mdb / hidden.plausible
         if hidden.absorbed_by or not ratio < _MOST_ROWS**0.5:
