@@ -110,7 +110,7 @@ def test_the_overlay_says_where_it_holds(shop: Improved) -> None:
         "backlash@q3:",
         "std: ",
         "log evidence",
-        "valid from 15.4 to 24.3 degC",
+        "T 15.4 to 24.3 degC",
     ):
         assert part in text
 
@@ -122,7 +122,7 @@ def test_shop_floor_ends_at_the_noise(shop: Improved) -> None:
     assert [o["id"] for o in result["outliers"]] == ["p37"]
     assert result["chi2_before"] > 50 and 0.8 < result["chi2_after"] < 1.3
     assert result["after"]["position"]["rms"] < 0.8e-3 < 7e-3 < result["before"]["position"]["rms"]
-    assert "position rms falls by 7." in shop.done.err and " um, 95 % interval " in shop.done.err
+    assert "position rms falls by 8." in shop.done.err and " um, 95 % interval " in shop.done.err
     assert "added: backlash@q3.b 12.2" in shop.done.err
 
 

@@ -9,12 +9,13 @@ import numpy as np
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
-from pkmcal_cli.diagnosis.refine import Rival, credible_set
+from pkmcal_cli.diagnosis.refine import Rival, credible_set, settled_evidence
 from pkmcal_cli.diagnosis.residue import own_residues, own_shape
-from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without, shape_gains
+from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without
 from pkmcal_cli.diagnosis.stability import STABLE, stability
 from pkmcal_cli.rotation import Array
 
+_LINEAR = 0.2  # by which the fall of chi-square may differ from the score
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
 
 
@@ -30,7 +31,7 @@ class Finding:
     share: float  # of the residual's excess over noise that it explains
     rivals: tuple[Rival, ...]
     held_out: HeldOutGain
-    stable: float  # share of resamples of the rows that name it, or one of its set
+    stable: float  # share of resamples of the rows that name it, or one of its set; nan where it is not linear
     nonlinear: float  # likelihood ratio over score statistic; 1 where it acts in proportion to its size
     beyond: bool  # larger than twice what is plausible
     provisional: bool
@@ -69,10 +70,12 @@ def finding_of(now: Search, hypothesis: Hypothesis, last: Scored, doubt: bool, s
     fall = _likelihood_ratio(now, hypothesis)
     share = min(fall / every, 1.0) if every > 0 and np.isfinite(fall) else float("nan")
     without = score_without(now, [hypothesis], (hypothesis, *now.open))
-    shape = shape_gains(now, without)
-    rivals = credible_set(now, hypothesis, without, shape)
+    evidence = settled_evidence(now, hypothesis, without)
+    rivals = credible_set(without, evidence)
     alike = [r.hypothesis for r in rivals]
-    stable = stability(without, shape, now.problem, hypothesis, alike, seed)
+    ratio = fall / max(without.scores[0].statistic, 1e-9)
+    linear = abs(ratio - 1.0) < _LINEAR  # else resampled scores say nothing of refits
+    stable = stability(without, evidence, now.problem, hypothesis, alike, seed) if linear else float("nan")
     return Finding(
         hypothesis,
         estimate,
@@ -83,7 +86,7 @@ def finding_of(now: Search, hypothesis: Hypothesis, last: Scored, doubt: bool, s
         rivals,
         gain,
         stable,
-        fall / max(without.scores[0].statistic, 1e-9),
+        ratio,
         beyond,
         doubt or beyond or not gain.confirmed or stable < STABLE,
     )

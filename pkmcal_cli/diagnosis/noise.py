@@ -32,6 +32,8 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     repeated = _pure_error(linear, problem, groups)
     if repeated is not None:
         return repeated
+    if linear.dof > 0 and linear.chi2 < float(chdtri(linear.dof, 1 - _SURELY)):  # whatever effects may be in it
+        return Scale(linear.chi2 / linear.dof, float(linear.dof))
     shapes = np.hstack([*_none(linear), *map(linear.whitened, groups.values())])
     free = linear.projecting(linear.projected, extra=shapes)
     kept = free.freedom > _FREE  # else the shapes follow the value
@@ -49,9 +51,8 @@ def _none(linear: Linear) -> list[Array]:
 
 
 def _doubted(variance: float, dof: int) -> Scale:
-    """The stated noise, unless an estimate makes it improbable; that it is too large must be certain."""
-    most, least = (float(chdtri(dof, share)) / dof for share in (_DOUBT, 1 - _SURELY))
-    return Scale() if least < variance < most else Scale(variance, float(dof))
+    """The stated noise, unless an estimate makes it improbable."""
+    return Scale(variance, float(dof)) if variance > float(chdtri(dof, _DOUBT)) / dof else Scale()
 
 
 def _pure_error(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -> Scale | None:

@@ -16,7 +16,7 @@ from pkmcal_cli.rotation import Array
 RIVALS = 4
 ALL = "all"
 CREDIBLE = 0.95
-WEAK = 10.0  # log evidence below which an effect must be confirmed by rows held out
+WEAK = 15.0  # log evidence below which an effect must be confirmed by rows held out
 _BETTER = 0.5  # log evidence by which another set must be better
 
 
@@ -132,24 +132,27 @@ def confirmed_only(now: Search) -> Search:
         now = replace(rest, fit=fit)
 
 
-def credible_set(now: Search, hypothesis: Hypothesis, found: Scored, shape: Array) -> tuple[Rival, ...]:
-    """The smallest set of hypotheses that holds 95 % of the evidence in place of an accepted one, best first.
+def settled_evidence(now: Search, hypothesis: Hypothesis, found: Scored) -> Array:
+    """Log evidence (H,) of an accepted effect (first) and all open ones in its place; `found`: scored without it.
 
-    `found`: the accepted effect (first) and all open ones, scored without it; `shape` (H,): what they gain by shapes of
-    their own.
+    With what they gain by shapes of their own; where scores and fits disagree, fits decide.
     """
-    every = found.hypotheses
-    evidence = found.log_bayes + shape
+    evidence = found.log_bayes + shape_gains(now, found)
     order = np.argsort(-evidence, kind="stable")
-    if order[0] != 0:  # scores and fits disagree: the fits decide
+    if order[0] != 0:
         better = [int(k) for k in order[:RIVALS] if k != 0]
         evidence[better] = [_fitted_evidence(now, hypothesis, found, evidence, k) for k in better]
-        order = np.argsort(-evidence, kind="stable")
+    return evidence
+
+
+def credible_set(found: Scored, evidence: Array) -> tuple[Rival, ...]:
+    """The smallest set of hypotheses that holds 95 % of the evidence (H,) in place of an accepted one, best first."""
+    order = np.argsort(-evidence, kind="stable")
     weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
     chosen = order[:last]
     cosines = _cosines(found.linear, found, 0, [int(k) for k in chosen])
-    return tuple(Rival(every[k], float(weight[k]), c) for k, c in zip(chosen, cosines, strict=True))
+    return tuple(Rival(found.hypotheses[k], float(weight[k]), c) for k, c in zip(chosen, cosines, strict=True))
 
 
 def _fitted_evidence(now: Search, hypothesis: Hypothesis, found: Scored, evidence: Array, k: int) -> float:

@@ -67,6 +67,7 @@ def _own_shapes(effect: Effect) -> list[Shape]:
     return _shapes(effect) if shape else _shapes(effect)[:_BENT]
 
 
+_OTHER = 0.3  # share of a shape that must be left once the effect's own columns are projected out, or it is the effect
 _SHARES = (0.1, 0.2, 0.3)  # rms of what an effect has beyond its named shape, over the effect's own
 
 
@@ -88,6 +89,10 @@ def own_shape(linear: Linear, scale: Scale, columns: Array, residues: Array) -> 
     sizes = np.linalg.pinv(columns.T @ free, rcond=1e-9, hermitian=True)
     explained = columns @ (sizes @ (columns.T @ linear.rest))
     after = linear.projecting(linear.projected, extra=_with(linear.extra, columns))
+    left = (residues * after.free(residues)).sum(axis=0)
+    residues = residues[:, left > _OTHER * (residues * linear.free(residues)).sum(axis=0)]
+    if not residues.shape[1]:
+        return OwnShape(0.0, np.zeros((columns.shape[1], columns.shape[1])))
     values, vectors = np.linalg.eigh(residues.T @ after.free(residues))
     values = np.maximum(values, 0.0) / scale.variance
     gradient = vectors.T @ (residues.T @ after.rest) / scale.variance

@@ -21,6 +21,7 @@ from pkmcal_cli.rotation import Array
 
 MOST_EFFECTS = 5
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
+_FAR_OUT = 0.01  # factor on p values of rows where more than noise is left, of which nobody knows the tails
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
@@ -227,7 +228,8 @@ def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
     """Rows to take out now: significant ones, of the size of the worst; none beyond the largest share."""
     room = max(int(MOST * len(now.problem)), 1) - len(now.bad_rows)
     p = scored.rows.p_value
-    chosen = np.nonzero(p < alpha.rows / len(p))[0]
+    sure = _FAR_OUT if scored.scale.doubted else 1.0
+    chosen = np.nonzero(p < sure * alpha.rows / len(p))[0]
     if not len(chosen) or room <= 0:
         return np.zeros(0, dtype=np.intp)
     size = scored.rows.statistic[chosen]

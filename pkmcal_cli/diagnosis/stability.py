@@ -25,14 +25,14 @@ _EVERY = 1_000_000
 
 
 def stability(
-    found: Scored, shape: Array, problem: Problem, hypothesis: Hypothesis, alike: Sequence[Hypothesis], seed: int
+    found: Scored, evidence: Array, problem: Problem, hypothesis: Hypothesis, alike: Sequence[Hypothesis], seed: int
 ) -> float:
     """Share of resamples in which the effect, or one of those not told from it (`alike`), has most evidence.
 
-    `found`: hypotheses scored without the effect; `shape` (H,): evidence for shapes of their own. Blocks are stretches
-    of time for what depends on time, else cells of the workspace.
+    `found`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows, by shapes of their own and by
+    fits. Blocks are stretches of time for what depends on time, else cells of the workspace.
     """
-    best = np.argsort(-found.log_bayes - shape, kind="stable")[:_RIVALS]
+    best = np.argsort(-evidence, kind="stable")[:_RIVALS]
     chosen = [int(k) for k in best if found.scores[k].count]
     grams, counts = _grams(found, problem, hypothesis, chosen)
     prior = np.diag(found.linear.fixed[1] + 1e-9)
@@ -40,7 +40,7 @@ def stability(
     right = np.array([found.hypotheses[k].name in names for k in chosen])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
-    weights, more = drawn.astype(float), shape[chosen]
+    weights, more = drawn.astype(float), evidence[chosen] - found.log_bayes[chosen]
     hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, found) + more)] for w in weights]
     return float(np.mean(hits)) if right.any() else 0.0
 

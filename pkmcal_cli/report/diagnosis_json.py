@@ -69,7 +69,7 @@ class DiagnosisJson(DiagnosisValues):
             "heldout_rms_without": finite(finding.held_out.without / unit.scale),
             "unit": unit.text,
             "confirmed": finding.held_out.confirmed,
-            "stable": finding.stable,
+            "stable": finite(finding.stable),
             "likelihood_ratio_over_score": finite(finding.nonlinear),
             "provisional": finding.provisional,
         }
