@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.command import (
@@ -20,6 +22,7 @@ from tests.command import (
     TRIGLIDE_DATA,
     run,
 )
+from tests.truth.campaigns import campaign, unit
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
@@ -58,6 +61,18 @@ def covers(path: str, known: set[str]) -> bool:
     return path in known or any(k.startswith((f"{path}.", f"{path}[")) for k in known)
 
 
+def odd_field(folder: Path) -> list[str]:
+    """A machine and a table with something smooth that is in no catalogue, and noise that grows with distance."""
+    measured = campaign("delta4", [unit("delta4", "smooth_field", "tracker", 3).scaled(4)], 3)
+    distance = np.sqrt((measured.true_readings**2).sum(axis=1, keepdims=True))
+    noise = 3 * measured.sigma * (distance / np.median(distance)) ** 4
+    rng = np.random.default_rng(1)
+    (folder / "field.csv").write_text(
+        replace(measured, readings=measured.true_readings + noise * rng.normal(size=noise.shape)).csv_text()
+    )
+    return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "field.csv"]
+
+
 def commands(folder: Path) -> dict[str, list[list[str]]]:
     """Runs that together show every key."""
     (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
@@ -81,7 +96,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         ],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
-            [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")],
+            [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
         ],
         "effects": [[], [TRIGLIDE]],
         "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR]],

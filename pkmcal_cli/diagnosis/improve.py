@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.residual import Problem, evaluate, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells, shown_channels
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.findings import Finding
-from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.prediction import frozen
 from pkmcal_cli.rotation import Array
 
@@ -129,12 +129,15 @@ def improve(
 
 
 def _majority(whole: Diagnosis, turns: Sequence[_Rotation]) -> list[Hypothesis]:
-    """Effects to try: those that all rows name, and those that most rotations name though all rows do not."""
+    """Effects to try: those that all rows name, and those that most rotations name though all rows do not.
+
+    Parameters of the machine file first: what they explain needs no effect.
+    """
     named = list(whole.search.accepted)
     for hypothesis in (f.hypothesis for t in turns for f in t.found.findings):
         if hypothesis not in named and 2 * sum(t.chose(hypothesis) for t in turns) > len(turns):
             named += [hypothesis] if not any(_alike(hypothesis, f) for f in whole.findings) else []
-    return named
+    return sorted(named, key=lambda h: h.effect != RELEASE)
 
 
 def _alike(hypothesis: Hypothesis, finding: Finding) -> bool:
