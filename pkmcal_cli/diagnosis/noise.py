@@ -17,6 +17,7 @@ from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
 from pkmcal_cli.rotation import Array
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
+_MOSTLY = 0.5  # of chi-square that one row must explain to be left out of the noise
 _FEWEST = 20  # values that must be free once shapes are projected out
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
 _DOUBT = 0.2  # the stated sigma is kept unless so improbable: an estimate costs little, a sigma too small false alarms
@@ -39,11 +40,21 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     kept = free.freedom > _FREE  # else the shapes follow the value
     dof = free.dof
     if dof < _FEWEST or kept.sum() < _FEWEST:  # few rows: what declared parameters leave, effects included
-        dof = linear.dof
-        return _doubted(linear.chi2 / dof, dof) if dof > 0 else Scale()
+        return _of_few(linear, problem)
     squares = np.sort(free.rest[kept] ** 2 / free.freedom[kept])
     inner = squares[: int((1 - _TRIM) * len(squares))]
     return _doubted(float(inner.sum()) / len(squares) / _trimmed_share(), dof)
+
+
+def _of_few(linear: Linear, problem: Problem) -> Scale:
+    """Noise by all that declared parameters leave, but for a single row that is most of it."""
+    rows, channels = problem.readings.shape
+    worst = int(np.argmax((linear.rest.reshape(rows, channels) ** 2).sum(axis=1)))
+    alone = np.zeros((rows, channels, channels))
+    alone[worst] = np.eye(channels)
+    without = linear.projecting(linear.projected, extra=alone.reshape(-1, channels))
+    kept = without if without.chi2 < _MOSTLY * linear.chi2 and without.dof > 0 else linear
+    return _doubted(kept.chi2 / kept.dof, kept.dof) if kept.dof > 0 else Scale()
 
 
 def _none(linear: Linear) -> list[Array]:
