@@ -146,7 +146,7 @@ class DiagnosisReport(DiagnosisValues):
         """Cause, effect and action; the alternatives where there are some."""
         h, size = finding.hypothesis, self._size(finding)
         before, after = self.length(finding.held_out.without), self.length(finding.held_out.with_it)
-        gain = f"Explains {100 * finding.share:.0f} % of what is left above noise;"
+        gain = f"Without it alone {100 * finding.share:.0f} % of what is explained comes back;"
         gain += f" held-out rms {before} without, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
             text = f"Parameter {h.at} is held at nominal, but the data ask for {size}. {gain}"

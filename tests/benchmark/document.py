@@ -9,6 +9,7 @@ from typing import Any
 from tests.benchmark.cases import LEVELS, TESTS
 from tests.benchmark.counts import Share, median, of_test, table
 from tests.benchmark.judge import RULES, Result
+from tests.benchmark.reasons import REASONS, aliases
 from tests.benchmark.summary import clear, reported, rows_of
 
 HEAD = """# Diagnosis: what it finds, and what it misses
@@ -33,6 +34,7 @@ def document(results: Sequence[Result], note: str = "") -> str:
         run_of(results, note),
         "## Results\n\n95 % intervals (Wilson) in brackets.\n",
         table(("test", "measure", "reached", "to reach", "met"), (r.cells for r in rows_of(results))),
+        "## What falls short, and why\n" + REASONS,
         "## Rules\n" + RULES,
         "## Outcomes by machine\n",
         outcomes(results),
@@ -40,6 +42,8 @@ def document(results: Sequence[Result], note: str = "") -> str:
         power(results),
         "## Effects that are in no catalogue\n",
         outside(results),
+        "## Alias pairs\n",
+        aliases(results),
         "## What was named\n\nTest `single`, by keyword; rows: planted, cells: first finding.\n",
         confusion(results),
         "## Sizes off by more than three standard deviations\n",

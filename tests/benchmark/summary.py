@@ -14,6 +14,9 @@ from tests.benchmark.judge import Result
 
 FAMILIES = ("two", "three")
 
+EXACT = 0.999
+"""Cosine above which two effects do the same for every practical purpose."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -213,11 +216,13 @@ def _alias(results: Sequence[Result]) -> list[Row]:
     rest = [r for r in asked if r.predicted < ENOUGH]
     points = f" ({int(np.median([r.points for r in told]))} points in the middle)" if told else ""
     enough = f"further points that `plan` calls enough{points}: solved"
+    exact = Share.of(rest, lambda r: r.planted[0]["cosine"] > EXACT)
     return [
         at_most("alias pairs", "a lone wrong name", lone, 0.0),
         Row("", "truth in the set of a finding", str(Share.of(every, _held)), "", None),
         at_least("", enough, Share.of(told, lambda r: r.solved), 0.95),
         Row("", "`plan` says that no 384 points are enough", str(Share(len(rest), len(asked))), "", None),
+        Row("", "of these with a cosine above 0.999", str(exact), "", None),
         Row("", "of these solved with 384 points all the same", str(Share.of(rest, lambda r: r.solved)), "", None),
     ]
 
