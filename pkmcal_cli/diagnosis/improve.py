@@ -75,6 +75,7 @@ class Improvement:
     rms_gain: Interval
     fit: Fit
     problem: Problem
+    alpha: float  # false-alarm rate of the diagnosis
 
     @property
     def confirmed(self) -> bool:
@@ -125,7 +126,7 @@ def improve(
             accepted.append(hypothesis)
     last = _fit_with(clean, accepted, whole)
     gains = _gain(first, turns, seed), _rms_gain(first, turns, seed)
-    return Improvement(whole, len(turns), tuple(steps), tuple(accepted), before, now, *gains, last, clean)
+    return Improvement(whole, len(turns), tuple(steps), tuple(accepted), before, now, *gains, last, clean, alpha)
 
 
 def _majority(whole: Diagnosis, turns: Sequence[_Rotation]) -> list[Hypothesis]:

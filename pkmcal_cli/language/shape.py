@@ -21,7 +21,7 @@ from pkmcal_cli.language.yaml_tree import Path, SourceMap
 _ROUNDS = 8
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TWO = "for example `between: [p, q]`, `limits: [low, high]`"
-_MAP = "write `name: {...}` entries, not a list"
+_MAP = "write `name: {...}`"
 _DECISIVE = ("moves", "drives", "turns", "winds", "unit", "radius", "reads", "nominal")
 """Keys on which the meaning of their siblings hangs."""
 

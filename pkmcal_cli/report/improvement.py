@@ -9,6 +9,7 @@ import numpy as np
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.improve import Errors, Improvement, Step
+from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
@@ -104,6 +105,7 @@ class ImprovementReport:
                 to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
         for depends_on in dict.fromkeys(unknown.depends_on for unknown in found.whole.unknown):
             to.say(f"left as it is: something unknown that depends on {depends_on}; see `pkmcal diagnose`")
+        to.say(f"stopped: {self._stop()}")
         to.say(self._summary())
 
     def _show_steps(self, to: Reporter) -> None:
@@ -145,6 +147,13 @@ class ImprovementReport:
         numbers = (old.rms, new.rms, old.largest, new.largest)
         squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
         return (name, *(readable(x, unit) for x in numbers), *squares)
+
+    def _stop(self) -> str:
+        """Why no further effect was tried."""
+        if len(self.found.whole.search.accepted) >= MOST_EFFECTS:
+            return f"{MOST_EFFECTS} effects; more of them would be a list, not a cause"
+        alpha = f"{100 * self.found.alpha:g} %"
+        return f"no further effect is significant at a false-alarm rate of {alpha} of the whole diagnosis"
 
     def _summary(self) -> str:
         found = self.found
