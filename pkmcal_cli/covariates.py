@@ -46,6 +46,16 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     return Rows(rows.readings, rows.forces, {**named.columns, **columns, **still})
 
 
+def resting(model: Model) -> str:
+    """What is to be said of effects at rest; "" without any."""
+    needs = {need for e in model.effects for need in e.effect.needs} & {*_REST, "direction"}
+    if not needs:
+        return ""
+    values = {"temperature": "20 degC", "time": "time 0", "payload": "none", "spindle": "0 deg", "direction": "none"}
+    told = ", ".join(values[need] for need in sorted(needs))
+    return f"effects that need {', '.join(sorted(needs))} are at rest: {told}"
+
+
 def _sessions(rows: Rows) -> NDArray[np.int64]:
     """Number (N,) of the session of each row."""
     flags = [column for name, column in rows.columns.items() if name.startswith("session.")]

@@ -11,7 +11,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.covariates import at_rest, with_covariates, with_directions
+from pkmcal_cli.covariates import at_rest, resting, with_covariates, with_directions
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
@@ -136,6 +136,8 @@ class PoseSource:
         if (self.path is None) == (self.grid is None):
             raise UsageError("give either a table of poses or --grid", hint='--grid "x=0:950:3,y=160:390:77"')
         self.axes = parse_grid(self.loaded, self.grid) if self.grid is not None else []
+        if self.grid is not None and (note := resting(self.loaded.model)):
+            self.notes = (note,)
 
     def __iter__(self) -> Iterator[Poses]:
         whole = bool(self.loaded.model.effects)  # effects see the whole table

@@ -127,8 +127,20 @@ FAULTS = {
     "backlash: {b: 1 um}": ["`backlash` is no name of an effect"],
     "straight@left.x: {n2: 1 um, over: [5, -5]}": ["the first of two limits must be below the second"],
     "pitch@q1: {c: 1 um}": ["effect `pitch@q1` needs `period`"],
-    "thermal_strut@rod1: {a: 1 um/(m*K)}": ["effect `thermal_strut@rod1` needs the column `T.rod1` or `T`"],
 }
+
+
+def test_columns_that_effects_need(tmp_path: Path) -> None:
+    """A table must have them; on a grid nobody measured anything, and effects are at rest."""
+    file = tmp_path / "m.yaml"
+    file.write_text(f"extends: {SCISSORS}\neffects:\n  thermal_strut@rod1: {{a: 1 um/(m*K)}}\n")
+    table = run("simulate", str(file), SCISSORS.replace(".yaml", ".csv"))
+    assert table.code == 3 and "effect `thermal_strut@rod1` needs the column `T.rod1` or `T`" in table.err
+    grid = ("--grid", "x=-100:100:2,y=-100:100:2")
+    rest, plain = run("simulate", str(file), *grid), run("simulate", SCISSORS, *grid)
+    assert rest.code == 0 and "effects that need temperature are at rest: 20 degC" in rest.err
+    rows = [[line for line in done.out.splitlines() if not line.startswith("#")] for done in (rest, plain)]
+    assert rows[0] == rows[1]
 
 
 @pytest.mark.parametrize("entry", FAULTS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -25,7 +24,7 @@ class Reporter:
     def __init__(self, quiet: bool = False) -> None:
         from rich.console import Console
 
-        wide = None if sys.stderr.isatty() or "COLUMNS" in os.environ else _WIDTH
+        wide = None if sys.stderr.isatty() else _WIDTH
         self.quiet = quiet
         self.console: Console = Console(stderr=True, soft_wrap=True, highlight=False, width=wide)
         setattr(self.console, "on_broken_pipe", _nothing)  # noqa: B010  (rich would end the process)

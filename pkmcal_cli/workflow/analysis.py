@@ -10,7 +10,7 @@ from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.residual import design_problem, evaluate
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.sensitivity import sensitivity
-from pkmcal_cli.covariates import at_rest
+from pkmcal_cli.covariates import at_rest, resting
 from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
@@ -68,6 +68,7 @@ def _prepare(request: AnalysisRequest) -> _Setting:
         to.warn(text)
     if request.poses is None and request.grid is None:
         to.say("note: no poses given: at the drawing only")
+        to.notes([note] if (note := resting(model)) else [])
         rows = at_rest(model, Rows.at(model.drawn_readings[None]))
         poses = Poses(rows, np.ones(1, dtype=bool), lambda _: Place(None, 0, ""))
     else:
