@@ -76,6 +76,7 @@ class Model:
     sensors: tuple[SensorChannels, ...] = ()
     sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()
+    fitted_frames: Mapping[str, bool] = field(default_factory=dict)  # by sensor: whether its pose is unknown
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -103,6 +104,11 @@ class Model:
     def with_options(self, effects: tuple[PlacedEffect, ...]) -> Model:
         """The model with other constants of its effects."""
         return self._with(effects, self.parameters)
+
+    def with_nominal(self, values: Array) -> Model:
+        """The model with other nominal values (P,)."""
+        parameters = tuple(replace(p, nominal=float(v)) for p, v in zip(self.parameters, values, strict=True))
+        return self._with(self.effects, parameters)
 
     def _with(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         made = replace(self, effects=effects, parameters=parameters)

@@ -88,7 +88,7 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     """
     model = problem.model
     drives = [a for a, drive in enumerate(model.layout.drives) if _sets_length(model, drive)]
-    poses, rows = measured_poses(problem)
+    poses, rows = measured_poses(problem, values)
     out = np.full((len(problem), len(drives)), np.nan)
     if not drives or not len(rows):
         return out

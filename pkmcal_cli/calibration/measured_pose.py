@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.calibration.residual import Problem
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import in_machine_frame
 from pkmcal_cli.rotation import Array
 
 
@@ -27,9 +28,13 @@ def known_poses(model: Model, poses: Array) -> NDArray[np.intp]:
     return np.nonzero(~np.isnan(poses[:, needed]).any(axis=1))[0]
 
 
-def measured_poses(problem: Problem) -> tuple[Array, NDArray[np.intp]]:
-    """Poses (n, 6) of the rows whose independent coordinates were all measured by the first sensor, and these rows."""
-    poses = poses_of(problem.model, np.where(problem.measured, problem.readings, np.nan))
+def measured_poses(problem: Problem, values: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Poses (n, 6) of the rows whose independent coordinates were all measured by the first sensor, and these rows.
+
+    In the machine's frame, as instruments stand at parameter values (P,).
+    """
+    seen = np.where(problem.measured, problem.readings, np.nan)
+    poses = poses_of(problem.model, in_machine_frame(problem.model, values, problem.rows, seen))
     rows = known_poses(problem.model, poses)
     return poses[rows], rows
 
@@ -47,7 +52,7 @@ def errors_at_poses(problem: Problem, values: Array, readings: Array) -> Array:
     """
     out = np.full(problem.rows.readings.shape, np.nan)
     loose = loose_drives(problem)
-    poses = poses_of(problem.model, readings)
+    poses = poses_of(problem.model, in_machine_frame(problem.model, values, problem.rows, readings))
     rows = known_poses(problem.model, poses) if loose.any() else np.zeros(0, dtype=np.intp)
     if len(rows):
         out[rows] = drive_positions(problem.model, poses[rows], values).readings - problem.rows.readings[rows]

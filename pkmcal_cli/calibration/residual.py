@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.covariates import with_covariates, with_directions
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.model import Model, tcp_model
@@ -78,6 +79,7 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
     rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
     known = ~np.isnan(readings) & ~np.isnan(sigma)
+    model = with_frames(model, rows, np.where(known, readings, np.nan))
     return Problem(model, rows, readings, sigma, np.nan_to_num(drive_sigma), known)
 
 

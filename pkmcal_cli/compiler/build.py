@@ -47,7 +47,7 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
 
     `receptive`: effects can enter (they have slots of their own); so it is where the machine declares effects.
     """
-    receptive = receptive or bool(machine.effects)
+    receptive = receptive or bool(machine.effects) or any(s.frame == "fitted" for s in machine.sensors.values())
     first = _draft(machine, Drawing(), receptive)
     length = first.length
     state, gaps = asm.assemble(first.layout, length)
@@ -65,7 +65,8 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     model = _model(machine, layout, drives, sensors, length)
     if receptive:
         model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
-        model = model.with_effects(*declared_effects(machine, model.sockets))
+        model = replace(model, fitted_frames={name: s.frame == "fitted" for name, s in machine.sensors.items()})
+        model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
     return Compiled(model, found, tuple(gaps))
 
 

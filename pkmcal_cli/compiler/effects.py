@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
 
 from pkmcal_cli.effects import Effect, catalogue
 from pkmcal_cli.errors import BadInput, did_you_mean
@@ -12,11 +14,16 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model, ModelParameter
 from pkmcal_cli.sockets import PlacedEffect, Socket, Sockets, places
 
+_FRAME: Final = "frame"
+_AWAY = 20.0  # sizes of the machine: how far away an instrument may stand
 Placed = tuple[tuple[PlacedEffect, ...], tuple[ModelParameter, ...]]
 
 
-def declared_effects(machine: Machine, sockets: Sockets) -> Placed:
-    """The effects of a machine file. Raises BadInput with every place that is none."""
+def declared_effects(machine: Machine, sockets: Sockets, length: float) -> Placed:
+    """The effects of a machine file, and poses of frames that are fitted. Raises BadInput with places that are none.
+
+    `length`: size of the machine, m; the frame of an instrument may stand some sizes away.
+    """
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []
     faults = []
@@ -35,7 +42,21 @@ def declared_effects(machine: Machine, sockets: Sockets) -> Placed:
         parameters += mine
     if faults:
         raise BadInput(faults)
+    for name, sensor in machine.sensors.items():
+        if sensor.frame == "fitted" and f"{_FRAME}@{name}" not in machine.effects:
+            placed, mine = _fitted_frame(name, sockets[_FRAME][name], machine.space == "planar", length)
+            effects.append(placed)
+            parameters += mine
     return tuple(effects), tuple(parameters)
+
+
+def _fitted_frame(
+    name: str, sockets: tuple[Socket, ...], planar: bool, length: float
+) -> tuple[PlacedEffect, tuple[ModelParameter, ...]]:
+    """The pose of an instrument that may stand anywhere."""
+    placed, parameters = placed_effect(catalogue()[_FRAME], name, sockets, planar)
+    away = {"length": (_AWAY * length, "mm"), "angle": (math.pi, "deg")}
+    return placed, tuple(replace(p, range=away[p.dimension][0], unit=away[p.dimension][1]) for p in parameters)
 
 
 def placed_effect(

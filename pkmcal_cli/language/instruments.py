@@ -154,4 +154,6 @@ class Sensor(Entity):
     offset: Point = Field(default=(), description="Tool offset in the body's axes; default 0")
     reads: Reads = Field(description="Channels [x, y, z, rx, ry, rz], or {channel: column}")
     sigma: SigmaByChannel = Field(description="A value, or by channel: {x: ..., position: ..., orientation: ...}")
-    frame: Literal["machine"] = Field(description="Where it measures: machine (no default)")
+    frame: Literal["machine", "fitted"] = Field(
+        description="Where it measures: machine, or in a frame of its own whose pose is identified (no default)"
+    )

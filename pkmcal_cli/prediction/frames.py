@@ -8,7 +8,8 @@ import numpy as np
 
 from pkmcal_cli.layout import GROUND
 from pkmcal_cli.model import Channel, Model
-from pkmcal_cli.prediction.effects import Displacement, Displacements
+from pkmcal_cli.prediction.effects import Displacement, Displacements, displacements
+from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.rotation import Array, exp, left_jacobian, log, log_jacobian
 
 _STEP = 1e-40
@@ -122,3 +123,35 @@ def _moved_turn(turn: Array, r: Array) -> tuple[Array, Array, Array]:
     made = log(exp(r) @ exp(turn))
     back = log_jacobian(made)
     return made, back @ exp(r) @ left_jacobian(turn), back @ left_jacobian(r)
+
+
+def in_machine_frame(model: Model, values: Array, rows: Rows, readings: Array) -> Array:
+    """Readings (N, C) of sensors as they would be in the machine's frame, by what moves their frames at `values` (P,).
+
+    Positions and orientations of which not all components were read become nan where their frame is moved.
+    """
+    out, width = readings.copy(), model.layout.width
+    moved = displacements(model, values, rows, (), None).frames
+    for index in sorted({d.socket.sensor for d in moved}):
+        sensor = model.sensors[index]
+        d = np.sum([each.d for each in moved if each.socket.sensor == index], axis=0)
+        turn = exp(d[:, 3:6])
+        if not d.any():
+            continue
+        place = np.zeros((len(readings), 3))
+        place[:, :width] = np.nan
+        for channel, k in sensor.places:
+            place[:, k] = readings[:, channel]
+        back = np.linalg.solve(turn @ _strain(d), (place - d[:, :3])[..., None])[..., 0]
+        for channel, k in sensor.places:
+            out[:, channel] = back[:, k]
+        if sensor.turns:
+            turned = np.full((len(readings), 3), 0.0 if model.layout.planar else np.nan)
+            for channel, k in sensor.turns:
+                turned[:, k] = readings[:, channel]
+            known = np.isfinite(turned).all(axis=1)
+            there = log(np.swapaxes(turn, 1, 2) @ exp(np.nan_to_num(turned)))
+            for channel, k in sensor.turns:
+                out[:, channel] = np.where(known, there[:, k], np.nan)
+    return out
+

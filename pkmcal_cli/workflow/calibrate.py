@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
 from pkmcal_cli.calibration.residual import Problem, problem_of
@@ -98,6 +99,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     start = load_parameters(loaded.model, request.parameters)
     measured = load_measurements(loaded, request.measurements)
     problem = problem_of(loaded.model, measured)
+    start = replace(start, values=at_frames(start.values, loaded.model, problem.model))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))

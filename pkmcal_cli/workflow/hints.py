@@ -67,7 +67,7 @@ def measurement_hints(loaded: LoadedMachine, problem: Problem, values: Array) ->
 
 def _drive_hints(sample: Problem, values: Array, names: list[str], units: list[str]) -> tuple[Hint, ...]:
     """Gross mistakes in the drives' columns, by the positions that the drives have at the measured poses."""
-    poses, rows = measured_poses(sample)
+    poses, rows = measured_poses(sample, values)
     if not len(rows):
         return ()
     expected = drive_positions(sample.model, poses, values).readings

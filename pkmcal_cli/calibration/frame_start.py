@@ -1,0 +1,70 @@
+"""Where instruments of unknown pose stand, roughly: the rigid motion from nominal to measured positions.
+
+Kabsch 1976: the best rotation between two sets of points, by a singular value decomposition.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.model import Model
+from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.rotation import Array, log
+from pkmcal_cli.sockets import PlacedEffect
+
+FRAME = "frame"
+_FEWEST = 3  # points that fix a pose
+
+
+def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
+    """The model with nominal poses of fitted frames that suit readings (N, C), nan where nothing was measured.
+
+    Sensors of which no three rows give all coordinates stay where they are.
+    """
+    fitted = [e for e in model.effects if e.effect.keyword == FRAME and model.fitted_frames.get(e.at)]
+    nominal = model.nominal
+    if not fitted or nominal[[model.names.index(n) for e in fitted for n in e.parameters]].any():
+        return model
+    predicted = predict(model, nominal, rows).values
+    for effect in fitted:
+        for name, value in _pose(model, effect, predicted, readings).items():
+            nominal[model.names.index(name)] = value
+    return model.with_nominal(nominal)
+
+
+def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array) -> dict[str, float]:
+    """Values of the frame's parameters by name; none where too little was measured."""
+    sensor = model.sensors[effect.sockets[0].sensor]
+    axes = 2 if model.layout.planar else 3
+    channels = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
+    if len(channels) < axes:
+        return {}
+    known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
+    if known.sum() < _FEWEST:
+        return {}
+    here, there = predicted[known][:, channels], readings[known][:, channels]
+    turn = _rotation(here - here.mean(axis=0), there - there.mean(axis=0))
+    shift = there.mean(axis=0) - turn @ here.mean(axis=0)
+    full = np.eye(3)
+    full[:axes, :axes] = turn
+    vector = log(full[None])[0]
+    given = {f"t{c}": float(v) for c, v in zip("xyz", shift, strict=False)}
+    given |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}
+    by_short = {name.rpartition(".")[2]: name for name in effect.parameters}
+    return {by_short[short]: value for short, value in given.items() if short in by_short}
+
+
+def _rotation(here: Array, there: Array) -> Array:
+    """The rotation (d, d) that brings centred points `here` (n, d) closest to `there`."""
+    left, _, right = np.linalg.svd(here.T @ there)
+    mirror = np.ones(here.shape[1])
+    mirror[-1] = np.sign(np.linalg.det(left @ right))
+    return np.asarray(right.T @ np.diag(mirror) @ left.T)
+
+
+def at_frames(given: Array, declared: Model, placed: Model) -> Array:
+    """Parameter values (P,) with the poses of frames that `placed` found, where they are as declared."""
+    nominal = declared.nominal
+    return np.where(given == nominal, placed.nominal, given)
+
+

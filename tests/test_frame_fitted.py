@@ -1,0 +1,96 @@
+"""Instruments that stand anywhere (`frame: fitted`): readings in a turned, shifted frame tell the same machine."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
+
+TURN, SHIFT = np.radians(137.0), np.array([2500.0, -1200.0, 700.0])  # mm
+
+
+def rotation(axes: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """About z, and in space about x before."""
+    c, s = np.cos(TURN), np.sin(TURN)
+    about_z = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    about_x = np.array([[1, 0, 0], [0, c, s], [0, -s, c]]) if axes == 3 else np.eye(3)
+    return (about_z @ about_x)[:axes, :axes]
+
+
+def moved(table: str, columns: tuple[str, ...], target: Path) -> Path:
+    """The table as an instrument sees it that stands elsewhere; columns in mm."""
+    rows = list(csv.reader(line for line in Path(table).read_text(encoding="utf-8").splitlines() if line[:1] != "#"))
+    index = [next(k for k, h in enumerate(rows[0]) if h.split(" ")[0] == c) for c in columns]
+    for row in rows[1:]:
+        if all(row[k] for k in index):
+            place = np.array([float(row[k]) for k in index])
+            for k, value in zip(index, rotation(len(index)) @ place + SHIFT[: len(index)], strict=True):
+                row[k] = f"{value:.9f}"
+    with target.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(rows)
+    return target
+
+
+def overlay(folder: Path, base: str, sensor: str) -> Path:
+    file = folder / "fitted.yaml"
+    file.write_text(f"extends: {base}\nsensors: {{{sensor}: {{frame: fitted}}}}\n", encoding="utf-8")
+    return file
+
+
+def calibrated(*arguments: str | Path) -> dict[str, Any]:
+    done = run("calibrate", *arguments, "--json", "-q")
+    assert done.code in (0, 1), done.err
+    return dict(done.json)
+
+
+def by_name(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {p["name"]: p for p in result["parameters"]}
+
+
+def test_a_grid_plate_that_stands_anywhere(tmp_path: Path) -> None:
+    """2.5 m away and turned by 137 deg: pose and dimensions agree with the known frame's within four uncertainties."""
+    table = moved(str(MACHINES / "scissors.csv"), ("x", "y"), tmp_path / "turned.csv")
+    machine = overlay(tmp_path, SCISSORS, "grid")
+    fitted, known = calibrated(machine, table), calibrated(SCISSORS, MACHINES / "scissors.csv")
+    assert fitted["status"] == "converged" and fitted["chi2_per_dof"] < 1.05 * known["chi2_per_dof"]
+    found, true = by_name(fitted), by_name(known)
+    for name, value in (("tx", SHIFT[0]), ("ty", SHIFT[1]), ("rz", np.degrees(TURN))):
+        p = found[f"frame@grid.{name}"]
+        assert p["value"] == pytest.approx(value, abs=4 * p["std"]) and p["std"] < 0.05, name
+    for name, p in true.items():
+        if p["std"] is not None:
+            spread = 4 * np.hypot(found[name]["std"], p["std"])
+            assert found[name]["value"] == pytest.approx(p["value"], abs=spread), name
+
+
+def test_a_camera_that_stands_anywhere(tmp_path: Path) -> None:
+    """Real data in a turned frame: the lines fit as well; pose of the camera and anchors together are a gauge, told."""
+    table = moved(HANGPRINTER_DATA, ("x_mm", "y_mm", "z_mm"), tmp_path / "turned.csv")
+    machine = overlay(tmp_path, HANGPRINTER, "camera")
+    fitted, known = calibrated(machine, table), calibrated(HANGPRINTER, HANGPRINTER_DATA)
+    assert fitted["status"] == "converged"
+    assert fitted["after"]["length"]["rms"] < 1.02 * known["after"]["length"]["rms"]
+    assert fitted["undetermined"], "moving camera and anchors together changes nothing that is read"
+    named = {name for u in fitted["undetermined"] for name in u["parameters"]}
+    assert any(name.startswith("frame@camera.") for name in named) and any(name[0] in "ABCD" for name in named)
+
+
+def test_the_parameter_file_holds_the_pose(tmp_path: Path) -> None:
+    """Simulated with it, the machine reads in the instrument's frame."""
+    table = moved(str(MACHINES / "scissors.csv"), ("x", "y"), tmp_path / "turned.csv")
+    machine, params = overlay(tmp_path, SCISSORS, "grid"), tmp_path / "p.yaml"
+    assert run("calibrate", machine, table, "-o", params, "-q").code in (0, 1)
+    done = run("simulate", machine, table, "-p", params, "-q")
+    read = [line.split(",") for line in done.out.splitlines() if line and line[0] not in "#i"]
+    measured = [line.split(",") for line in table.read_text(encoding="utf-8").splitlines()[1:]]
+    x = [next(k for k, h in enumerate(line.split(",")) if h.split(" ")[0] == "x") for line in (
+        next(line for line in done.out.splitlines() if line.startswith("id")), table.read_text().splitlines()[0])]
+    error = np.array([float(r[x[0]]) - float(m[x[1]]) for r, m in zip(read, measured, strict=True)])
+    assert np.sqrt((error**2).mean()) < 2e-3, "mm"
+    again = run("calibrate", machine, table, "-p", params, "--json", "-q")
+    assert again.code in (0, 1) and again.json["status"] == "converged"
