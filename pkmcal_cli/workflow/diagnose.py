@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import one_stdin, selection
@@ -116,10 +118,16 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     report.show(to)
     _draw(request, case, found, to)
     if request.as_json:
-        emit_json(report.json())
+        emit_json(report.json() | {"provenance": _origin(case)})
     if request.quiet and exit_code(found):
         to.fail(report.verdict_line())
     return exit_code(found)
+
+
+def _origin(case: Case) -> dict[str, Any]:
+    """Versions and inputs; no time and no command line, so that the same data give the same bytes."""
+    inputs = dict(case.loaded.machine.files) | dict(zip(case.measured.files, case.measured.sha256, strict=True))
+    return {k: v for k, v in provenance(inputs).items() if k not in ("created", "arguments")}
 
 
 def _draw(request: DiagnosisRequest, case: Case, found: Diagnosis, to: Reporter) -> None:
