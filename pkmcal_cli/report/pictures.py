@@ -37,13 +37,20 @@ class Places:
     sigma: float
 
 
+def check_library() -> None:
+    """Raises UsageError where there is nothing to draw with."""
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        raise UsageError("--plots DIR needs matplotlib", hint="pip install 'pkmcal[report]', or --plots -") from None
+
+
 def write_pictures(folder: str, machine: Machine, found: Diagnosis) -> list[str]:
     """Write all pictures into a folder; returns the files. Raises UsageError, OSError."""
-    try:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise UsageError("--plots needs matplotlib", hint="pip install 'pkmcal[report]'") from None
+    check_library()
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
     os.makedirs(folder, exist_ok=True)
     written = []
     style: Any = {"svg.fonttype": "none", "svg.hashsalt": "pkmcal", "font.size": 9}

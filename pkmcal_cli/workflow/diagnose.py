@@ -111,6 +111,10 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     check_alpha(request.alpha)
     if request.plots is not None and is_stream(request.plots) and request.quiet:
         raise UsageError("--plots -: pictures on the terminal, and -q wants none", hint="--plots DIR writes files")
+    if request.plots is not None and not is_stream(request.plots):
+        from pkmcal_cli.report.pictures import check_library
+
+        check_library()
     to = Reporter(request.quiet)
     case = prepare(request.machine, request.measurements, request.select, to)
     found = diagnosed(case, request.alpha, request.seed)
