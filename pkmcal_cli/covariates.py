@@ -12,7 +12,13 @@ from pkmcal_cli.prediction import Rows
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 
-_REST = {"temperature": ("T", 293.15), "time": ("time", 0.0), "payload": ("payload", 0.0), "spindle": ("spindle", 0.0)}
+_REST = {
+    "temperature": ("T", 293.15, "20 degC"),
+    "time": ("time", 0.0, "time 0"),
+    "payload": ("payload", 0.0, "no payload"),
+    "spindle": ("spindle", 0.0, "spindle at 0 deg"),
+}
+"""Column, value (SI) and words of what effects need, where nobody measured."""
 _STILL = 1e-9  # m or rad; a drive that moves less has not moved
 
 
@@ -37,23 +43,23 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
 def at_rest(model: Model, rows: Rows) -> Rows:
     """Rows of positions that nobody measured: columns that declared effects need, where these do nothing or little.
 
-    20 degC, no payload, spindle and time at 0, no direction of approach.
+    20 degC, no payload, spindle and time at 0; directions of approach by the order of the rows.
     """
-    needs = {need for e in model.effects for need in e.effect.needs}
-    columns = {name: np.full(len(rows), value) for need, (name, value) in _REST.items() if need in needs}
+    columns = {name: np.full(len(rows), value) for name, value, _ in _resting(model).values()}
     named = with_directions(rows, [a.name for a in model.actuators])
-    still = {name: np.zeros(len(rows)) for name in named.columns if name.startswith("dir.") and "direction" in needs}
-    return Rows(rows.readings, rows.forces, {**named.columns, **columns, **still})
+    return Rows(rows.readings, rows.forces, {**named.columns, **columns})
 
 
 def resting(model: Model) -> str:
     """What is to be said of effects at rest; "" without any."""
-    needs = {need for e in model.effects for need in e.effect.needs} & {*_REST, "direction"}
-    if not needs:
-        return ""
-    values = {"temperature": "20 degC", "time": "time 0", "payload": "none", "spindle": "0 deg", "direction": "none"}
-    told = ", ".join(values[need] for need in sorted(needs))
-    return f"effects that need {', '.join(sorted(needs))} are at rest: {told}"
+    found = _resting(model)
+    told = ", ".join(words for _, _, words in found.values())
+    return f"effects that need {', '.join(found)} are at rest: {told}" if found else ""
+
+
+def _resting(model: Model) -> dict[str, tuple[str, float, str]]:
+    needs = {need for e in model.effects for need in e.effect.needs}
+    return {need: rest for need, rest in _REST.items() if need in needs}
 
 
 def _sessions(rows: Rows) -> NDArray[np.int64]:

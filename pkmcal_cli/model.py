@@ -76,7 +76,7 @@ class Model:
     sensors: tuple[SensorChannels, ...] = ()
     sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()
-    fitted_frames: Mapping[str, bool] = field(default_factory=dict)  # by sensor: whether its pose is unknown
+    fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -141,6 +141,10 @@ def test_columns_that_effects_need(tmp_path: Path) -> None:
     assert rest.code == 0 and "effects that need temperature are at rest: 20 degC" in rest.err
     rows = [[line for line in done.out.splitlines() if not line.startswith("#")] for done in (rest, plain)]
     assert rows[0] == rows[1]
+    file.write_text(f"extends: {SCISSORS}\neffects:\n  backlash@q1: {{b: 40 um}}\n")
+    played = run("simulate", str(file), *grid)
+    moved = [line for line in played.out.splitlines() if not line.startswith("#")]
+    assert played.code == 0 and moved != rows[1], "directions follow from the order of a grid's rows"
 
 
 @pytest.mark.parametrize("entry", FAULTS)

@@ -21,9 +21,10 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
 
     Sensors of which no three rows give all coordinates stay where they are.
     """
-    fitted = [e for e in model.effects if e.effect.keyword == FRAME and model.fitted_frames.get(e.at)]
-    nominal = model.nominal
-    if not fitted or nominal[[model.names.index(n) for e in fitted for n in e.parameters]].any():
+    nominal, known = model.nominal, model.by_name(model.nominal)
+    fitted = [e for e in model.effects if e.effect.keyword == FRAME and e.at in model.fitted_frames]
+    fitted = [e for e in fitted if not any(known[n] for n in e.parameters)]  # the machine file says where others stand
+    if not fitted:
         return model
     predicted = predict(model, nominal, rows).values
     for effect in fitted:

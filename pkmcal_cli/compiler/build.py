@@ -65,7 +65,7 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     model = _model(machine, layout, drives, sensors, length)
     if receptive:
         model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
-        model = replace(model, fitted_frames={name: s.frame == "fitted" for name, s in machine.sensors.items()})
+        model = replace(model, fitted_frames=frozenset(n for n, s in machine.sensors.items() if s.frame == "fitted"))
         model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
     return Compiled(model, found, tuple(gaps))
 

@@ -117,14 +117,8 @@ class DiagnosisJson(DiagnosisValues):
         }
 
     def _invisible_json(self, hidden: Detectable) -> dict[str, Any]:
-        unit = self.unit(hidden.parameter)
-        return {
-            "effect": hidden.hypothesis.effect,
-            "at": hidden.hypothesis.at,
-            "parameter": hidden.parameter,
-            "mdb": finite(hidden.mdb / unit.scale),
-            "plausible": finite(hidden.plausible / unit.scale),
-            "unit": unit.text,
+        return self._detectable_json(hidden) | {
+            "plausible": finite(hidden.plausible / self.unit(hidden.parameter).scale),
             "absorbed_by": list(hidden.absorbed_by),
             "rows_needed": self.rows_needed(hidden),
         }

@@ -25,7 +25,9 @@ def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
     """Readings beyond all measure, with which nothing can be computed."""
     with np.errstate(over="ignore", invalid="ignore"):
         far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)
-        places = np.array([c.quantity == "position" for c in problem.model.channels])
+        anywhere = {k for s in problem.model.sensors if s.name in problem.model.fitted_frames for k, _ in s.places}
+        channels = enumerate(problem.model.channels)
+        places = np.array([c.quantity == "position" and k not in anywhere for k, c in channels])
         reach = _REACH * problem.model.length + np.abs(problem.model.tcp_drawn[:3]).max()
         far |= problem.measured & places & (np.abs(problem.readings) > reach)
     faults = []
