@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.residual import Problem
-from pkmcal_cli.diagnosis.findings import Detectable, Finding, finding_of, sizes_seen
+from pkmcal_cli.diagnosis.findings import Detectable, Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates
 from pkmcal_cli.diagnosis.linear import Scale
 from pkmcal_cli.diagnosis.local import local_effects
@@ -19,7 +19,7 @@ from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
 from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
 from pkmcal_cli.diagnosis.stand_in import stand_ins
-from pkmcal_cli.diagnosis.unknown import Unknown, unknown_effects
+from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
@@ -69,10 +69,9 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     parts = Alpha(alpha)
     now = confirmed_only(restored(swapped(run_search(found, problem, before, parts, seed))))
     last, unknown = _left(now, problem, parts)
-    findings = tuple(finding_of(now, h, last, bool(unknown), seed) for h in now.accepted)
-    findings = tuple(sorted(findings, key=lambda f: -f.held_out.gain))
+    findings = findings_of(now, last, bool(unknown), seed)
     p = float(Scale().p_value(np.array([first.linear.chi2]), np.array([first.linear.dof]))[0])
-    noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / 10)
+    noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / TESTS)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
     return Diagnosis(
         _verdict(findings, unknown, bool(now.bad_rows or noise)),
@@ -101,7 +100,7 @@ def _left(now: Search, whole: Problem, parts: Alpha) -> tuple[Scored, tuple[Unkn
         shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
         unknown = unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows)
     every = replace(now.problem, measured=whole.measured)
-    unknown += local_effects(every, now.fit.values, parts.groups / 10)
+    unknown += local_effects(every, now.fit.values, parts.groups / TESTS)
     return last, tuple(unknown + stand_ins(now, last))
 
 

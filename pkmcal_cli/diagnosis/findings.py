@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.linear import Linear, Score
 from pkmcal_cli.diagnosis.refine import Rival, credible_set, settled_evidence
 from pkmcal_cli.diagnosis.residue import own_residues, own_shape
 from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without
@@ -28,7 +28,7 @@ class Finding:
     std: tuple[float, ...]
     evidence: float
     p_value: float
-    share: float  # of the residual's excess over noise that it explains
+    share: float  # of what all effects explain together, that comes back without this one
     rivals: tuple[Rival, ...]
     held_out: HeldOutGain
     stable: float  # share of resamples of the rows that name it, or one of its set; nan where it is not linear
@@ -55,8 +55,16 @@ class Detectable:
     tested: bool
 
 
-def finding_of(now: Search, hypothesis: Hypothesis, last: Scored, doubt: bool, seed: int) -> Finding:
-    """What is told of an accepted effect. `last`: scored at the end; `doubt`: something unknown is left."""
+def findings_of(now: Search, last: Scored, doubt: bool, seed: int) -> tuple[Finding, ...]:
+    """What is told of accepted effects, by what they gain. `last`: scored at the end; `doubt`: something is unknown."""
+    if not now.accepted:
+        return ()
+    every = linear_without(now, now.accepted, ()).chi2 - now.fit.chi2  # what all of them explain
+    found = [_finding(now, h, last, every, doubt, seed) for h in now.accepted]
+    return tuple(sorted(found, key=lambda f: -f.held_out.gain))
+
+
+def _finding(now: Search, hypothesis: Hypothesis, last: Scored, every: float, doubt: bool, seed: int) -> Finding:
     names = now.problem.model.names
     index = [names.index(n) for n in hypothesis.parameters]
     places = {n: k for k, n in enumerate(now.fit.selected)}
@@ -66,7 +74,6 @@ def finding_of(now: Search, hypothesis: Hypothesis, last: Scored, doubt: bool, s
     nominal, ranges = now.problem.model.nominal[index], now.problem.model.ranges[index]
     beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges).any())
     gain = held_out_gain(now, hypothesis)
-    every = linear_without(now, now.accepted, ()).chi2 - now.fit.chi2
     fall = _likelihood_ratio(now, hypothesis)
     share = min(fall / every, 1.0) if every > 0 and np.isfinite(fall) else float("nan")
     without = score_without(now, [hypothesis], (hypothesis, *now.open))
@@ -101,9 +108,7 @@ def _likelihood_ratio(now: Search, hypothesis: Hypothesis) -> float:
 
 def _by_shape(now: Search, hypothesis: Hypothesis, last: Scored) -> Array:
     """Variance (k,), SI, that an effect's own shape adds to its parameters, where the data speak for one."""
-    linear = linear_without(now, [hypothesis], [hypothesis])
-    if last.linear.memory is not None:
-        linear = linear.prewhitened(last.linear.memory)
+    linear = linear_without(now, [hypothesis], [hypothesis]).prewhitened(last.linear.memory)
     residues = own_residues(now.problem, now.fit, [hypothesis])
     if hypothesis.name not in residues:
         return np.zeros(len(hypothesis.parameters))
@@ -121,16 +126,16 @@ def sizes_seen(scored: Scored, now: Search) -> tuple[Detectable, ...]:
             continue
         scale = scored.linear.scale_of(h.parameters)
         k = s.leading
-        by = absorbing(scored.linear, h, k) if s.kept < _KEPT and s.length2[k] > 0 else ()
+        by = absorbing(scored.linear, h, s)
         size = s.mdb * float(scale[k]) * float(np.sqrt(scored.scale.variance))
         out.append(Detectable(h, h.parameters[k], size, 2 * float(scale[k]), by, s.count > 0))
     return tuple(out)
 
 
-def absorbing(linear: Linear, hypothesis: Hypothesis, k: int) -> tuple[str, ...]:
-    """Declared parameters that could move instead of a hypothesis's parameter number k, largest first."""
-    a = linear.of(linear.projected)
-    if not a.shape[1]:
+def absorbing(linear: Linear, hypothesis: Hypothesis, score: Score) -> tuple[str, ...]:
+    """Declared parameters that could move instead of a hypothesis, largest first; none where enough of it is left."""
+    a, k = linear.of(linear.projected), score.leading
+    if not a.shape[1] or not score.kept < _KEPT or not score.length2[k] > 0:
         return ()
     column = linear.of(hypothesis.parameters)[:, k]
     coefficients = np.linalg.lstsq(a, column, rcond=1e-9)[0]

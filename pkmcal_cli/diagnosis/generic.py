@@ -21,7 +21,7 @@ from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
-_WIDTHS = (0.03, 0.045, 0.065, 0.1)
+_WIDTHS = (0.03, 0.045, 0.065, 0.1)  # full width at half maximum of bumps, in shares of the travel
 _STEP = 0.3  # of their places, in widths
 _FEWEST_CYCLES = 4.0  # slower oscillations are drift or temperature
 _NEAR = 3  # rows from the change of a session, where a step is a new set-up

@@ -144,8 +144,10 @@ class Linear:
         """The same with other columns projected out, or another residual."""
         return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
 
-    def prewhitened(self, memory: Memory) -> Linear:
-        """The same with successive rows made independent."""
+    def prewhitened(self, memory: Memory | None) -> Linear:
+        """The same with successive rows made independent; itself where they are."""
+        if memory is None:
+            return self
         changed = replace(self, memory=memory)
         extra = None if self.extra is None else changed.whitened(self.extra)
         return replace(

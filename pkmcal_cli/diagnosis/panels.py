@@ -15,7 +15,7 @@ from pkmcal_cli.diagnosis.groups import pose_shapes
 from pkmcal_cli.diagnosis.plan import cosines_between
 from pkmcal_cli.diagnosis.search import linear_without, refit, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
-from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
@@ -40,6 +40,11 @@ class DriverPanel:
     band: Array
     side: Array | None
     turns: bool
+
+    @property
+    def displaced_in(self) -> Unit:
+        """Unit of the displacements where they are shown."""
+        return parse_unit("urad" if self.turns else "um")
 
     @property
     def shown_x(self) -> Array:

@@ -19,7 +19,6 @@ from pkmcal_cli.diagnosis.linear import NONCENTRALITY, PLAUSIBLE, Linear, Score,
 from pkmcal_cli.rotation import Array
 
 ALIKE = 0.95  # cosine above which two effects are an ambiguity group
-_KEPT = 0.01
 _EXCHANGED = 60  # points up to which exchanges are tried
 Status = Literal["detectable", "weak", "invisible"]
 
@@ -75,14 +74,13 @@ class Plan:
     def _visibility(self, k: int) -> Visibility:
         hypothesis, score = self.candidates.hypotheses[k], self.scores[k]
         scale = self.linear.scale_of(hypothesis.parameters)
-        lengths = (self.linear.of(hypothesis.parameters) ** 2).sum(axis=0)
         j = score.leading
         others = self.cosines[k].copy()
         others[k] = 0.0
         rival = int(np.argmax(others))
         size, cosine = score.mdb * float(scale[j]), float(others[rival])
         sine = np.sqrt(max(1 - cosine**2, 0.0))
-        by = absorbing(self.linear, hypothesis, j) if score.kept < _KEPT and lengths[j] > 0 else ()
+        by = absorbing(self.linear, hypothesis, score)
         return Visibility(
             hypothesis,
             hypothesis.parameters[j],

@@ -35,9 +35,7 @@ def stand_ins(now: Search, last: Scored) -> list[Unknown]:
 
 def _better(now: Search, removed: Sequence[Hypothesis], last: Scored, kinds: Sequence[Family]) -> Unknown | None:
     """The best alternative to some accepted effects, if it has more evidence and explains more."""
-    linear, scale = linear_without(now, removed, removed), last.scale
-    if last.linear.memory is not None:
-        linear = linear.prewhitened(last.linear.memory)
+    linear, scale = linear_without(now, removed, removed).prewhitened(last.linear.memory), last.scale
     best = best_generic(linear, scale, kinds)
     columns = linear.of([n for h in removed for n in h.parameters])
     free = np.hstack([columns, linear.whitened(residue_columns(now.problem, now.fit, removed))])

@@ -13,7 +13,7 @@ from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.noise import independent, successive
 from pkmcal_cli.rotation import Array
 
-_TESTS = 10  # groups, oscillations and runs share their part of the false-alarm rate
+TESTS = 10  # groups, oscillations, runs, clusters, local effects and range noise share the false-alarm rate
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def unknown_effects(
     """What is significant at `alpha` altogether."""
     runs, linear = _runs(linear, problem), independent(linear, problem)
     found = [*_groups(linear, problem, scale), *_oscillations(linear, problem, scale), *runs]
-    return [u for u in found if u.p_value < alpha / _TESTS] + _clustered(problem, bad, alpha / _TESTS)
+    return [u for u in found if u.p_value < alpha / TESTS] + _clustered(problem, bad, alpha / TESTS)
 
 
 def _groups(linear: Linear, problem: Problem, scale: Scale) -> list[Unknown]:

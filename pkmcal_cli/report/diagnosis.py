@@ -109,7 +109,7 @@ class DiagnosisReport(DiagnosisValues):
                     finding.hypothesis.effect if to.narrow else self._title(finding.hypothesis),
                     finding.hypothesis.at,
                     self._size(finding),
-                    f"{100 * finding.share:.0f} %",
+                    _share(finding),
                     f"{self.length(held.without)} -> {self.length(held.with_it)}",
                     _words(finding.evidence),
                     listed(rivals, 2),
@@ -146,7 +146,7 @@ class DiagnosisReport(DiagnosisValues):
         """Cause, effect and action; the alternatives where there are some."""
         h, size = finding.hypothesis, self._size(finding)
         before, after = self.length(finding.held_out.without), self.length(finding.held_out.with_it)
-        gain = f"Without it alone {100 * finding.share:.0f} % of what is explained comes back;"
+        gain = f"Without it alone {_share(finding) or 'an unknown part'} of what is explained comes back;"
         gain += f" held-out rms {before} without, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
             text = f"Parameter {h.at} is held at nominal, but the data ask for {size}. {gain}"
@@ -240,6 +240,11 @@ class DiagnosisReport(DiagnosisValues):
         to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)
         more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
         to.say(f"{more}which points would show one: {command('plan', *self._files(), '--see', 'EFFECT')}")
+
+
+def _share(finding: Finding) -> str:
+    """What comes back without it; "" where no fit is without it."""
+    return "" if np.isnan(finding.share) else f"{100 * finding.share:.0f} %"
 
 
 def _words(evidence: float) -> str:

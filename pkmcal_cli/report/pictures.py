@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis as SVG files. Raises MissingLibrary where matplotlib is not installed."""
+"""Pictures of a diagnosis as SVG files. They need matplotlib, of the extra `report`."""
 
 from __future__ import annotations
 
@@ -140,7 +140,8 @@ def _circle(figure: Figure, places: Places, length: Unit) -> None:
     largest = float(np.abs((places.before * ray).sum(axis=1) / radius).max())
     for errors, label, colour in ((places.before, "calibrated", _BEFORE), (places.after, "with effects", _AFTER)):
         radial = (errors * ray).sum(axis=1) / radius
-        ax.plot(angle, 3 * largest + radial, ".", ms=4, color=colour, label=f"{label}, {_size(radial.std())} rms")
+        rms = float(np.sqrt((radial**2).mean()))
+        ax.plot(angle, 3 * largest + radial, ".", ms=4, color=colour, label=f"{label}, {_size(rms)} rms")
     ax.set_yticks([2 * largest, 3 * largest, 4 * largest])
     ax.set_yticklabels([f"-{_size(largest)}", "0", f"+{_size(largest)}"], fontsize=7)
     ax.set_title(f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}")
@@ -150,7 +151,7 @@ def _circle(figure: Figure, places: Places, length: Unit) -> None:
 def _driver(figure: Figure, panel: DriverPanel) -> None:
     """What an effect explains over what drives it, with the fitted curve and its 95 % band."""
     ax = figure.add_subplot()
-    unit = panel_unit(panel)
+    unit = panel.displaced_in
     y, noise, fitted, band = (v / unit.scale for v in (panel.measured, panel.noise, panel.fitted, panel.band))
     x, sides = panel.shown_x, np.zeros(len(panel.x)) if panel.side is None else panel.side
     for side, colour, name in ((-1, _BEFORE, "from above"), (0, _AFTER, "measured"), (1, _AFTER, "from below")):
@@ -166,11 +167,6 @@ def _driver(figure: Figure, panel: DriverPanel) -> None:
     ax.set_ylabel(f"displacement [{unit.text}]")
     ax.set_title(panel.finding.hypothesis.name)
     ax.legend(fontsize=7)
-
-
-def panel_unit(panel: DriverPanel) -> Unit:
-    """Unit of the displacement of a panel."""
-    return UNITS["urad" if panel.turns else "um"]
 
 
 def _limit(ax: Axes, y: Array, fitted: Array) -> None:

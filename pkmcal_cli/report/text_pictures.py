@@ -6,7 +6,6 @@ import numpy as np
 
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, waterfall
-from pkmcal_cli.language.unit_text import UNITS
 from pkmcal_cli.report.console import bar
 from pkmcal_cli.rotation import Array
 
@@ -33,7 +32,7 @@ def _bars(found: Diagnosis) -> str:
 
 def _panel(panel: DriverPanel) -> str:
     """Measured and fitted displacement over what drives it."""
-    unit = UNITS["urad" if panel.turns else "um"]
+    unit = panel.displaced_in
     y, fitted = panel.measured / unit.scale, panel.fitted / unit.scale
     low, high = np.quantile(y, [0.02, 0.98])
     low, high = min(float(low), float(fitted.min())), max(float(high), float(fitted.max()))

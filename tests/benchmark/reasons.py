@@ -10,19 +10,19 @@ from tests.benchmark.judge import Result
 
 REASONS = f"""
 - **Clearances.** The joints that a calibration without the clearance strains are not those that the clearance strains,
-  so the score may vanish ("the calibration moves its signature" below). Fits with graduated smoothing of the sign find
-  four of six such cases, at 0.5 to 2 s for each joint of the machine: more than the rest of a diagnosis takes.
+  so the score may vanish ("the calibration moves its signature" below). Fits with graduated smoothing of the sign found
+  most such cases in a trial, but one for every joint costs more than the rest of a diagnosis.
 - **Own shapes.** The truth's curves have a ripple of 18 % of their size and harmonics instead of polynomials. With two
   and three large effects the ripple of one can exceed a small effect at another place.
 - **Steps beside a change of session** (unknown effects): a step within three rows of it is a new set-up, in every
   respect that the data show.
-- **Sigma 20 % too small**: tests then stand on an estimate of sigma, which is uncertain by 7 to 8 %.
+- **Sigma 20 % too small**: tests then stand on an estimate of sigma, which is uncertain itself.
 - **Alias pairs.** On these machines most are the same everywhere: the scale of a drive and a turn of its carriage, the
   scale of all drives and that of the instrument, the temperature of base and tool, where nothing turns. No pose tells
   them apart; `plan --separate` says so, and what else would (a calibrated length, a sensor on each part). Only where it
   predicts a difference of {ENOUGH:g} MDB with {LADDER[0]} to {LADDER[-1]} further points are these counted.
-- **Time**: a diagnosis that meets a clearance or wind-up takes up to 20 fits in which the sign of forces turns, and
-  five to ten seconds; all others stay under five.
+- **Time**: where a clearance or wind-up is met, the sign of forces turns from step to step, and fits take up to 20
+  steps instead of four to eight.
 """
 
 
