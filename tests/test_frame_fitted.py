@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.frame_start import _rotation
+from pkmcal_cli.rotation import exp
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
 
 TURN, SHIFT = np.radians(137.0), np.array([2500.0, -1200.0, 700.0])  # mm
@@ -50,6 +52,17 @@ def calibrated(*arguments: str | Path) -> dict[str, Any]:
 
 def by_name(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {p["name"]: p for p in result["parameters"]}
+
+
+def test_points_of_a_plane_are_turned_not_mirrored() -> None:
+    """The third axis of flat points may come out either way; a mirror image is no pose."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        axis = rng.normal(size=(1, 3))
+        (turn,) = exp(axis)
+        here = np.column_stack([rng.normal(size=(8, 2)), np.zeros(8)])
+        found = _rotation(here, here @ turn.T + 1e-6 * rng.normal(size=(8, 3)))
+        assert found == pytest.approx(turn, abs=1e-4)
 
 
 def test_a_grid_plate_that_stands_anywhere(tmp_path: Path) -> None:
