@@ -18,9 +18,10 @@ from docs.model_tables import table
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.effects import PORTS, STAGES, EffectParameter, catalogue
 from pkmcal_cli.elements.joint import JOINTS
-from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
+from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.sensors import sensor_kinds
 from pkmcal_cli.words import count
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -113,7 +114,7 @@ def kinds() -> str:
         ("members", "; ".join(text[0].lower() + text[1:] for text in members)),
         ("joints", ", ".join(joints) + "; ideal, or with a stiffness by direction"),
         ("actuators", "; ".join(drives) + f"; in {words} control, ideal or with a stiffness"),
-        ("sensors", f"{Sensor.model_fields['kind'].description}; readings of force-controlled drives"),
+        ("sensors", "; ".join(f"{k}: {s.title}" for k, s in sensor_kinds().items()) + "; readings of force-controlled drives"),
     ]
     return table(("in the machine file", "kinds"), rows)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from math import nan
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from pkmcal_cli.equilibrium.mobility import rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.layout import GROUND, Layout
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.sockets import PlacedEffect, SensorChannels, Sockets
+from pkmcal_cli.sockets import PlacedEffect, Sockets
+from pkmcal_cli.views import PlacedSensor, View
 
 _SYSTEMS = ("exact", "rigid", "released", "independent_coordinates", "inverse", "drawn_slots", "drawn_mode")
 """Cached properties that depend on the layout only."""
@@ -49,15 +50,21 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Channel:
-    """One measured quantity."""
+    """One measured quantity.
+
+    quantity: "position" (coordinate of a point), "orientation", "drive" (reading of a drive that does not hold its
+    position), "distance", "angle", "force" or "bench".
+    """
 
     name: str
-    quantity: Literal["position", "orientation", "drive"]
+    quantity: str
     index: int  # point, rotation or drive
     component: int
     sigma: float  # SI; nan where none is declared
     unit: str
     dimension: str
+    sigma_per_length: float = 0.0  # growth of sigma with distance or length
+    once: float = nan  # what was measured once, on the bench, SI
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,9 @@ class Model:
     drawn_readings: Array  # (A,) readings of the drives at the assembled drawing
     tcp: tuple[int, int]  # point and rotation (-1: none) at which poses are given
     tcp_drawn: Array  # (6,) coordinates there at the assembled drawing
-    sensors: tuple[SensorChannels, ...] = ()
+    views: tuple[View, ...]  # what sensors and channels see of the structure
+    direct: tuple[tuple[int, int], ...]  # (channel, view): channels that are views as they are
+    sensors: tuple[PlacedSensor, ...] = ()
     sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
@@ -181,4 +190,6 @@ def tcp_model(model: Model) -> Model:
     if rotation != GROUND:
         turns = [2] if model.layout.planar else [0, 1, 2]
         channels += [Channel(f"r{'xyz'[k]}", "orientation", rotation, k, np.nan, "rad", "angle") for k in turns]
-    return replace(model, channels=tuple(channels))
+    views = tuple(View(c.quantity, c.index, c.component) for c in channels)  # type: ignore[arg-type]
+    direct = tuple((k, k) for k in range(len(channels)))
+    return replace(model, channels=tuple(channels), views=views, direct=direct, sensors=())

@@ -84,16 +84,16 @@ def left_jacobian(theta: Array) -> Array:
 
 
 def log(rotation: Array) -> Array:
-    """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3) for real arrays; angle in [0, pi]."""
+    """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3); angle in [0, pi], analytic below pi."""
     r = rotation
     axial = 0.5 * np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
     sine = np.sqrt(dot(axial, axial))
     cosine = 0.5 * (np.trace(r, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    small = sine < 1e-8
+    angle = 2 * np.arctan(sine / (1.0 + cosine)) if np.iscomplexobj(r) else np.arctan2(sine, cosine)
+    small = np.abs(sine) < 1e-8
     factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
     theta = np.asarray(axial * factor[..., None])
-    flipped = small & (cosine < 0)
+    flipped = small & (cosine.real < 0)
     return _log_half_turn(theta, r, flipped) if flipped.any() else theta
 
 

@@ -19,7 +19,7 @@ class Socket:
     """Slots that one port displaces by numbers d (W,): slots += matrix d, or slots *= exp(matrix d) where `scales`.
 
     The rest is what formulas may ask for: the drive, the member (group, element), a length (m), the place (m), the
-    share of gravity along the port's directions, the sensor. `part`: name of a temperature column.
+    share of gravity along the port's directions. `part`: name of a temperature column.
     """
 
     part: str
@@ -31,7 +31,6 @@ class Socket:
     length: float = 1.0
     at: Array = field(default_factory=lambda: np.zeros(3))
     down: Array = field(default_factory=lambda: np.zeros(3))
-    sensor: int = -1
     kind: str = "linear"  # of a drive: linear, rotary, spool
     period: float = float("nan")  # lead of its screw or period of its encoder, m or rad of travel
 
@@ -43,17 +42,6 @@ class Socket:
 
 Sockets = Mapping[Port, Mapping[str, tuple[Socket, ...]]]
 """By port and name of the place; a place may have several sockets (carriages of a guide, pieces of a beam)."""
-
-
-@dataclass(frozen=True)
-class SensorChannels:
-    """Which channels a sensor's point and orientation give: (channel, component of position or rotation vector)."""
-
-    name: str
-    point: int
-    rotation: int
-    places: tuple[tuple[int, int], ...]
-    turns: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
 
 LAYERS: tuple[tuple[str, str], ...] = (
     ("base", "errors files rotation slots sparse_map words"),
-    ("elements", "elements effects"),
+    ("elements", "elements effects sensors"),
     ("language", "language"),
     ("tables", "tables"),
     ("layout", "layout layout_builder ports"),
     ("equilibrium", "equilibrium"),
-    ("model", "model sockets"),
+    ("model", "model sockets views"),
     ("prediction", "compiler covariates influence inverse loading parameter_file poses prediction"),
     ("calibration", "calibration"),
     ("diagnosis", "diagnosis"),

@@ -101,8 +101,13 @@ def test_the_parameter_file_holds_the_pose(tmp_path: Path) -> None:
     done = run("simulate", machine, table, "-p", params, "-q")
     read = [line.split(",") for line in done.out.splitlines() if line and line[0] not in "#i"]
     measured = [line.split(",") for line in table.read_text(encoding="utf-8").splitlines()[1:]]
-    x = [next(k for k, h in enumerate(line.split(",")) if h.split(" ")[0] == "x") for line in (
-        next(line for line in done.out.splitlines() if line.startswith("id")), table.read_text().splitlines()[0])]
+    x = [
+        next(k for k, h in enumerate(line.split(",")) if h.split(" ")[0] == "x")
+        for line in (
+            next(line for line in done.out.splitlines() if line.startswith("id")),
+            table.read_text().splitlines()[0],
+        )
+    ]
     error = np.array([float(r[x[0]]) - float(m[x[1]]) for r, m in zip(read, measured, strict=True)])
     assert np.sqrt((error**2).mean()) < 2e-3, "mm"
     again = run("calibrate", machine, table, "-p", params, "--json", "-q")

@@ -11,6 +11,7 @@ from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.rotation import Array, log
 from pkmcal_cli.sockets import PlacedEffect
+from pkmcal_cli.views import PlacedSensor
 
 FRAME = "frame"
 _FEWEST = 3  # points that fix a pose
@@ -35,15 +36,11 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
 
 def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array) -> dict[str, float]:
     """Values of the frame's parameters by name; none where too little was measured."""
-    sensor = model.sensors[effect.sockets[0].sensor]
     axes = 2 if model.layout.planar else 3
-    channels = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
-    if len(channels) < axes:
+    pairs = [_places(sensor, axes, predicted, readings) for sensor in model.sensors if sensor.name == effect.at]
+    here, there = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    if len(here) < _FEWEST:
         return {}
-    known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
-    if known.sum() < _FEWEST:
-        return {}
-    here, there = predicted[known][:, channels], readings[known][:, channels]
     turn = _rotation(here - here.mean(axis=0), there - there.mean(axis=0))
     shift = there.mean(axis=0) - turn @ here.mean(axis=0)
     full = np.eye(3)
@@ -53,6 +50,15 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
     given |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}
     by_short = {name.rpartition(".")[2]: name for name in effect.parameters}
     return {by_short[short]: value for short, value in given.items() if short in by_short}
+
+
+def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) -> tuple[Array, Array]:
+    """Places (n, d) where a point is predicted and where it was measured, in the rows that have all coordinates."""
+    channels = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
+    if len(channels) < axes:
+        return np.zeros((0, axes)), np.zeros((0, axes))
+    known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
+    return predicted[known][:, channels], readings[known][:, channels]
 
 
 def _rotation(here: Array, there: Array) -> Array:
@@ -67,5 +73,3 @@ def at_frames(given: Array, declared: Model, placed: Model) -> Array:
     """Parameter values (P,) with the poses of frames that `placed` found, where they are as declared."""
     nominal = declared.nominal
     return np.where(given == nominal, placed.nominal, given)
-
-

@@ -13,24 +13,23 @@ from pkmcal_cli.compiler.beams import add_beams
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, leg_lengths
 from pkmcal_cli.compiler.effects import declared_effects
 from pkmcal_cli.compiler.joints import add_guides, add_joints
-from pkmcal_cli.compiler.numbers import is_zero, vector
-from pkmcal_cli.compiler.sockets import LOAD, TOOL, sockets_of
+from pkmcal_cli.compiler.sensors import SensorTable
+from pkmcal_cli.compiler.sockets import LOAD, sockets_of
 from pkmcal_cli.compiler.structure import Drawing, Structure
 from pkmcal_cli.compiler.weights import add_loads
 from pkmcal_cli.elements import Joint, Load
 from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
-from pkmcal_cli.language.machine import Machine, Sensor
+from pkmcal_cli.language.channels import kind_of_sensor
+from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.layout import GROUND, DriveKind, Layout, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
 from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
 from pkmcal_cli.ports import Point, Port
 from pkmcal_cli.rotation import Array, log
-from pkmcal_cli.sockets import SensorChannels
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
-_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,8 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
 
     `receptive`: effects can enter (they have slots of their own); so it is where the machine declares effects.
     """
-    receptive = receptive or bool(machine.effects) or any(s.frame == "fitted" for s in machine.sensors.values())
+    fitted = frozenset(n for n, s in machine.sensors.items() if s.frame not in (None, "machine"))
+    receptive = receptive or bool(machine.effects) or bool(fitted)
     first = _draft(machine, Drawing(), receptive)
     length = first.length
     state, gaps = asm.assemble(first.layout, length)
@@ -55,7 +55,7 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     layout, drives, sensors = made.layout, made.drives, made.sensors
     held_names: tuple[str, ...] = ()
     basis, system = asm.free_motions(layout, length)
-    read = tuple(s.rotation for s in sensors if any(c.startswith("r") for c in s.sensor.reads))
+    read = tuple(v.index for v in sensors.views if v.quantity == "orientation")
     quiet, loud = asm.split_motions(layout, basis, system, length, read)
     held = tuple(int(system.free[k]) for k in pivots(quiet))
     held_names = tuple(asm.coordinate_name(layout, k) for k in held)
@@ -65,17 +65,9 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     model = _model(machine, layout, drives, sensors, length)
     if receptive:
         model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
-        model = replace(model, fitted_frames=frozenset(n for n, s in machine.sensors.items() if s.frame == "fitted"))
+        model = replace(model, fitted_frames=fitted)
         model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
     return Compiled(model, found, tuple(gaps))
-
-
-@dataclass(frozen=True)
-class _PlacedSensor:
-    name: str
-    sensor: Sensor
-    point: int
-    rotation: int
 
 
 @dataclass(frozen=True)
@@ -84,7 +76,7 @@ class _Draft:
 
     layout: Layout
     drives: list[PlacedDrive]
-    sensors: list[_PlacedSensor]
+    sensors: SensorTable
     length: float
     structure: Structure
 
@@ -102,14 +94,15 @@ def _draft(machine: Machine, drawing: Drawing, receptive: bool) -> _Draft:
     add_guides(structure)
     drives = [add_drive(structure, name, actuator) for name, actuator in machine.actuators.items()]
     add_loads(structure, weights)
-    sensors = [_place_sensor(structure, name, sensor) for name, sensor in machine.sensors.items()]
-    if not sensors:
+    sensors = SensorTable(structure)
+    if not any(kind_of_sensor(s).sees_tool for s in machine.sensors.values()):
         last = next(reversed([*machine.bodies, *machine.nodes]))
         builder.reading_point("tcp", structure.port(last))
+    sensors.place_all(machine)
     if receptive:
         base, tcp = Port(Point(), GROUND), builder.points[0].ports[1]
         builder.link(Load(), LOAD, (base, tcp), rest=[0.0] * 3, stiffness=[], rigid=[False] * 3)
-    _aim_at_tcp(structure, sensors)
+    _aim_at_tcp(structure, sensors.tcp)
     layout = builder.build([(d.drive, d.element, d.strain) for d in drives])
     return _Draft(layout, drives, sensors, _size(structure), structure)
 
@@ -121,13 +114,13 @@ def _size(structure: Structure) -> float:
     return max(float(np.sqrt(diagonal @ diagonal)), _SMALLEST)
 
 
-def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:
+def _aim_at_tcp(structure: Structure, rotation: int) -> None:
     """Constraints by which inverse positions put the TCP at a pose: place, and orientation where it has one."""
     builder = structure.builder
     port = builder.points[0].ports[1]
     base = Port(Point(), GROUND)
     builder.aim(Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port))
-    if sensors and sensors[0].rotation != GROUND:
+    if rotation != GROUND:
         drawn = structure.orientation(port.rotation)
         filed = builder.filed.get(port.rotation, drawn)
         slots = [builder.slot(float(v), f"tcp.turn.{c}") for v, c in zip(log(drawn @ filed.T), "xyz", strict=True)]
@@ -136,22 +129,7 @@ def _aim_at_tcp(structure: Structure, sensors: list[_PlacedSensor]) -> None:
         builder.aim(Joint("fixed", turns), "tcp.turn", (Port(Point(), aim), port))
 
 
-def _place_sensor(structure: Structure, name: str, sensor: Sensor) -> _PlacedSensor:
-    orientation = any(c.startswith("r") for c in sensor.reads)
-    offset_tool = not is_zero(sensor.offset)
-    port = structure.port(sensor.at, turning=orientation or offset_tool)
-    if offset_tool:
-        offset = structure.builder.offset(port.rotation, vector(sensor.offset), f"{name}.offset")
-        port = Port(port.point + offset, port.rotation)
-    if structure.receptive:
-        error = structure.anchored(TOOL, name, port.rotation, (0.0, 0.0, 0.0), f"{name}.error")
-        port = Port(port.point + error, port.rotation)
-    return _PlacedSensor(name, sensor, structure.builder.reading_point(name, port), port.rotation)
-
-
-def _model(
-    machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors: list[_PlacedSensor], length: float
-) -> Model:
+def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors: SensorTable, length: float) -> Model:
     parameters = tuple(
         ModelParameter(
             name,
@@ -165,33 +143,25 @@ def _model(
         for name, p in machine.parameters.items()
     )
     actuators = tuple(_actuator(machine, layout, d) for d in drives)
-    channels = _channels(machine, layout, sensors, actuators)
+    channels = sensors.channels(machine)
+    for channel in _drive_channels(layout, actuators):
+        sensors.direct.append((len(channels), sensors.view("drive", channel.index)))
+        channels.append(channel)
     readings = _drawn_readings(layout, actuators)
-    point, rotation = (sensors[0].point, sensors[0].rotation) if sensors else (0, 0)
     return Model(
         machine.files[0][0] if machine.files else "machine",
         layout,
         parameters,
         actuators,
-        channels,
+        tuple(channels),
         length,
         readings,
-        (point, rotation),
-        _tcp_drawn(layout, point, rotation),
-        _sensor_channels(sensors),
+        (0, sensors.tcp),
+        _tcp_drawn(layout, 0, sensors.tcp),
+        tuple(sensors.views),
+        tuple(sensors.direct),
+        tuple(sensors.sensors),
     )
-
-
-def _sensor_channels(sensors: list[_PlacedSensor]) -> tuple[SensorChannels, ...]:
-    """Channels of the sensors; they are the model's first, in order."""
-    out, first = [], 0
-    for placed in sensors:
-        found = [(first + c, _DIRECTIONS.index(name)) for c, name in enumerate(placed.sensor.reads)]
-        first += len(found)
-        places = tuple((c, k) for c, k in found if k < 3)
-        turns = tuple((c, k - 3) for c, k in found if k >= 3)
-        out.append(SensorChannels(placed.name, placed.point, placed.rotation, places, turns))
-    return tuple(out)
 
 
 def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator:
@@ -206,37 +176,14 @@ def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator
     return Actuator(placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, placed.force_slot)
 
 
-def _channels(
-    machine: Machine, layout: Layout, sensors: list[_PlacedSensor], actuators: tuple[Actuator, ...]
-) -> tuple[Channel, ...]:
-    """Sensor channels, then readings of force-controlled drives."""
-    nominal, out = machine.nominal_values(), []
-    for placed in sensors:
-        prefix = f"{placed.name}." if len(sensors) > 1 else ""
-        for direction in placed.sensor.reads:
-            k = _DIRECTIONS.index(direction)
-            turning = k > 2
-            quantity = "orientation" if turning else "position"
-            given = placed.sensor.sigma
-            sigma = given.get(direction) or given.get(quantity) or given.get("")
-            dimension = "angle" if turning else "length"
-            unit = machine.units.angle if turning else machine.units.length
-            out.append(
-                Channel(
-                    f"{prefix}{direction}",
-                    "orientation" if turning else "position",
-                    placed.rotation if turning else placed.point,
-                    k % 3,
-                    math.nan if sigma is None else sigma.number(nominal),
-                    unit,
-                    dimension,
-                )
-            )
+def _drive_channels(layout: Layout, actuators: tuple[Actuator, ...]) -> list[Channel]:
+    """Readings of the drives that do not hold their position."""
+    out = []
     for a, (drive, actuator) in enumerate(zip(layout.drives, actuators, strict=True)):
         if drive.force_controlled:
             gain = abs(float(layout.slots.constants[actuator.gain_slot]))
             out.append(Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension))
-    return tuple(out)
+    return out
 
 
 def _drawn_readings(layout: Layout, actuators: tuple[Actuator, ...]) -> Array:

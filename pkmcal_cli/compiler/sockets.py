@@ -14,7 +14,8 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.effects import Port as EffectPort
 from pkmcal_cli.layout import Group, Index, Layout
 from pkmcal_cli.rotation import Array, skew
-from pkmcal_cli.sockets import SensorChannels, Socket, Sockets
+from pkmcal_cli.sockets import Socket, Sockets
+from pkmcal_cli.views import PlacedSensor
 
 _AXES = "xyz"
 TOOL, LOAD = "tool", "effect.load"
@@ -26,7 +27,7 @@ class _Collector:
     structure: Structure
     layout: Layout
     drives: Sequence[PlacedDrive]
-    sensors: Sequence[SensorChannels]
+    sensors: Sequence[PlacedSensor]
 
     @property
     def axes(self) -> int:
@@ -46,7 +47,7 @@ class _Collector:
 
 
 def sockets_of(
-    structure: Structure, layout: Layout, drives: Sequence[PlacedDrive], sensors: Sequence[SensorChannels]
+    structure: Structure, layout: Layout, drives: Sequence[PlacedDrive], sensors: Sequence[PlacedSensor]
 ) -> Sockets:
     """All sockets of a machine compiled to take effects."""
     c = _Collector(structure, layout, drives, sensors)
@@ -61,7 +62,7 @@ def sockets_of(
         "stiffness": dict(_stiffnesses(c)),
         "weight": dict(_weights(c)),
         "load": dict(_loads(c)),
-        "frame": {s.name: (Socket(s.name, sensor=k),) for k, s in enumerate(sensors)},
+        "frame": dict(_instrument_frames(c)),
     }
     return out
 
@@ -167,6 +168,13 @@ def _tools(c: _Collector) -> Named:
             yield sensor.name, (Socket(sensor.name, c.offset(TOOL, sensor.name), matrix),)
 
 
+def _instrument_frames(c: _Collector) -> Named:
+    for sensor in c.sensors:
+        if "motion" in sensor.given:
+            slots = sensor.given["motion"].slots
+            yield sensor.name, (Socket(sensor.name, slots, np.eye(len(slots))),)
+
+
 def _stiffnesses(c: _Collector) -> Named:
     """Elements that yield, by name; pieces of a beam together."""
     found: dict[str, list[int]] = {}
@@ -202,7 +210,7 @@ def _loads(c: _Collector) -> Named:
         matrix = -np.eye(3)
         matrix[c.axes :] = 0.0
         down = _gravity(c)
-        name = c.sensors[0].name if c.sensors else "tcp"
+        name = next((s.name for s in c.sensors if s.kind.sees_tool), "tcp")
         yield name, (Socket(name, slots, matrix, down=down),)
 
 

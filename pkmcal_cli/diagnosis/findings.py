@@ -112,9 +112,7 @@ def _by_shape(now: Search, hypothesis: Hypothesis, last: Scored) -> Array:
     residues = own_residues(now.problem, now.fit, [hypothesis])
     if hypothesis.name not in residues:
         return np.zeros(len(hypothesis.parameters))
-    shape = own_shape(
-        linear, last.scale, linear.of(hypothesis.parameters), linear.whitened(residues[hypothesis.name])
-    )
+    shape = own_shape(linear, last.scale, linear.of(hypothesis.parameters), linear.whitened(residues[hypothesis.name]))
     return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
 
 

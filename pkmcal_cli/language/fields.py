@@ -119,6 +119,7 @@ def _unit_of(*dimensions: Dimension) -> AfterValidator:
 
 UnitText = Annotated[str, _unit_of()]
 ReadingUnit = Annotated[str, _unit_of(LENGTH, ANGLE)]
+SensorUnit = Annotated[str, _unit_of(LENGTH, ANGLE, FORCE, TORQUE, NUMBER)]
 
 
 LengthUnit = Annotated[str, _unit_of(LENGTH)]
@@ -244,6 +245,10 @@ Fixed = Annotated[tuple[Direction, ...], BeforeValidator(_fixed), WithJsonSchema
 Zero = Annotated[Quantity | Literal["home"], Measure(LENGTH, (ANGLE,), words=("home",))]
 Scale = Annotated[Quantity, Measure(NUMBER, (LENGTH / ANGLE, ANGLE / LENGTH))]
 Sigma = Annotated[Quantity, Measure(LENGTH, (ANGLE,), sign="+")]
+_MEASURED = (ANGLE, FORCE, TORQUE, STIFFNESS, ROTATIONAL_STIFFNESS, MASS, NUMBER)
+SensorValue = Annotated[Quantity, Measure(LENGTH, _MEASURED)]
+SensorSigma = Annotated[Quantity, Measure(LENGTH, _MEASURED, sign="+")]
+SensorScale = Annotated[Quantity, Measure(NUMBER, (FORCE, TORQUE, LENGTH, ANGLE))]
 
 # --- tuples of them ------------------------------------------------------------------------
 Point = Annotated[tuple[Length, ...], Shape("a point", (2,), (3,))]

@@ -1,22 +1,18 @@
-"""What drives and measures a machine: actuators and sensors."""
+"""What drives a machine: actuators."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import Field
 
-from pkmcal_cli.errors import did_you_mean
 from pkmcal_cli.language.dimensions import ANGLE, LENGTH, Dimension
 from pkmcal_cli.language.fields import (
-    SPATIAL,
-    Direction,
     DriveForceValue,
     DriveStiffness,
     Entity,
     Length,
     Number,
-    Point,
     ReadingUnit,
     Scale,
     Sigma,
@@ -24,7 +20,7 @@ from pkmcal_cli.language.fields import (
     Travel,
     Zero,
 )
-from pkmcal_cli.language.quantities import Quantity, fault, kind_of
+from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.language.unit_text import parse_unit
 
 ONE = Quantity.constant(1.0)
@@ -94,66 +90,3 @@ class Actuator(Entity):
         if self.unit is not None:
             return parse_unit(self.unit).dimension
         return ANGLE if self.radius is not None else self.travel_dimension
-
-
-def _reads(raw: Any) -> Any:
-    """[x, y] as {x: "", y: ""}: columns by default."""
-    if isinstance(raw, tuple | list):
-        _check_channels(raw)
-        if len(set(raw)) < len(raw):
-            raise fault("value", "a channel is listed twice")
-        return dict.fromkeys(raw, "")
-    if isinstance(raw, dict):
-        return raw
-    raise fault("type", f"a list of channels is wanted here, not {kind_of(raw)}", "[x, y]")
-
-
-def _check_channels(channels: Any) -> None:
-    for channel in channels:
-        if channel not in SPATIAL:
-            hint = did_you_mean(str(channel), SPATIAL)
-            raise fault("value", f"`{channel}` is no channel of a TCP sensor", hint)
-
-
-def _sigma(raw: Any) -> Any:
-    return raw if isinstance(raw, dict) else {"": raw}
-
-
-_CHANNELS = {"enum": list(SPATIAL)}
-_QUANTITY = {"type": ["number", "string"]}
-_READS = {
-    "anyOf": [
-        {"type": "array", "items": _CHANNELS, "minItems": 1, "uniqueItems": True},
-        {
-            "type": "object",
-            "propertyNames": _CHANNELS,
-            "additionalProperties": {"type": "string"},
-            "minProperties": 1,
-        },
-    ]
-}
-_SIGMA = {
-    "anyOf": [
-        _QUANTITY,
-        {
-            "type": "object",
-            "propertyNames": {"enum": ["position", "orientation", *SPATIAL]},
-            "additionalProperties": _QUANTITY,
-        },
-    ]
-}
-Reads = Annotated[dict[Direction, str], BeforeValidator(_reads), WithJsonSchema(_READS)]
-SigmaByChannel = Annotated[dict[str, Sigma], BeforeValidator(_sigma), WithJsonSchema(_SIGMA)]
-
-
-class Sensor(Entity):
-    """An instrument; `sigma` is its stated standard uncertainty."""
-
-    kind: Literal["tcp"] = Field(default="tcp", description="tcp: coordinates and orientation of a point")
-    at: str = Field(description="Body, body's point or node that is measured")
-    offset: Point = Field(default=(), description="Tool offset in the body's axes; default 0")
-    reads: Reads = Field(description="Channels [x, y, z, rx, ry, rz], or {channel: column}")
-    sigma: SigmaByChannel = Field(description="A value, or by channel: {x: ..., position: ..., orientation: ...}")
-    frame: Literal["machine", "fitted"] = Field(
-        description="Where it measures: machine, or in a frame of its own whose pose is identified (no default)"
-    )

@@ -12,10 +12,11 @@ from pydantic import Field, PrivateAttr
 from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.effect_entries import EffectName, Entries
 from pkmcal_cli.language.fields import Axis, Entity, Gravity, Letter, Name, Point, Space
-from pkmcal_cli.language.instruments import Actuator, DriveForce, Sensor
+from pkmcal_cli.language.instruments import Actuator, DriveForce
 from pkmcal_cli.language.members import Bar, Beam, End, Joint, JointType, Material, Rope, Section
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Node, Parameter, Ranges, Stiffness, Units
 from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.units import FileUnits
 from pkmcal_cli.language.yaml_tree import SourceMap
 

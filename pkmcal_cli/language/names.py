@@ -23,7 +23,7 @@ _UNUSED = {
 }  # fmt: skip
 _SECTIONS = {
     **_UNUSED, "bodies": "body", "beams": "beam", "bars": "bar", "ropes": "rope",
-    "joints": "joint",
+    "joints": "joint", "actuators": "actuator",
 }  # fmt: skip
 
 
@@ -83,9 +83,15 @@ class NameCheck:
         for name, beam in machine.beams.items():
             self._refer("sections", beam.section, ("beams", name, "section"))
             self._refer("materials", beam.material, ("beams", name, "material"))
-        for section in ("loads", "sensors"):
-            for name, thing in getattr(machine, section).items():
-                self._point(thing.at, (section, name, "at"))
+        for name, load in machine.loads.items():
+            self._point(load.at, ("loads", name, "at"))
+        for name, sensor in machine.sensors.items():
+            for index, point in enumerate(sensor.at):
+                self._point(point, ("sensors", name, "at", index) if len(sensor.at) > 1 else ("sensors", name, "at"))
+            if sensor.to is not None:
+                self._point(sensor.to, ("sensors", name, "to"))
+            self._refer("frames", sensor.on, ("sensors", name, "on"))
+            self._refer("actuators", sensor.drive, ("sensors", name, "drive"))
         self._check_targets()
 
     def _check_ends(self, between: tuple[str, str], path: Path) -> None:

@@ -12,16 +12,17 @@ from pkmcal_cli.language.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, T
 from pkmcal_cli.language.effect_entries import EffectResolver
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.inference import Inference
-from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
+from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.magnitudes import MagnitudeCheck, radian_warning
 from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimension
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Parameter
 from pkmcal_cli.language.quantities import Draft, Quantity
+from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.language.units import FileUnits
 from pkmcal_cli.language.walk import drafts, replaced
-from pkmcal_cli.language.wanted import ORIENTATION, Wanted, wanted
+from pkmcal_cli.language.wanted import Wanted, wanted
 from pkmcal_cli.language.yaml_tree import Path, SourceMap
 
 _PLAIN = ("parameters", "ranges", "effects")
@@ -92,7 +93,8 @@ class Resolver:
                 known[name] = stated
                 self.origin[name] = ("parameters", name)
         inference = Inference(known)
-        trees = [(use, draft.tree, w.dimensions[0]) for use, draft, w in self.uses if draft.tree]
+        plain = [(use, draft, w) for use, draft, w in self.uses if draft.tree and use[2:] != ("of",)]
+        trees = [(use, draft.tree, w.dimensions[0]) for use, draft, w in plain if draft.tree]
         inference.run((tree, dimension) for _, tree, dimension in trees)
         for name, index in inference.origin.items():
             self.origin[name] = trees[index][0]
@@ -163,8 +165,6 @@ def filled(machine: Machine) -> Machine:
         things: Mapping[str, Entity] = getattr(machine, section)
         updates[section] = {name: _with_zeros(thing, counts) for name, thing in things.items()}
     updates["actuators"] = {n: _filled_actuator(n, a) for n, a in machine.actuators.items()}
-    one = len(machine.sensors) == 1
-    updates["sensors"] = {n: _filled_sensor(n, s, one) for n, s in updates["sensors"].items()}
     return machine.model_copy(update=updates)
 
 
@@ -187,16 +187,3 @@ def _filled_actuator(name: str, actuator: Actuator) -> Actuator:
     if key is not None:
         update["kind"] = KINDS[key]
     return actuator.model_copy(update=update)
-
-
-def _filled_sensor(name: str, sensor: Sensor, one: bool) -> Sensor:
-    prefix = "" if one else f"{name}."
-    reads = {channel: column or prefix + channel for channel, column in sensor.reads.items()}
-    sigma: dict[str, Quantity] = {}
-    for channel in reads:
-        kind = "orientation" if channel in ORIENTATION else "position"
-        found = next((sigma_of for key in (channel, kind, "")
-                      if (sigma_of := sensor.sigma.get(key)) is not None), None)  # fmt: skip
-        if found is not None:
-            sigma[channel] = found
-    return sensor.model_copy(update={"reads": reads, "sigma": sigma})

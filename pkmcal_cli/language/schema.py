@@ -11,6 +11,7 @@ from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.sensors import sensor_kinds
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 
@@ -58,6 +59,7 @@ def machine_schema(overlay: bool = False) -> Schema:
     for name in _entries(made):
         _allow_each(made["definitions"][name])
     _name_effects(made)
+    _name_sensors(made)
     if overlay:
         _loosen(made)
     return {"$schema": DRAFT, "title": "pkmcal machine file", **made}
@@ -69,6 +71,11 @@ def _name_effects(schema: Schema) -> None:
     schema["properties"]["effects"]["propertyNames"] = {"pattern": f"^({keywords})@.+$"}
     forms = schema["definitions"]["EffectNumber"]["anyOf"]
     forms.append(deepcopy(forms[1]["properties"]["interval"]))
+
+
+def _name_sensors(schema: Schema) -> None:
+    """Sensors have kinds."""
+    schema["definitions"]["Sensor"]["properties"]["kind"]["enum"] = list(sensor_kinds())
 
 
 def _draft07(node: Any) -> Any:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from pkmcal_cli.errors import FaultList, did_you_mean
+from pkmcal_cli.errors import FaultList
+from pkmcal_cli.language.channels import SensorChannel, channels_of
 from pkmcal_cli.language.dimensions import LENGTH
-from pkmcal_cli.language.fields import PLANAR, SPATIAL
-from pkmcal_cli.language.instruments import KINDS, Actuator, Sensor
+from pkmcal_cli.language.fields import PLANAR
+from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Beam, Machine, Stiffness
 from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint
+from pkmcal_cli.language.sensor_sense import check_sensor
 from pkmcal_cli.language.shape import Aside
-from pkmcal_cli.language.wanted import ORIENTATION
 from pkmcal_cli.language.yaml_tree import Path, SourceMap
 
 RESERVED = frozenset(["id", "session", "tool", "part", "to", "time", "T", "payload", "replicate"])
@@ -48,7 +49,7 @@ class SenseCheck:
         for name, actuator in machine.actuators.items():
             self._check_actuator(("actuators", name), name, actuator)
         for name, sensor in machine.sensors.items():
-            self._check_sensor(("sensors", name), sensor)
+            check_sensor(machine, ("sensors", name), sensor, self._fault)
         self._check_columns()
         self._check_weight()
 
@@ -181,40 +182,15 @@ class SenseCheck:
             what = f"joint `{actuator.target}` is {joint.type}, `{key}` wants a {wanted} one"
             self._fault(what, (*path, key), f"give the joint `type: {wanted}`")
 
-    def _check_sensor(self, path: Path, sensor: Sensor) -> None:
-        for channel in sensor.reads:
-            if self.planar and channel not in PLANAR:
-                what = f"there is no `{channel}` in the plane"
-                self._fault(what, (*path, "reads"), "one of `x`, `y`, `rz`")
-        rotations = [channel in ORIENTATION for channel in sensor.reads]
-        if "" in sensor.sigma:
-            if any(rotations) and not all(rotations):
-                what = "one sigma for coordinates and orientation"
-                self._fault(what, (*path, "sigma"), "sigma: {position: 10 um, orientation: 0.1 mrad}")
-            return
-        keys = ("position", "orientation", *SPATIAL)
-        for key in sensor.sigma:
-            if key not in keys or (key in SPATIAL and key not in sensor.reads):
-                what = f"`{key}` is no channel of this sensor"
-                hint = did_you_mean(key, ["position", "orientation", *sensor.reads])
-                self._fault(what, (*path, "sigma", key), hint, at_key=True)
-        for channel in sensor.reads:
-            kind = "orientation" if channel in ORIENTATION else "position"
-            if channel not in sensor.sigma and kind not in sensor.sigma:
-                what = f"channel `{channel}` has no sigma"
-                self._fault(what, (*path, "sigma"), f"sigma: {{{kind}: ...}}")
-
     def _check_columns(self) -> None:
-        one = len(self.machine.sensors) == 1
         columns: list[tuple[str, Path]] = []
         for name, actuator in self.machine.actuators.items():
             columns.append((actuator.column or name, ("actuators", name, "column")))
             if actuator.force is not None and actuator.force.column:
                 columns.append((actuator.force.column, ("actuators", name, "force", "column")))
-        for name, sensor in self.machine.sensors.items():
-            for channel, column in sensor.reads.items():
-                default = channel if one else f"{name}.{channel}"
-                columns.append((column or default, ("sensors", name, "reads", channel)))
+        for channel in channels_of(self.machine):
+            if channel.column:
+                columns.append((channel.column, self._column_path(channel)))
         taken: dict[str, Path] = {}
         for column, path in columns:
             if column in RESERVED:
@@ -223,6 +199,14 @@ class SenseCheck:
             if other != path:
                 what = f"column `{column}` is read by {other[0]}.{other[1]} already"
                 self._fault(what, path, "name another column")
+
+    def _column_path(self, channel: SensorChannel) -> Path:
+        """Where the column of a sensor's channel is named."""
+        path: Path = ("sensors", channel.sensor)
+        sensor = self.machine.sensors[channel.sensor]
+        if channel.direction in sensor.reads:
+            return (*path, "reads", channel.direction)
+        return (*path, "column") if sensor.column else path
 
     def _check_weight(self) -> None:
         machine = self.machine

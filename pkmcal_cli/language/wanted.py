@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, measured_dimension, reading_unit
 from pkmcal_cli.language.dimensions import (
     ANGLE,
     FORCE,
@@ -21,8 +22,6 @@ from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.language.units import FileUnits
 from pkmcal_cli.language.yaml_tree import Path
 
-ORIENTATION = ("rx", "ry", "rz")
-
 
 @dataclass(frozen=True)
 class Wanted:
@@ -39,8 +38,10 @@ def wanted(machine: Machine, path: Path, draft: Draft, units: FileUnits) -> Want
         found = _of_actuator(machine.actuators[path[1]], str(path[2]), units)
         if found is not None:
             return found
-    if section == "sensors" and path[2] == "sigma":
-        return Wanted((_of_sigma(machine, path),))
+    if section == "sensors":
+        found = _of_sensor(machine, path, units)
+        if found is not None:
+            return found
     return Wanted(draft.measure.dimensions)
 
 
@@ -63,20 +64,36 @@ def _of_actuator(actuator: Actuator, field: str, units: FileUnits) -> Wanted | N
 
 
 def _of_scale(actuator: Actuator, units: FileUnits, reading: Unit) -> Wanted:
-    """Travel per reading: a bare number is in file units of travel per unit of the reading."""
-    travel = actuator.travel_dimension
-    if actuator.radius is not None or travel == reading.dimension:
+    """Travel per reading."""
+    if actuator.radius is not None:
         return Wanted((NUMBER,))
-    unit = units.unit(travel)
+    return _per_reading(actuator.travel_dimension, reading, units)
+
+
+def _per_reading(measured: Dimension, reading: Unit, units: FileUnits) -> Wanted:
+    """What is measured per reading: a bare number is in file units of that per unit of the reading."""
+    if measured == reading.dimension:
+        return Wanted((NUMBER,))
+    unit = units.unit(measured)
     factor, turns = unit.factor / reading.factor, unit.pi_power - reading.pi_power
-    dimension = travel / reading.dimension
+    dimension = measured / reading.dimension
     return Wanted((dimension,), Unit(f"{unit.text}/{reading.text}", factor, dimension, turns))
 
 
-def _of_sigma(machine: Machine, path: Path) -> Dimension:
-    """Length or angle, by the channel; a single value by what the sensor reads."""
-    channel = str(path[3]) if len(path) > 3 else ""
-    if channel == "":
-        reads = machine.sensors[str(path[1])].reads
-        return ANGLE if all(each in ORIENTATION for each in reads) else LENGTH
-    return ANGLE if channel in (*ORIENTATION, "orientation") else LENGTH
+def _of_sensor(machine: Machine, path: Path, units: FileUnits) -> Wanted | None:
+    """Of a sensor's uncertainty, zero and scale; where it reads one number, in the unit of that."""
+    sensor, field = machine.sensors[str(path[1])], str(path[2])
+    if field not in ("sigma", "zero", "scale"):
+        return None
+    kind = kind_of_sensor(sensor)
+    if kind.quantity in ("position", "orientation"):
+        channel = str(path[3]) if len(path) > 3 else ""
+        every = sensor.reads if channel == "" else (channel,)
+        turning = all(each in (*ORIENTATION, "orientation") for each in every)
+        return Wanted((ANGLE if turning else LENGTH,))
+    if kind.quantity == "bench":
+        return None
+    measured, reading = measured_dimension(machine, sensor), reading_unit(machine, sensor)
+    if field == "sigma":
+        return Wanted((reading.dimension,), reading)
+    return Wanted((measured,)) if field == "zero" else _per_reading(measured, reading, units)

@@ -7,8 +7,8 @@ stage works on arrays over rows. `simulate`, `sensitivity`, `observability` and 
 
 from __future__ import annotations
 
-from pkmcal_cli.prediction.frames import in_machine_frame
 from pkmcal_cli.prediction.inputs import frozen, settled_options
+from pkmcal_cli.prediction.laws import in_machine_frame
 from pkmcal_cli.prediction.pipeline import predict, row_chunks, settled_smoothing
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose

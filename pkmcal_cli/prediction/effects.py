@@ -39,14 +39,13 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Displacements:
-    """All displacements of a table: those of slots, and those of what sensors read."""
+    """All displacements of a table."""
 
     slots: tuple[Displacement, ...] = ()
-    frames: tuple[Displacement, ...] = ()
 
     def take(self, rows: slice) -> Displacements:
         """Some rows."""
-        return Displacements(tuple(d.take(rows) for d in self.slots), tuple(d.take(rows) for d in self.frames))
+        return Displacements(tuple(d.take(rows) for d in self.slots))
 
     def apply(self, slots: Array) -> None:
         """Displace slots (N, S) in place."""
@@ -79,7 +78,6 @@ def displacements(
     """Displacements of all effects at parameter values (P,); without `reactions` those that need none."""
     numbers = model.by_name(values)
     slots: list[Displacement] = []
-    frames: list[Displacement] = []
     asked = {name: k for k, name in enumerate(parameters)}
     for placed in model.effects:
         if placed.effect.reactive and reactions is None:
@@ -89,9 +87,8 @@ def displacements(
             continue
         for socket in placed.sockets:
             at = SocketInputs(model, rows, placed, socket, reactions)
-            made = _displacement(model, placed, at, mine, asked)
-            (frames if socket.sensor >= 0 else slots).append(made)
-    return Displacements(tuple(slots), tuple(frames))
+            slots.append(_displacement(model, placed, at, mine, asked))
+    return Displacements(tuple(slots))
 
 
 def _displacement(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
-from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gradient
+from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.newton import solve_rows
-from pkmcal_cli.equilibrium.readings import Readings, forced_energy, read_channels
-from pkmcal_cli.layout import DriveKind
+from pkmcal_cli.equilibrium.readings import Readings, read_channels
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.effects import Displacements
-from pkmcal_cli.prediction.frames import frame_channels, move_frames
+from pkmcal_cli.prediction.forces import drive_forces, force_derivative
+from pkmcal_cli.prediction.laws import read_sensors
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
@@ -23,21 +23,41 @@ def outcome(
 ) -> Prediction:
     """The prediction of solved rows; rows that failed get nan."""
     gains = np.array([a.gain_slot for a in model.actuators], dtype=np.intp)
-    system, slots, state, bad = solution.system, solution.slots, solution.state, solution.failed
-    read = frame_channels(model, moved)
-    numbers = solution.numbers if request.derivatives else None
-    readings = read_channels(system, slots, state, read.channels, gains, numbers)
-    values, jacobian, by_drive, forces, energy = readings.values, None, None, None, None
-    if request.derivatives:
-        jacobian, by_drive = chain.apply(rows, slots, _slot_jacobian(solution, readings), moved)
-    if moved.frames:
-        values, by_drive, jacobian = move_frames(model, moved, read, values, by_drive, jacobian)
+    slots, state, bad = solution.slots, solution.state, solution.failed
+    jacobian, by_drive, forces, energy = None, None, None, None
+    views, by_slot = _views(model, solution, gains, request.derivatives)
+    values, slopes = read_sensors(model, views, slots, by_slot)
+    if slopes is not None:
+        jacobian, by_drive = chain.apply(rows, slots, slopes, moved)
     values[bad] = np.nan
     if request.forces:
         forces, energy = drive_forces(model, solution)
         forces[bad], energy[bad] = np.nan, np.nan
     names = _slack_names(solution)
     return Prediction(values, solution.status, state, jacobian, by_drive, forces, energy, names, solution.steps)
+
+
+def _views(model: Model, solution: Solution, gains: Array, derivatives: bool) -> tuple[Array, Array | None]:
+    """All views (N, V), and their derivatives by slots (N, V, S) where these are asked for."""
+    system, slots = solution.system, solution.slots
+    pulls = [k for k, v in enumerate(model.views) if v.quantity == "force"]
+    seen = tuple(v for v in model.views if v.quantity != "force")
+    readings = read_channels(system, slots, solution.state, seen, gains, solution.numbers if derivatives else None)
+    slopes = _slot_jacobian(solution, readings) if derivatives else None
+    if not pulls:
+        return readings.values, slopes
+    drives = [model.views[k].index for k in pulls]
+    others = [k for k in range(len(model.views)) if k not in pulls]
+    values = np.empty((len(slots), len(model.views)))
+    values[:, others] = readings.values
+    values[:, pulls] = drive_forces(model, solution)[0][:, drives]
+    if slopes is None:
+        return values, None
+    full = np.empty((len(slots), len(model.views), slots.shape[1]))
+    full[:, others] = slopes
+    for k, drive in zip(pulls, drives, strict=True):
+        full[:, k] = force_derivative(model, solution, drive)
+    return values, full
 
 
 def _slack_names(solution: Solution) -> dict[int, str]:
@@ -62,26 +82,3 @@ def _slot_jacobian(solution: Solution, readings: Readings) -> Array:
     out = readings.slots - adjoint_derivative(system, solution.numbers, state, slack, adjoint, scale)
     out[solution.failed] = np.nan
     return np.asarray(out)
-
-
-def drive_forces(model: Model, solution: Solution) -> tuple[Array, Array]:
-    """Drive forces (N, A) and strain energy (N,)."""
-    system, slots, state, slack = solution.system, solution.slots, solution.state, solution.slack
-    gradient = lagrangian_gradient(system, solution.numbers, state, slack)
-    now = balance(system, solution.numbers, state, 1.0, tangent=False, slack=slack)
-    energy = np.zeros(len(slots))
-    for numbers, e in zip(solution.numbers.groups, now.strains, strict=True):
-        if numbers.stiffness is not None:
-            energy += 0.5 * np.einsum("nek,nekl,nel->n", e, numbers.stiffness, e)
-    forces = np.zeros((len(slots), len(model.layout.drives)))
-    for a, drive in enumerate(model.layout.drives):
-        if drive.force_controlled:
-            forces[:, a] = drive.force_sign * slots[:, drive.force_slot]
-            if drive.kind is DriveKind.STRAIN:
-                energy += forced_energy(system, slots, now.strains, drive)
-        elif drive.kind is DriveKind.STRAIN:
-            index, member, strain = drive.target
-            forces[:, a] = drive.force_sign * now.stresses[index][:, member, strain]
-        else:
-            forces[:, a] = gradient[:, drive.slot]
-    return forces, energy

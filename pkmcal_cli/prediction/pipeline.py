@@ -12,6 +12,7 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.effects import Displacements, displacements
 from pkmcal_cli.prediction.inputs import Reactions
+from pkmcal_cli.prediction.joined import join_rows
 from pkmcal_cli.prediction.outcome import outcome
 from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
@@ -54,7 +55,9 @@ def predict(
         parts.append(outcome(model, solution, some, request, chain, mine))
         if progress is not None:
             progress(chunk.stop - chunk.start)
-    return _joined(parts)
+    found = _joined(parts)
+    alone = np.full(len(rows), -1)
+    return join_rows(model, found, alone if rows.partner is None else rows.partner)
 
 
 def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Request, chain: Chain) -> Displacements:

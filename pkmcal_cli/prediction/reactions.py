@@ -10,23 +10,18 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pkmcal_cli.equilibrium.assembly import balance, group_view, typical_stiffness
-from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gradient
-from pkmcal_cli.equilibrium.given import given
-from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, place_prescribed, views
-from pkmcal_cli.equilibrium.newton import solve_rows
-from pkmcal_cli.layout import DriveKind
+from pkmcal_cli.equilibrium.assembly import group_view
+from pkmcal_cli.equilibrium.derivative import lagrangian_gradient
+from pkmcal_cli.equilibrium.kinematics import arm_vectors, views
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.effects import Displacements
+from pkmcal_cli.prediction.forces import drive_forces, force_slot, slot_force_derivative
 from pkmcal_cli.prediction.inputs import Reactions
-from pkmcal_cli.prediction.outcome import drive_forces
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect, Socket
-
-_STEP = 1e-30
 
 
 def reactions(
@@ -46,7 +41,7 @@ def reactions(
     by_slot = np.zeros((len(rows), len(slots), solution.slots.shape[1]))
     for r, (slot, sign) in enumerate(slots):
         if slot >= 0:
-            by_slot[:, r] = sign * _derivative(model, solution, slot)
+            by_slot[:, r] = sign * slot_force_derivative(model, solution, slot)
     jacobian, by_drive = chain.apply(rows, solution.slots, by_slot, moved)
     return Reactions(tuple(sockets), values, chords, jacobian, by_drive)
 
@@ -56,10 +51,7 @@ def _slot(model: Model, socket: Socket) -> tuple[int, float]:
     if socket.member[0] >= 0:
         group = model.layout.groups[socket.member[0]]
         return group.rest.start + socket.member[1] * len(group.element.strains), -1.0
-    drive = model.layout.drives[socket.actuator]
-    if drive.force_controlled:
-        return -1, 0.0
-    return drive.slot, -drive.force_sign if drive.kind is DriveKind.STRAIN else 1.0
+    return force_slot(model, socket.actuator)
 
 
 def _values(
@@ -85,25 +77,6 @@ def _chords(solution: Solution, stacked: Array, sockets: Sequence[Socket]) -> It
     for g, e in sorted({s.member for s in sockets if s.member[0] >= 0}):
         chord = group_view(solution.system, g, stacked).delta[:, e]
         yield (g, e), chord / np.sqrt((chord**2).sum(axis=1, keepdims=True))
-
-
-def _derivative(model: Model, solution: Solution, slot: int) -> Array:
-    """Total derivative (N, S) by all slots of the Lagrangian's derivative by one slot; nan where failed."""
-    system, state = solution.system, solution.state
-    stepped = solution.slots.astype(complex)
-    stepped[:, slot] += 1j * _STEP
-    at = State(*(x.astype(complex) for x in (state.travel, state.rotation, state.multiplier)))
-    at = place_prescribed(model.layout, stepped, at, free=system.free)
-    numbers, scale = given(system, stepped), typical_stiffness(system, solution.slots)
-    direct = lagrangian_gradient(system, numbers, at, solution.slack).imag / _STEP
-    row = balance(system, numbers, at, scale, tangent=False, slack=solution.slack).residual.imag / _STEP
-    tangent = balance(system, solution.numbers, state, scale, slack=solution.slack).tangent
-    assert tangent is not None
-    adjoint = np.nan_to_num(solve_rows(np.swapaxes(tangent, 1, 2), row[..., None]))
-    back = adjoint_derivative(system, solution.numbers, state, solution.slack, np.swapaxes(adjoint, 1, 2), scale)[:, 0]
-    out = np.asarray(direct - back)
-    out[solution.failed] = np.nan
-    return out
 
 
 def joined_reactions(parts: Sequence[Reactions]) -> Reactions:

@@ -21,12 +21,14 @@ class Rows:
     """Drive readings (N, A) in SI (m, rad) and forces (N, A) of force-controlled drives (nan: the machine's).
 
     columns (N,): covariates that effects need, by name: "time", "T", "T.PART", "dir.ACTUATOR" (-1, 0, 1), "payload",
-    "spindle", "session.NAME" (1 in the rows of the session, else 0).
+    "spindle", "session.NAME" (1 in the rows of the session, else 0). partner (N,): the row that a measurement joins
+    to this one, -1 without.
     """
 
     readings: Array
     forces: Array
     columns: Mapping[str, Array] = field(default_factory=dict)
+    partner: NDArray[np.intp] | None = None
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -34,7 +36,15 @@ class Rows:
     def take(self, rows: slice | NDArray[np.intp]) -> Rows:
         """Some rows."""
         columns = {name: column[rows] for name, column in self.columns.items()}
-        return Rows(self.readings[rows], self.forces[rows], columns)
+        return Rows(self.readings[rows], self.forces[rows], columns, self._partners(rows))
+
+    def _partners(self, rows: slice | NDArray[np.intp]) -> NDArray[np.intp] | None:
+        """Partners among some rows, by their numbers there."""
+        if self.partner is None:
+            return None
+        place = np.full(len(self) + 1, -1)  # the last entry answers for rows without partner
+        place[np.arange(len(self))[rows]] = np.arange(len(self.readings[rows]))
+        return np.asarray(place[self.partner[rows]])
 
     def moved(self, shift: Array) -> Rows:
         """The same with the drive readings moved by `shift` (N, A)."""
@@ -49,10 +59,16 @@ class Rows:
 def joined_rows(parts: Sequence[Rows]) -> Rows:
     """Consecutive rows as one; a column that a part lacks is nan in its rows."""
     names = dict.fromkeys(name for part in parts for name in part.columns)
+    starts = np.cumsum([0, *(len(part) for part in parts)])
+    partners = [
+        np.full(len(p), -1) if p.partner is None else np.where(p.partner < 0, -1, p.partner + start)
+        for p, start in zip(parts, starts[:-1], strict=True)
+    ]
     return Rows(
         np.concatenate([part.readings for part in parts]),
         np.concatenate([part.forces for part in parts]),
         {n: np.concatenate([part.columns.get(n, np.full(len(part), np.nan)) for part in parts]) for n in names},
+        np.concatenate(partners) if any(p.partner is not None for p in parts) else None,
     )
 
 
@@ -61,7 +77,8 @@ class Prediction:
     """Predicted readings (N, C), nan where `status` (N,) is not SOLVED.
 
     jacobian: (N, C, P') with respect to the asked parameters; by_drive: (N, C, A) with respect to drive readings;
-    forces: (N, A) of drives, N or N m; energy: (N,) strain energy, J; slack: names of slack ropes by row.
+    by_partner: (N, C, A) with respect to those of the row that is joined; forces: (N, A) of drives, N or N m; energy:
+    (N,) strain energy, J; slack: names of slack ropes by row.
     """
 
     values: Array
@@ -73,6 +90,7 @@ class Prediction:
     energy: Array | None
     slack: dict[int, str]
     steps: int
+    by_partner: Array | None = None
 
     @property
     def solved(self) -> NDArray[np.bool_]:

@@ -204,9 +204,7 @@ class DiagnosisReport(DiagnosisValues):
         size = self.length(float(np.linalg.norm(field.vectors[field.largest])))
         place = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
         share = max(100 * field.explained, 0.0)
-        return (
-            f"Largest near {place}: {size}; a smooth map explains {share:.0f} % of its variance where left out."
-        )
+        return f"Largest near {place}: {size}; a smooth map explains {share:.0f} % of its variance where left out."
 
     def _show_seen(self, to: Reporter) -> None:
         """How large effects would have been found, where nothing was: the worst place of every kind."""

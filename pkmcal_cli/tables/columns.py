@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Actuator, Machine
 from pkmcal_cli.language.units import (
@@ -33,6 +34,7 @@ _DIMENSIONS: dict[str, Dimension] = {
     "length": LENGTH, "angle": ANGLE, "force": FORCE, "torque": TORQUE, "mass": MASS, "time": TIME,
     "temperature": TEMPERATURE, "none": NUMBER,
 }  # fmt: skip
+_NAMES = {dimension: name for name, dimension in _DIMENSIONS.items()}
 
 
 @dataclass(frozen=True)
@@ -97,9 +99,10 @@ def coordinates_of(machine: Machine) -> tuple[str, ...]:
 
 def channel_of_target(machine: Machine) -> dict[str, str]:
     """Channels that give TCP coordinates: those of the only sensor."""
-    if len(machine.sensors) != 1:
+    channels = channels_of(machine)
+    if len(machine.sensors) != 1 or len({c.target for c in channels}) != 1:
         return {}
-    return {direction: direction for sensor in machine.sensors.values() for direction in sensor.reads}
+    return {c.direction: c.name for c in channels if c.quantity in ("position", "orientation")}
 
 
 def _column(machine: Machine, name: str, role: Role, dimension: str, header: str = "") -> Column:
@@ -133,13 +136,10 @@ def _dimension_of(direction: str) -> str:
 
 
 def _channels(machine: Machine) -> Iterator[Column]:
-    """Channels of the sensors: `x`, with several sensors `SENSOR.x`."""
-    for sensor_name, sensor in machine.sensors.items():
-        prefix = f"{sensor_name}." if len(machine.sensors) > 1 else ""
-        for direction, header in sensor.reads.items():
-            name = prefix + direction
-            own = header if header and header != direction else name
-            yield _column(machine, name, "channel", _dimension_of(direction), own)
+    """Channels of the sensors."""
+    for c in channels_of(machine):
+        unit = None if c.dimension == NUMBER else c.unit.text
+        yield Column(c.name, c.column, "channel", _NAMES[c.dimension], unit)
 
 
 def _targets(machine: Machine, columns: Sequence[Column]) -> list[Column]:

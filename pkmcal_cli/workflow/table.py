@@ -59,9 +59,7 @@ class SimulatedTable:
             named = False
         self.columns.append((cell.name, cell.unit) if named else (header, unit))
 
-    def cells(
-        self, ids: list[str], rows: Rows, readings: Array, found: Prediction
-    ) -> list[Values]:
+    def cells(self, ids: list[str], rows: Rows, readings: Array, found: Prediction) -> list[Values]:
         """Columns of solved rows and their readings (N, C)."""
         forces = rows.forces
         cells: list[Values] = [ids]

@@ -1,0 +1,109 @@
+"""The channels of a machine's sensors: names, columns, what they are and their units, in one place for all who ask."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from pkmcal_cli.language.dimensions import ANGLE, FORCE, LENGTH, TORQUE, Dimension
+from pkmcal_cli.language.instruments import Actuator
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.sensing import Sensor
+from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.sensors import SensorKind, sensor_kinds
+
+ORIENTATION: Final = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class SensorChannel:
+    """One number that a sensor reads.
+
+    target: the point; output: which of the kind's readings; column: its header, "" for what stands in the machine file.
+    """
+
+    name: str
+    column: str
+    sensor: str
+    target: str
+    direction: str
+    output: int
+    quantity: str
+    unit: Unit
+
+    @property
+    def dimension(self) -> Dimension:
+        """Of its reading."""
+        return self.unit.dimension
+
+
+def kind_of_sensor(sensor: Sensor) -> SensorKind:
+    """The kind of a sensor of the machine file."""
+    return sensor_kinds()[sensor.kind]
+
+
+def measured_dimension(machine: Machine, sensor: Sensor) -> Dimension:
+    """Of what a sensor with one reading measures, before zero and scale."""
+    kind = kind_of_sensor(sensor)
+    if kind.quantity == "angle":
+        return ANGLE
+    if kind.quantity == "force":
+        drive: Actuator | None = machine.actuators.get(sensor.drive or "")
+        return TORQUE if drive is not None and drive.travel_dimension == ANGLE else FORCE
+    if sensor.of is not None:
+        return getattr(sensor.of, "dimension", LENGTH)  # a draft has none yet
+    return LENGTH
+
+
+def reading_unit(machine: Machine, sensor: Sensor) -> Unit:
+    """Of the numbers that a sensor with one reading gives."""
+    if sensor.unit is not None:
+        return parse_unit(sensor.unit)
+    return machine.file_units.unit(measured_dimension(machine, sensor))
+
+
+def directions_read(sensor: Sensor, planar: bool) -> tuple[str, ...]:
+    """Names of what a sensor reads, among its kind's channels."""
+    kind = kind_of_sensor(sensor)
+    if "reads" not in (*kind.needs, *kind.may):
+        return kind.channels[:1]
+    return tuple(sensor.reads) or (kind.normal[planar],)
+
+
+def channels_of(machine: Machine) -> tuple[SensorChannel, ...]:
+    """Channels of all sensors, in the order of the machine file."""
+    one = len(machine.sensors) == 1
+    return tuple(c for name, sensor in machine.sensors.items() for c in _channels(machine, name, sensor, one))
+
+
+def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterator[SensorChannel]:
+    kind = kind_of_sensor(sensor)
+    read = directions_read(sensor, machine.space == "planar")
+    if len(read) == 1 and kind.keyword != "tcp":
+        column = "" if kind.quantity == "bench" else sensor.column or next(iter(sensor.reads.values()), "") or name
+        output = kind.channels.index(read[0])
+        yield SensorChannel(
+            name, column, name, _first(sensor), "", output, kind.quantity, reading_unit(machine, sensor)
+        )
+        return
+    for target in sensor.at:
+        point = f"{target}." if len(sensor.at) > 1 else ""
+        for direction in read:
+            own = ("" if one else f"{name}.") + point + direction
+            header = sensor.reads.get(direction, "")  # type: ignore[call-overload]
+            column = own if header in ("", direction) else point + header
+            turning = direction in ORIENTATION
+            unit = machine.file_units.angle if turning else machine.file_units.length
+            quantity = "orientation" if turning else kind.quantity
+            yield SensorChannel(own, column, name, target, direction, kind.channels.index(direction), quantity, unit)
+
+
+def _first(sensor: Sensor) -> str:
+    return sensor.at[0] if sensor.at else ""
+
+
+def stated_sigma(sensor: Sensor, direction: str) -> object:
+    """The stated uncertainty of a channel: its own, that of its kind, or that of all; None without."""
+    kind = "orientation" if direction in ORIENTATION else "position"
+    return next((s for key in (direction, kind, "") if (s := sensor.sigma.get(key)) is not None), None)

@@ -1,0 +1,36 @@
+"""Encoders on passive joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.rotation import exp
+from pkmcal_cli.sensors.base import SensorKind
+
+
+def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
+    line = np.einsum("nji,nj->ni", exp(seen["turn"]), seen["other"] - seen["place"])
+    along, across = (np.einsum("ni,ni->n", seen["basis"][:, part], line) for part in (slice(0, 3), slice(3, 6)))
+    return [(_angle(along, across) - seen["zero"][:, 0]) / seen["scale"][:, 0]]
+
+
+def _angle(x: Any, y: Any) -> Any:
+    """arctan2(y, x), analytic but on the negative x axis."""
+    r = np.sqrt(x * x + y * y)
+    ahead = np.real(x) >= 0
+    return 2 * np.arctan(np.where(ahead, y, r - x) / np.where(ahead, r + x, y))
+
+
+ANGLE = SensorKind(
+    "angle",
+    "direction of the line from one point to another, in the axes of the body that has the first (against the drawing)",
+    "encoder of a passive joint, inclinometer on a rod",
+    ("at", "to"),
+    ("axis", "column", "zero", "scale", "unit"),
+    ("place", "other", "turn", "basis", "zero", "scale"),
+    "angle",
+    _read,
+)

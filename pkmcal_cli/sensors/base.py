@@ -1,0 +1,96 @@
+"""What a sensor is: what it sees of the machine, and the law by which it reads.
+
+A sensor is data: the keys of its entry in the machine file, the quantities that its law is given, and the law itself,
+analytic in them, so that derivatives come from complex steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[Any]
+
+Sight = Literal[
+    "place",  # of the point that it sees, base axes, m
+    "other",  # of the other point; of the same point in the other row where the sensor joins two rows, m
+    "turn",  # rotation vector of the body that the point belongs to, against the drawing, rad
+    "force",  # of a drive, N or N m
+    "frame",  # origin (m) and rotation vector (rad) of a frame of the machine file
+    "motion",  # translation (m), rotation (rad), scale and shear of the instrument's own frame
+    "basis",  # two unit vectors across an axis: where angles begin, and where they go
+    "zero",  # what is to be read at reading zero
+    "scale",  # what is to be read per unit of the reading
+    "value",  # of an expression of the machine file
+]
+WIDTHS: dict[Sight, int] = {
+    "place": 3, "other": 3, "turn": 3, "force": 1, "frame": 6, "motion": 10, "basis": 6, "zero": 1, "scale": 1,
+    "value": 1,
+}  # fmt: skip
+"""Numbers of each; places have three in the plane too."""
+
+Quantity = Literal["position", "orientation", "distance", "angle", "force", "bench"]
+"""Kind of a reading: errors are told by it."""
+
+Law = Callable[[Mapping[Any, Any]], Sequence[Any]]
+"""From what is seen, arrays (N, width) by name, to readings (N,) in the order of `channels`."""
+
+
+@dataclass(frozen=True)
+class SensorKind:
+    """A kind of instrument. `needs` and `may`: keys of its entry besides `kind` and `sigma`.
+
+    `channels`: what it can read, by name; one that has no names reads one number. `normal`: what is read in space and
+    in the plane when the entry does not say. `joins`: whether it joins two rows of the table.
+    """
+
+    keyword: str
+    title: str
+    instruments: str
+    needs: tuple[str, ...]
+    may: tuple[str, ...]
+    sees: tuple[Sight, ...]
+    quantity: Quantity
+    law: Law
+    channels: tuple[str, ...] = ("",)
+    normal: tuple[str, str] = ("", "")
+    joins: bool = False
+
+    @property
+    def sees_tool(self) -> bool:
+        """Whether its point is the tool: the first such point is the TCP."""
+        return "place" in self.sees and "basis" not in self.sees
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys that its entry can have besides `kind`."""
+        return (*self.needs, "sigma", *self.may)
+
+
+def read(kind: SensorKind, seen: Mapping[Any, Array]) -> Array:
+    """Readings (N, channels) of what is seen: arrays (N, width) by name, real or complex."""
+    import numpy as np  # imported late: reading a machine file does not need it
+
+    return np.stack([np.asarray(part) for part in kind.law(seen)], axis=1)
+
+
+_STEP = 1e-40
+
+
+def derivatives(kind: SensorKind, seen: Mapping[Any, Array], by: Sequence[Sight]) -> dict[Sight, Array]:
+    """Derivatives (N, channels, width) of the readings by some of the quantities that are seen."""
+    import numpy as np
+
+    out = {}
+    for name in by:
+        x, columns = seen[name], []
+        for k in range(x.shape[1]):
+            stepped = x.astype(complex)
+            stepped[:, k] += 1j * _STEP
+            columns.append(np.imag(read(kind, {**seen, name: stepped})) / _STEP)
+        out[name] = np.stack(columns, axis=2)
+    return out

@@ -1,0 +1,30 @@
+"""A plane or line that is touched: coordinates in a frame of the machine file, known or with parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.rotation import exp
+from pkmcal_cli.sensors.base import SensorKind
+
+
+def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
+    frame, place = seen["frame"], seen["place"]
+    return list(np.einsum("nji,nj->in", exp(frame[:, 3:]), place - frame[:, :3]))
+
+
+TOUCH = SensorKind(
+    "touch",
+    "deviation from a plane (default: normal of the frame `on`) or from a line (reads: [y, z])",
+    "touch probe, bed probing, dial gauge on a straightedge",
+    ("at", "on"),
+    ("reads", "offset", "column"),
+    ("place", "frame"),
+    "distance",
+    _read,
+    ("x", "y", "z"),
+    ("z", "y"),
+)
