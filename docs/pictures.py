@@ -16,7 +16,7 @@ from matplotlib import pyplot
 
 from pkmcal_cli.calibration.errors_before_after import length_residuals
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.residual import problem_of
+from pkmcal_cli.calibration.problem import problem_of
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.loading import load_machine, load_measurements
 

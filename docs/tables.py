@@ -114,7 +114,10 @@ def kinds() -> str:
         ("members", "; ".join(text[0].lower() + text[1:] for text in members)),
         ("joints", ", ".join(joints) + "; ideal, or with a stiffness by direction"),
         ("actuators", "; ".join(drives) + f"; in {words} control, ideal or with a stiffness"),
-        ("sensors", "; ".join(f"{k}: {s.title}" for k, s in sensor_kinds().items()) + "; readings of force-controlled drives"),
+        (
+            "sensors",
+            ", ".join(f"`{k}`" for k in sensor_kinds()) + "; readings of drives not in position control",
+        ),
     ]
     return table(("in the machine file", "kinds"), rows)
 

@@ -83,6 +83,7 @@ class Model:
     views: tuple[View, ...]  # what sensors and channels see of the structure
     direct: tuple[tuple[int, int], ...]  # (channel, view): channels that are views as they are
     sensors: tuple[PlacedSensor, ...] = ()
+    correlated: tuple[tuple[int, int, float], ...] = ()  # channels whose noise is correlated, and how much
     sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
@@ -192,4 +193,4 @@ def tcp_model(model: Model) -> Model:
         channels += [Channel(f"r{'xyz'[k]}", "orientation", rotation, k, np.nan, "rad", "angle") for k in turns]
     views = tuple(View(c.quantity, c.index, c.component) for c in channels)  # type: ignore[arg-type]
     direct = tuple((k, k) for k in range(len(channels)))
-    return replace(model, channels=tuple(channels), views=views, direct=direct, sensors=())
+    return replace(model, channels=tuple(channels), views=views, direct=direct, sensors=(), correlated=())

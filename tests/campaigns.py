@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit, identify
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model import Model

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.errors_before_after import error_figures, length_residuals
-from pkmcal_cli.calibration.residual import Problem, evaluate
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.rotation import Array
 from tests.campaigns import shipped

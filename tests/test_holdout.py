@@ -18,7 +18,8 @@ from pkmcal_cli.calibration.holdout import (
     validate,
 )
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.residual import Problem, evaluate, linearise, problem_of
+from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.rotation import Array

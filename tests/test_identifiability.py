@@ -17,7 +17,7 @@ from pkmcal_cli.calibration.identifiability import (
 )
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.observability import observability
-from pkmcal_cli.calibration.residual import Problem, design_problem
+from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, predict

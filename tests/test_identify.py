@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
-from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped

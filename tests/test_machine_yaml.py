@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from pkmcal_cli.errors import BadInput
+from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from pkmcal_cli.language.machine import Machine, axis_vector
 from pkmcal_cli.language.machine_yaml import read_machine
@@ -47,8 +48,8 @@ def test_the_triglide_is_resolved() -> None:
     assert machine.bars["rod1"].length.value({"l1": 0.3 + 1e-20j}).imag == 1e-20
     assert machine.actuators["q3"].redundant and machine.actuators["q3"].kind == "carriage"
     assert machine.actuators["q1"].column == "q1"
-    assert machine.sensors["tracker"].reads == {"x": "x", "y": "y"}
-    assert machine.sensors["tracker"].sigma["y"].value({}) == 1e-5
+    assert [(c.name, c.column) for c in channels_of(machine)] == [("x", "x"), ("y", "y")]
+    assert machine.sensors["tracker"].sigma[""].value({}) == 1e-5
     assert machine.warnings == ()
     assert not list(drafts(machine))
 
@@ -193,7 +194,7 @@ def test_a_fault_does_not_hide_others(tmp_path: Path) -> None:
         "unknown-name: unknown parameter `six`",
         "unknown-key: unknown key `lenght` in bars.rod1",
         "unknown-name: unknown parameter `k9`",
-        "value: `yy` is no channel of a TCP sensor",
+        "value: `yy` is no channel of a sensor",
     ]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pkmcal_cli.calibration.identifiability import combinations
 from pkmcal_cli.calibration.identify import Fit, identify
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model import Model
 from pkmcal_cli.report.parameters import determined_sums

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.calibration.measured_pose import measured_poses
-from pkmcal_cli.calibration.residual import Evaluation, Problem
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.layout import Drive, DriveKind
 from pkmcal_cli.model import Model

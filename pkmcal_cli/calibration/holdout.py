@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.identify import Fit, identify
-from pkmcal_cli.calibration.residual import Evaluation, Problem, evaluate
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations, directions
-from pkmcal_cli.calibration.residual import Evaluation, Problem, evaluate, linearise
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise
 from pkmcal_cli.rotation import Array
 
 

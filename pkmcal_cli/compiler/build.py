@@ -161,6 +161,7 @@ def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors:
         tuple(sensors.views),
         tuple(sensors.direct),
         tuple(sensors.sensors),
+        sensors.correlated(machine),
     )
 
 

@@ -169,6 +169,16 @@ class SensorTable:
             )
         return out
 
+    def correlated(self, machine: Machine) -> tuple[tuple[int, int, float], ...]:
+        """Pairs of channels whose noise is correlated."""
+        channels, nominal, out = channels_of(machine), machine.nominal_values(), []
+        for placed in self.sensors:
+            mine = {channels[k].direction: int(k) for k in placed.channels}
+            for pair, share in machine.sensors[placed.name].correlation.items():
+                first, second = pair.split("_")
+                out.append((mine[first], mine[second], share.number(nominal)))
+        return tuple(out)
+
 
 def _basis(sensor: Sensor, nominal: dict[str, float]) -> list[float]:
     """Two unit vectors across the axis of an angle: x and y for z, y and z for x, z and x for y."""

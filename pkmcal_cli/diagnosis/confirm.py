@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.residual import Problem, evaluate, linearise
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.diagnosis.groups import coordinates, scaled
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.search import Search

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit, identify
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.findings import Detectable, Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates
 from pkmcal_cli.diagnosis.linear import Scale

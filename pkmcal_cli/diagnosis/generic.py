@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.identify import Fit
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.noise import time_order

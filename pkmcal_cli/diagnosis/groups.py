@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.rotation import Array
 
 POSE, TIME, TEMPERATURE, DIRECTION, LOAD = "pose", "time", "temperature", "direction", "load"

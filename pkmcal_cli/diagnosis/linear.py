@@ -17,7 +17,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtri, fdtrc
 
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.rotation import Array
 

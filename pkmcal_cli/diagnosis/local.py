@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
-from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.rotation import Array
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri, ndtr
 
 from pkmcal_cli.calibration.holdout import replicate_groups
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import TEMPERATURE, TIME, group_columns
 from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
 from pkmcal_cli.rotation import Array

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit
-from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.findings import Finding

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.findings import absorbing
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import NONCENTRALITY, PLAUSIBLE, Linear, Score, linear_problem

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.calibration.identify import Fit
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.unit_columns import unit_columns

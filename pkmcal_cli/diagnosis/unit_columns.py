@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.calibration.residual import Problem, linearise_at
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.model import ModelParameter

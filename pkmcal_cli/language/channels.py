@@ -68,7 +68,9 @@ def directions_read(sensor: Sensor, planar: bool) -> tuple[str, ...]:
     kind = kind_of_sensor(sensor)
     if "reads" not in (*kind.needs, *kind.may):
         return kind.channels[:1]
-    return tuple(sensor.reads) or (kind.normal[planar],)
+    known = tuple(d for d in sensor.reads if d in kind.channels)
+    normal = kind.normal[planar]
+    return known or ((normal,) if normal and not sensor.reads else ())
 
 
 def channels_of(machine: Machine) -> tuple[SensorChannel, ...]:

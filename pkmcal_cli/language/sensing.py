@@ -25,7 +25,9 @@ from pkmcal_cli.sensors import sensor_kinds
 
 def _kind(word: str) -> str:
     if word not in sensor_kinds():
-        raise fault("value", f"there is no sensor of kind `{word}`", did_you_mean(word, sensor_kinds()))
+        kinds = sensor_kinds()
+        hint = did_you_mean(word, kinds, "one of " + ", ".join(f"`{k}`" for k in kinds))
+        raise fault("value", f"there is no sensor of kind `{word}`", hint)
     return word
 
 

@@ -10,7 +10,7 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import combinations
 from pkmcal_cli.calibration.identify import Fit
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters

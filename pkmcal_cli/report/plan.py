@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pkmcal_cli.calibration.residual import Problem
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine

@@ -84,6 +84,16 @@ class Measurements:
         return out
 
     @property
+    def partners(self) -> NDArray[np.intp] | None:
+        """The row that a measurement joins to each (N,), -1 without; None where no row names another in `to`."""
+        names = self.labels.get("to")
+        if names is None or not any(names):
+            return None
+        places = {(int(f), i): row for row, (f, i) in enumerate(zip(self.file_index, self.ids, strict=True)) if i}
+        found = [places.get((int(f), n), -1) if n else -1 for f, n in zip(self.file_index, names, strict=True)]
+        return np.array(found, dtype=np.intp)
+
+    @property
     def ids(self) -> tuple[str, ...]:
         """The `id` of every row, "" without."""
         return self.labels.get("id", ("",) * len(self))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location, did_you_mean
+from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location
 from pkmcal_cli.files import input_name, is_stream
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
@@ -22,6 +22,7 @@ from pkmcal_cli.tables.csv_parse import Chunk, FaultLog, FloatArray, IntArray
 from pkmcal_cli.tables.csv_sniff import Flaw
 from pkmcal_cli.tables.csv_table import TableReader, no_rows, open_table
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
+from pkmcal_cli.tables.partners import check_partners, partner_notes
 
 __all__ = [
     "Column", "MeasurementStream", "Measurements", "Require", "columns_of", "concatenate",
@@ -37,8 +38,8 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     """
     stream = MeasurementStream(paths, machine, require)
     found = concatenate(stream)
-    _check_partners(found)
-    return replace(found, notes=(*stream.notes, *_partner_notes(found)))
+    check_partners(found, machine)
+    return replace(found, notes=(*stream.notes, *partner_notes(found, machine)))
 
 
 class MeasurementStream:
@@ -227,28 +228,3 @@ def _session_names(paths: Sequence[Path | str]) -> list[str]:
     stems = ["stdin" if is_stream(path) else Path(path).stem for path in paths]
     full = ["stdin" if is_stream(path) else os.path.splitext(path)[0] for path in paths]
     return [name if stems.count(name) == 1 else whole for name, whole in zip(stems, full, strict=True)]
-
-
-def _partner_notes(found: Measurements) -> list[str]:
-    """What is not done with rows that name a partner."""
-    n = sum(bool(name) for name in found.labels.get("to", ()))
-    return [f"`to` names a partner in {n} of {len(found)} rows: their values are still taken as absolute"] if n else []
-
-
-def _check_partners(found: Measurements) -> None:
-    """Every `to` must name the `id` of exactly one row of its file. Raises BadInput."""
-    partners = found.labels.get("to", ())
-    counts = Counter(zip(found.file_index.tolist(), found.ids, strict=True) if partners else ())
-    faults, total = [], 0
-    for row, name in enumerate(partners):
-        file = int(found.file_index[row])
-        if name and (count := counts[file, name]) != 1:
-            total += 1
-            if total <= MAX_FAULTS:
-                known = [i for other, i in list(counts)[:10_000] if other == file and i]
-                hint = "give every row its own `id`" if count else did_you_mean(name, known)
-                what = f"`to` names `{name}`, " + (f"the `id` of {count} rows" if count else "no row's `id`")
-                where = Location(found.files[file], int(found.line[row]))
-                faults.append(Fault("csv-partner", what, where, hint))
-    if faults:
-        raise BadInput(faults, total)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.calibration.observability import observability
-from pkmcal_cli.calibration.residual import design_problem, evaluate
+from pkmcal_cli.calibration.problem import design_problem
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.sensitivity import sensitivity
 from pkmcal_cli.covariates import at_rest, resting

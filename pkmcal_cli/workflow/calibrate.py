@@ -11,7 +11,7 @@ import numpy as np
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
-from pkmcal_cli.calibration.residual import Problem, problem_of
+from pkmcal_cli.calibration.problem import Problem, problem_of
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.errors import BadInput, UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream, write_text

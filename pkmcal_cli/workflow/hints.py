@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.calibration.measured_pose import measured_poses
-from pkmcal_cli.calibration.residual import Problem, evaluate
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.errors import MAX_FAULTS, Fault, Location
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.loading import LoadedMachine

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.calibration.residual import Problem, design_problem
+from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.covariates import with_directions
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem

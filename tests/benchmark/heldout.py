@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.residual import Problem, evaluate
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.prediction import frozen
 from pkmcal_cli.rotation import Array

@@ -1,0 +1,147 @@
+"""What was measured, bound to a model: rows, readings, their uncertainties."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.frame_start import with_frames
+from pkmcal_cli.calibration.whitening import Clusters
+from pkmcal_cli.covariates import with_covariates, with_directions
+from pkmcal_cli.model import Model, tcp_model
+from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.measurement_set import Measurements
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model and what was measured: readings (N, C), their sigma (N, C) and that of the drives as travel (N, A).
+
+    `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses.
+    """
+
+    model: Model
+    rows: Rows
+    readings: Array
+    sigma: Array
+    drive_sigma: Array
+    measured: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.readings)
+
+    @property
+    def count(self) -> int:
+        """Number of measured values."""
+        return int(self.measured.sum())
+
+    @cached_property
+    def nominal_poses(self) -> Array:
+        """TCP coordinates (N, d) that move independently, at nominal parameters; where these fail, drive readings."""
+        model = self.model
+        bare = replace(tcp_model(model), effects=())
+        names = [k for k, c in enumerate(bare.channels) if c.name in model.independent_coordinates]
+        found = predict(bare, model.nominal, self.rows)
+        if names and found.solved.all():
+            return np.asarray(found.values[:, names])
+        held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled and not d.redundant]
+        return np.asarray(self.rows.readings[:, held])
+
+    @cached_property
+    def clusters(self) -> Clusters:
+        """Rows that measurements join."""
+        joining = [k for s in self.model.sensors if s.kind.joins for k in s.channels]
+        partner = self.rows.partner
+        if partner is None or not joining:
+            return Clusters.of(len(self), None)
+        return Clusters.of(len(self), np.where(self.measured[:, joining].any(axis=1), partner, -1))
+
+    @cached_property
+    def noise(self) -> Array:
+        """Covariance (N, C, C) of the readings by themselves; 1 where nothing was measured."""
+        size = np.where(self.measured, self.sigma, 1.0)
+        out = np.zeros((*size.shape, size.shape[1]))
+        channels = np.arange(size.shape[1])
+        out[:, channels, channels] = size**2
+        for a, b, share in self.model.correlated:
+            both = self.measured[:, a] & self.measured[:, b]
+            out[:, a, b] = out[:, b, a] = np.where(both, share * size[:, a] * size[:, b], 0.0)
+        return out
+
+    def take(self, rows: NDArray[np.intp]) -> Problem:
+        """Some rows; what joins them to others is lost, what was measured once stays."""
+        taken = replace(
+            self,
+            rows=self.rows.take(rows),
+            readings=self.readings[rows],
+            sigma=self.sigma[rows],
+            drive_sigma=self.drive_sigma[rows],
+            measured=self.measured[rows],
+        )
+        return usable(taken)
+
+
+def usable(problem: Problem) -> Problem:
+    """The problem with what was measured once in its first row, and without distances to rows that it has not."""
+    measured, readings = problem.measured.copy(), problem.readings
+    once = [k for k, c in enumerate(problem.model.channels) if not np.isnan(c.once)]
+    if once:
+        readings = readings.copy()
+        readings[:, once], measured[:, once] = np.nan, False
+        readings[:1, once] = [problem.model.channels[k].once for k in once]
+        measured[:1, once] = True
+    joining = [k for s in problem.model.sensors if s.kind.joins for k in s.channels]
+    if joining:
+        alone = np.ones(len(problem), dtype=bool) if problem.rows.partner is None else problem.rows.partner < 0
+        measured[np.ix_(alone, joining)] = False
+    return replace(problem, readings=readings, measured=measured)
+
+
+def problem_of(model: Model, measurements: Measurements) -> Problem:
+    """Measurements bound to a model; a channel's sigma is the table's where it has one, else the machine's."""
+    drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
+    drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
+    readings, given = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
+    rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
+    rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
+    rows = replace(rows, partner=measurements.partners)
+    sigma = stated_sigma(model, readings)
+    sigma = np.where(np.isnan(given), sigma, given)
+    known = ~np.isnan(readings) & ~np.isnan(sigma)
+    model = with_frames(model, rows, np.where(known, readings, np.nan))
+    return usable(Problem(model, rows, readings, sigma, np.nan_to_num(drive_sigma), known))
+
+
+def _by_channel(model: Model, measurements: Measurements, table: Array) -> Array:
+    """Columns of a table (N, K) by the channels of the model, nan where it has none."""
+    out = np.full((len(measurements), len(model.channels)), np.nan)
+    names = [c.name for c in model.channels]
+    out[:, [names.index(name) for name in measurements.channels]] = table
+    return out
+
+
+def stated_sigma(model: Model, readings: Array) -> Array:
+    """Standard uncertainties (N, C) of readings (N, C) by the machine file: nan where it states none.
+
+    sigma^2 + (sigma_per_length * distance)^2; the distance is that from the instrument's origin, or the length read.
+    """
+    out = np.tile([c.sigma for c in model.channels], (len(readings), 1)).reshape(readings.shape)
+    for sensor in model.sensors:
+        growth = np.array([model.channels[k].sigma_per_length for k in sensor.channels])
+        if growth.any():
+            far = np.sqrt(np.nansum(readings[:, sensor.channels] ** 2, axis=1, keepdims=True))
+            out[:, sensor.channels] = np.hypot(out[:, sensor.channels], growth * far)
+    return out
+
+
+def design_problem(model: Model, rows: Rows) -> Problem:
+    """A plan without data: every channel with a sigma will be measured in every row."""
+    shape = (len(rows), len(model.channels))
+    far = predict(model, model.nominal, rows).values if any(c.sigma_per_length for c in model.channels) else None
+    sigma = stated_sigma(model, np.full(shape, np.nan) if far is None else far)
+    drives = np.tile(np.nan_to_num([a.sigma for a in model.actuators]), (len(rows), 1))
+    return usable(Problem(model, rows, np.full(shape, np.nan), sigma, drives, ~np.isnan(sigma)))
