@@ -15,7 +15,7 @@ _MOVE = 1e-2  # coordinates are thrown off by this share of the machine's size, 
 
 
 def idle_parameters(model: Model) -> tuple[str, ...]:
-    """Names of parameters without influence on the forces of a strained machine, on its TCP or on its drives' law.
+    """Names of parameters without influence on the forces of a strained machine, on its TCP, drives' laws or sensors.
 
     A stiffness that nothing strains at present is not idle.
     """
@@ -39,10 +39,14 @@ def _slot_influence(model: Model) -> Array:
     numbers = given(system, slots)
     change = np.abs(adjoint_derivative(system, numbers, state, None, adjoint, 1.0)).max(axis=(0, 1))
     gains = np.array([a.gain_slot for a in model.actuators], dtype=np.intp)
-    readings = read_channels(system, slots, state, tcp_model(model).channels, gains, numbers)
+    seen = tuple(v for v in (*tcp_model(model).views, *model.views) if v.quantity != "force")
+    readings = read_channels(system, slots, state, seen, gains, numbers)
     assert readings.slots is not None
     felt = (change > 0) | (np.abs(readings.slots).max(axis=(0, 1), initial=0.0) > 0)
     felt[gains] = True  # a gain scales its drive's commands
+    for sensor in model.sensors:
+        for given_ in sensor.given.values():
+            felt[given_.slots[given_.slots >= 0]] = True
     return np.asarray(felt)
 
 

@@ -24,7 +24,10 @@ _SYSTEMS = ("exact", "rigid", "released", "independent_coordinates", "inverse", 
 
 @dataclass(frozen=True)
 class ModelParameter:
-    """A parameter in SI: `range` is the half-width about nominal, two standard deviations of the prior."""
+    """A parameter in SI: `range` is the half-width about nominal, two standard deviations of the prior.
+
+    `session`: the session in whose rows it holds, "" in all; `per_session`: each session of a table has its own.
+    """
 
     name: str
     nominal: float
@@ -33,6 +36,17 @@ class ModelParameter:
     unit: str  # for display
     dimension: str
     identify: bool
+    per_session: bool = False
+    session: str = ""
+
+    @property
+    def shared_name(self) -> str:
+        """The name without its session."""
+        return self.name.removesuffix(f"[{self.session}]")
+
+    def of_session(self, session: str) -> ModelParameter:
+        """Its instance for a session."""
+        return replace(self, name=f"{self.name}[{session}]", per_session=False, session=session)
 
 
 @dataclass(frozen=True)
@@ -104,8 +118,35 @@ class Model:
         return np.array([p.range for p in self.parameters])
 
     def by_name(self, values: Array) -> Mapping[str, float]:
-        """Values (P,) as a mapping."""
-        return dict(zip(self.names, (float(v) for v in values), strict=True))
+        """Values (P,) as a mapping; those of the first session also by their shared names."""
+        return self.by_session(values)[0]
+
+    def by_session(self, values: Array) -> tuple[Mapping[str, float], ...]:
+        """Values (P,) as mappings, one for each of `sessions` (one where there is none)."""
+        every = dict(zip(self.names, (float(v) for v in values), strict=True))
+        found = []
+        for session in self.sessions or ("",):
+            mine = {p.shared_name: every[p.name] for p in self.parameters if p.session and p.session == session}
+            found.append({**every, **mine})
+        return tuple(found)
+
+    @cached_property
+    def sessions(self) -> tuple[str, ...]:
+        """Sessions that have parameters of their own."""
+        return tuple(dict.fromkeys(p.session for p in self.parameters if p.session))
+
+    def for_sessions(self, names: tuple[str, ...]) -> Model:
+        """The model with an instance for each session of parameters and effects that have one; as it is for one."""
+        each = [p.name for p in self.parameters if p.per_session]
+        if len(names) < 2 or not each:
+            return self
+        parameters: list[ModelParameter] = []
+        for p in self.parameters:
+            parameters += [p.of_session(s) for s in names] if p.per_session else [p]
+        effects: list[PlacedEffect] = []
+        for e in self.effects:
+            effects += [e.of_session(s) for s in names] if set(e.parameters) & set(each) else [e]
+        return self._with(tuple(effects), tuple(parameters))
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -53,11 +53,16 @@ class PlacedEffect:
     sockets: tuple[Socket, ...]
     parameters: tuple[str, ...]
     options: Mapping[str, tuple[float, ...]]
+    session: str = ""  # in whose rows it acts; "": in all
 
     @property
     def name(self) -> str:
         """`KEYWORD@PLACE`."""
-        return f"{self.effect.keyword}@{self.at}"
+        return f"{self.effect.keyword}@{self.at}" + (f"[{self.session}]" if self.session else "")
+
+    def of_session(self, session: str) -> PlacedEffect:
+        """Its instance for a session, with parameters of its own."""
+        return replace(self, parameters=tuple(f"{p}[{session}]" for p in self.parameters), session=session)
 
 
 def places(sockets: Sockets, effect: Effect, sessions: tuple[str, ...] = ()) -> dict[str, tuple[Socket, ...]]:

@@ -202,4 +202,4 @@ def test_rows_with_a_partner_are_not_taken_silently(tmp_path: Path) -> None:
     table = tmp_path / "m.csv"
     table.write_text("id,q1,q2,q3,x,y,to\na,116.33,603.67,946.83,360,275,\nb,117,603,947,360,275,a\n")
     done = run("check", TRIGLIDE, table)
-    assert "note: `to` names a partner in 1 of 2 rows: their values are still taken as absolute" in done.err
+    assert "`to` names another row in 1 of 2 rows, but no sensor of kind span is declared: not used" in done.err

@@ -159,7 +159,7 @@ def test_another_file() -> None:
     problem, _ = table("hangprinter_2021-12-16.csv", machine="hangprinter")
     other, _ = table("hangprinter_2022-04-12.csv", machine="hangprinter")
     fit = identify(problem, select(problem.model, "auto,R_low,R_high"))
-    held = validate(other, fit, "rows of another file")
+    held = validate(other, problem.model, fit, "rows of another file")
     assert held.folds == 1
     assert held.before["length"].rms == pytest.approx(7.81e-3, rel=1e-3)
     assert held.after["length"].rms == error_figures(other, evaluate(other, fit.values))["length"].rms

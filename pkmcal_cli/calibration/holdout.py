@@ -11,6 +11,7 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.identify import Fit, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
+from pkmcal_cli.model import Model
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 
@@ -95,10 +96,20 @@ def cross_validate(problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme:
     return HeldOut(error_figures(problem, fit.before), after, scheme, len(folds), failed)
 
 
-def validate(problem: Problem, fit: Fit, scheme: str) -> HeldOut:
-    """Figures on another file's rows."""
-    nominal = evaluate(problem, fit.before.values)
-    return HeldOut(error_figures(problem, nominal), error_figures(problem, evaluate(problem, fit.values)), scheme, 1, 0)
+def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
+    """Figures on another file's rows; what its sessions have for themselves is fitted to them. Raises RowsFailed.
+
+    model: that of the fit, whose sessions may be others.
+    """
+    own = tuple(p.name for p in problem.model.parameters if p.session and p.session not in model.sessions)
+    figures = []
+    for values, reachable in ((fit.before.values, False), (fit.values, True)):
+        known = dict(zip(model.names, values, strict=True))
+        start = np.array([known.get(n, v) for n, v in zip(problem.model.names, problem.model.nominal, strict=True)])
+        fitted = identify(problem, own, start).values if own or reachable else start
+        figures.append(error_figures(problem, evaluate(problem, fitted)))
+    words = f"{scheme}, with {', '.join(own)} fitted to them" if own else scheme
+    return HeldOut(figures[0], figures[1], words, 1, 0)
 
 
 def enough_rows(problem: Problem, selected: tuple[str, ...]) -> bool:

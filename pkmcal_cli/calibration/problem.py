@@ -103,6 +103,7 @@ def usable(problem: Problem) -> Problem:
 
 def problem_of(model: Model, measurements: Measurements) -> Problem:
     """Measurements bound to a model; a channel's sigma is the table's where it has one, else the machine's."""
+    model = model.for_sessions(measurements.sessions)
     drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
     readings, given = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))

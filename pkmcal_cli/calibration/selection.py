@@ -38,4 +38,5 @@ def _matching(model: Model, pattern: str) -> set[str]:
         return set(model.names)
     if pattern == "auto":
         return {p.name for p in model.parameters if p.identify}
-    return {n for n in model.names if fnmatchcase(n, pattern)}
+    names = {p.name: (p.name, p.shared_name) for p in model.parameters}
+    return {n for n, known in names.items() if any(k == pattern or fnmatchcase(k, pattern) for k in known)}

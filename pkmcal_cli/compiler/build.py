@@ -139,6 +139,7 @@ def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors:
             p.unit,
             p.dimension.name,
             p.identify,
+            p.per == "session",
         )
         for name, p in machine.parameters.items()
     )

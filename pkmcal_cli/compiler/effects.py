@@ -43,10 +43,10 @@ def declared_effects(machine: Machine, sockets: Sockets, length: float) -> Place
     if faults:
         raise BadInput(faults)
     for name, sensor in machine.sensors.items():
-        if sensor.frame == "fitted" and f"{_FRAME}@{name}" not in machine.effects:
+        if sensor.frame not in (None, "machine") and f"{_FRAME}@{name}" not in machine.effects:
             placed, mine = _fitted_frame(name, sockets[_FRAME][name], machine.space == "planar", length)
             effects.append(placed)
-            parameters += mine
+            parameters += [replace(p, per_session=sensor.frame != "fitted") for p in mine]
     return tuple(effects), tuple(parameters)
 
 

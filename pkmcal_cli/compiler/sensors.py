@@ -84,7 +84,7 @@ class SensorTable:
         if "value" in kind.sees:
             values["value"] = [number(sensor.of)]
         if "basis" in kind.sees:
-            values["basis"] = _basis(sensor, self.structure.nominal)
+            values["basis"] = self._basis(sensor, self.ports[name, sensor.at[0]][1].rotation)
         out: dict[Sight, Index] = {
             sight: np.array([slot(v, f"{name}.{sight}") for v in numbers]) for sight, numbers in values.items()
         }
@@ -93,6 +93,15 @@ class SensorTable:
         if "motion" in kind.sees and self.structure.receptive:
             out["motion"] = np.array([slot(0.0, f"{name}.motion") for _ in range(WIDTHS["motion"])])
         return out
+
+    def _basis(self, sensor: Sensor, rotation: int) -> list[float]:
+        """Where an angle begins and where it goes, at the drawing: y and z of the body for x, z and x for y, x and y."""
+        axis = unit(constant_vector(axis_vector(sensor.axis or "z", 3), self.structure.nominal))
+        first = np.eye(3)[(int(np.argmax(np.abs(axis))) + 1) % 3]
+        first = unit(first - (first @ axis) * axis)
+        builder = self.structure.builder
+        drawn = builder.filed.get(rotation, builder.rotations[rotation][2])
+        return [*(drawn @ first), *(drawn @ np.cross(axis, first))]
 
     def _frame(self, name: str) -> Index:
         """Slots of a frame: origin and rotation vector."""
@@ -178,12 +187,3 @@ class SensorTable:
                 first, second = pair.split("_")
                 out.append((mine[first], mine[second], share.number(nominal)))
         return tuple(out)
-
-
-def _basis(sensor: Sensor, nominal: dict[str, float]) -> list[float]:
-    """Two unit vectors across the axis of an angle: x and y for z, y and z for x, z and x for y."""
-    axis = unit(constant_vector(axis_vector(sensor.axis or "z", 3), nominal))
-    along = int(np.argmax(np.abs(axis)))
-    first = np.eye(3)[(along + 1) % 3]
-    first = unit(first - (first @ axis) * axis)
-    return [*first, *np.cross(axis, first)]

@@ -172,8 +172,31 @@ class NameCheck:
             for name in draft.names:
                 if name in self.machine.parameters:
                     self.used["parameters"].add(name)
+                    self._check_per_session(name, path)
                 elif name not in self.excused:
                     self._unknown_parameter(name, draft, path)
+
+    def _check_per_session(self, name: str, path: Path) -> None:
+        """What every session has for itself belongs to instruments, not to the machine."""
+        section, thing = path[0], str(path[1])
+        machine = self.machine
+        touched = {s.on for s in machine.sensors.values()}
+        seen = {s.to for s in machine.sensors.values()}
+        mine = (
+            section == "sensors"
+            or (section == "frames" and thing in touched)
+            or (section == "ground" and thing in seen)
+        )
+        built = {g.frame for g in machine.guides.values()}
+        joined = {
+            p
+            for kind in ("beams", "bars", "ropes", "joints")
+            for t in getattr(machine, kind).values()
+            for p in t.between
+        }
+        if machine.parameters[name].per == "session" and (not mine or thing in built | joined):
+            what = f"parameter `{name}` has a value for every session, but this is a part of the machine"
+            self._fault("value", what, path, "only what belongs to sensors can differ from session to session")
 
     def _unknown_parameter(self, name: str, draft: Draft, path: Path) -> None:
         assert draft.tree is not None

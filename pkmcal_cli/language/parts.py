@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
@@ -101,6 +101,7 @@ class Parameter(Entity):
         default=None, description="[min, max] that a fit respects"
     )
     identify: bool = Field(default=True, description="false: a fit leaves it alone unless selected")
+    per: Literal["session"] | None = Field(default=None, description="session: one for every session (sensors only)")
     note: str | None = Field(default=None, description="A remark for people")
     _dimension: Dimension = PrivateAttr(NUMBER)
 

@@ -145,6 +145,7 @@ def _with_reaction(
 
 
 def _rows_of(placed: PlacedEffect, at: SocketInputs) -> NDArray[np.float64] | float:
-    if placed.effect.places != "session":
+    session = placed.at if placed.effect.places == "session" else placed.session
+    if not session:
         return 1.0
-    return np.asarray(at.table.columns.get(f"session.{placed.at}", np.zeros(at.rows)))[:, None]
+    return np.asarray(at.table.columns.get(f"session.{session}", np.zeros(at.rows)))[:, None]

@@ -9,6 +9,7 @@ import numpy as np
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.effects import displacements
 from pkmcal_cli.prediction.rows import Rows
+from pkmcal_cli.prediction.stages import BaseSlots
 from pkmcal_cli.rotation import Array, exp, log
 from pkmcal_cli.sensors import Sight, derivatives, read
 from pkmcal_cli.sensors.tcp import strained
@@ -103,7 +104,7 @@ def in_machine_frame(model: Model, values: Array, rows: Rows, readings: Array) -
     framed = [s for s in model.sensors if "motion" in s.given and len(s.given)]
     if not framed:
         return out
-    slots = np.tile(model.layout.slots.values(model.by_name(values)), (len(rows), 1))
+    slots = BaseSlots.of(model, values).rows(rows)
     displacements(model, values, rows, (), None).apply(slots)
     for sensor in framed:
         d = slots[:, sensor.given["motion"].slots]

@@ -17,7 +17,7 @@ from pkmcal_cli.prediction.outcome import outcome
 from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import solve
-from pkmcal_cli.prediction.stages import Chain, commanded_slots
+from pkmcal_cli.prediction.stages import BaseSlots, Chain, commanded_slots
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
@@ -43,7 +43,7 @@ def predict(
     request = request or Request()
     if request.method != "exact" and (request.parameters is not None or request.by_drive):
         raise ValueError(f"derivatives are those of the equilibrium: no derivatives with method {request.method}")
-    base = model.layout.slots.values(model.by_name(values))
+    base = BaseSlots.of(model, values)
     chain = Chain.of(model, values, request)
     moved = _moved(model, values, base, rows, request, chain)
     parts = []
@@ -60,7 +60,7 @@ def predict(
     return join_rows(model, found, alone if rows.partner is None else rows.partner)
 
 
-def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Request, chain: Chain) -> Displacements:
+def _moved(model: Model, values: Array, base: BaseSlots, rows: Rows, request: Request, chain: Chain) -> Displacements:
     """What effects displace in every row of the table; reactive ones by the forces of a pass without them."""
     asked = request.parameters or ()
     numbers = model.by_name(values)
@@ -77,7 +77,7 @@ def _moved(model: Model, values: Array, base: Array, rows: Rows, request: Reques
 
 def _earlier_pass(
     model: Model,
-    base: Array,
+    base: BaseSlots,
     rows: Rows,
     reactive: Sequence[PlacedEffect],
     chain: Chain | None,
@@ -101,7 +101,7 @@ def settled_smoothing(model: Model, values: Array, rows: Rows) -> Model:
     some = [e for e in model.effects if e.effect.reactive and "smooth" not in e.options and _smooths(e)]
     if not some:
         return model
-    base = model.layout.slots.values(model.by_name(values))
+    base = BaseSlots.of(model, values)
     found = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None))
     size = dict(zip(found.places, np.sqrt(np.nanmean(found.values**2, axis=0)), strict=True))
     settled = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sockets), _LEAST_FORCE) for e in some}

@@ -46,6 +46,11 @@ class Rows:
         place[np.arange(len(self))[rows]] = np.arange(len(self.readings[rows]))
         return np.asarray(place[self.partner[rows]])
 
+    def session_numbers(self, names: Sequence[str]) -> NDArray[np.intp]:
+        """Which of some sessions each row belongs to, (N,); 0 for rows of none."""
+        flags = [self.columns.get(f"session.{name}", np.zeros(len(self))) for name in names]
+        return np.asarray(np.argmax(flags, axis=0)) if flags else np.zeros(len(self), dtype=np.intp)
+
     def moved(self, shift: Array) -> Rows:
         """The same with the drive readings moved by `shift` (N, A)."""
         return replace(self, readings=self.readings + shift)

@@ -13,19 +13,43 @@ from pkmcal_cli.prediction.rows import Request, Rows
 from pkmcal_cli.rotation import Array
 
 
+@dataclass(frozen=True)
+class BaseSlots:
+    """Slots (K, S) that parameters give, one line for each session that has parameters of its own, else one."""
+
+    lines: Array
+    sessions: tuple[str, ...]
+
+    @classmethod
+    def of(cls, model: Model, values: Array) -> BaseSlots:
+        """At parameter values (P,)."""
+        lines = [model.layout.slots.values(numbers) for numbers in model.by_session(values)]
+        return cls(np.array(lines), model.sessions)
+
+    def rows(self, rows: Rows) -> Array:
+        """Slots (N, S) of rows, the row index running fastest."""
+        out: Array = np.empty((len(rows), self.lines.shape[1]), order="F")
+        out[:] = self.lines[0] if len(self.lines) == 1 else self.lines[rows.session_numbers(self.sessions)]
+        return out
+
+    @property
+    def common(self) -> Array:
+        """Slots (S,) of the mechanism: no session has its own of these."""
+        return np.asarray(self.lines[0])
+
+
 def stage_slots(model: Model, values: Array, rows: Rows) -> Array:
     """Command, geometry, stiffness and load stages: slots (N, S) of every row at parameter values (P,)."""
-    return commanded_slots(model, model.layout.slots.values(model.by_name(values)), rows)
+    return commanded_slots(model, BaseSlots.of(model, values), rows)
 
 
-def commanded_slots(model: Model, base: Array, rows: Rows) -> Array:
-    """Slots (N, S) of every row from those of the parameters (S,)."""
-    slots: Array = np.empty((len(rows), len(base)), order="F")
-    slots[:] = base
+def commanded_slots(model: Model, given: BaseSlots, rows: Rows) -> Array:
+    """Slots (N, S) of every row from those of the parameters."""
+    slots, base = given.rows(rows), given.common
     for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
         if drive.force_controlled:
-            given = rows.forces[:, a]
-            force = np.where(np.isnan(given), base[actuator.force_slot], given)
+            asked = rows.forces[:, a]
+            force = np.where(np.isnan(asked), base[actuator.force_slot], asked)
             slots[:, drive.force_slot] += drive.force_sign * force
         else:
             slots[:, drive.slot] += base[actuator.gain_slot] * rows.readings[:, a]
@@ -57,23 +81,29 @@ class Chain:
 
     model: Model
     slots: Index  # (U,) slots that depend on them
-    jacobian: Array | None  # (U, P') d slots / d parameters; None where none is asked for
+    jacobian: Array | None  # (K, U, P') d slots / d parameters, one for each session; None where none is asked for
 
     @classmethod
     def of(cls, model: Model, values: Array, request: Request) -> Chain:
         """The chain at parameter values (P,)."""
         if request.parameters is None:
             return cls(model, np.zeros(0, dtype=np.intp), None)
-        full = model.layout.slots.jacobian(model.by_name(values), request.parameters)
-        used = np.nonzero(full.any(axis=1))[0]
-        return cls(model, used, full[used])
+        shared = {p.name: (p.shared_name, p.session) for p in model.parameters}
+        asked = [shared[name] for name in request.parameters]
+        parts = []
+        for session, numbers in zip(model.sessions or ("",), model.by_session(values), strict=True):
+            full = model.layout.slots.jacobian(numbers, [name for name, _ in asked])
+            parts.append(full * np.array([mine in ("", session) for _, mine in asked], dtype=float))
+        every = np.stack(parts)
+        used = np.nonzero(every.any(axis=(0, 2)))[0]
+        return cls(model, used, every[:, used])
 
     def apply(self, rows: Rows, slots: Array, by_slot: Array, moved: Displacements) -> tuple[Array | None, Array]:
         """Derivatives by slot (N, C, S) to those by parameter (N, C, P') and by drive reading (N, C, A).
 
         Effects and then the command stage add their share to `by_slot`.
         """
-        jacobian = None if self.jacobian is None else np.zeros((*by_slot.shape[:2], self.jacobian.shape[1]))
+        jacobian = None if self.jacobian is None else np.zeros((*by_slot.shape[:2], self.jacobian.shape[2]))
         by_drive = np.zeros((*by_slot.shape[:2], len(self.model.actuators)))
         moved.chain(slots, by_slot, jacobian, by_drive)
         for a, (drive, actuator) in enumerate(zip(self.model.layout.drives, self.model.actuators, strict=True)):
@@ -84,5 +114,9 @@ class Chain:
                 by_drive[..., a] += by_slot[..., drive.slot] * slots[:, None, actuator.gain_slot]
                 by_slot[..., actuator.gain_slot] += by_slot[..., drive.slot] * rows.readings[:, None, a]
         if jacobian is not None and self.jacobian is not None:
-            jacobian += by_slot[..., self.slots] @ self.jacobian
+            lines = self.jacobian
+            if len(lines) == 1:
+                jacobian += by_slot[..., self.slots] @ lines[0]
+            else:
+                jacobian += by_slot[..., self.slots] @ lines[rows.session_numbers(self.model.sessions)]
         return jacobian, by_drive

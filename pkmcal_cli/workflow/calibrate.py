@@ -95,11 +95,13 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         check_target(request.output, force=request.force)
         no_input(request.output, [request.machine, *request.measurements])
     loaded = load_machine(request.machine)
-    selected = selection(loaded.model, request.select)
-    start = load_parameters(loaded.model, request.parameters)
+    selection(loaded.model, request.select)
     measured = load_measurements(loaded, request.measurements)
     problem = problem_of(loaded.model, measured)
-    start = replace(start, values=at_frames(start.values, loaded.model, problem.model))
+    selected = selection(problem.model, request.select)
+    start = load_parameters(problem.model, request.parameters)
+    declared = loaded.model.for_sessions(measured.sessions)
+    start = replace(start, values=at_frames(start.values, declared, problem.model))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
@@ -181,13 +183,12 @@ def _validated(s: _Setting, fit: Fit, file: str) -> tuple[HeldOut | str, dict[st
         raise UsageError(f"--holdout: the rows of {file} are fitted", hint="another file, or a number of folds: 5")
     if not problem.count:
         return f"nothing in {file} was measured with a sigma", inputs
-    try:
-        identify(problem, (), fit.values)  # nothing moves: every row must be within reach
-    except RowsFailed as failure:
-        raise unsolved(other, failure.evaluation.prediction) from None
     if fit.status != "converged":
         return f"the fit has not succeeded ({fit.status})", inputs
-    return validate(problem, fit, f"rows of {other.files[0]}"), inputs
+    try:
+        return validate(problem, s.problem.model, fit, f"rows of {other.files[0]}"), inputs
+    except RowsFailed as failure:
+        raise unsolved(other, failure.evaluation.prediction) from None
 
 
 def _limit(text: str | None) -> float | None:

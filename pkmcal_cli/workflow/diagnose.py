@@ -59,9 +59,11 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
     """Read the files and gather the hypotheses; the table needs some rows. Raises PkmcalError."""
     one_stdin(machine, *measurements)
     loaded = load_machine(machine, receptive=True)
-    selected = selection(loaded.model, text)
+    selection(loaded.model, text)
     measured = load_measurements(loaded, measurements)
-    found = candidates(loaded.model, select(loaded.model, text), measured)
+    model = loaded.model.for_sessions(measured.sessions)
+    selected = selection(model, text)
+    found = candidates(model, select(model, text), measured)
     problem = problem_of(found.model, measured)
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
