@@ -110,7 +110,7 @@ def test_readings_are_closed_forms_of_the_true_pose(name: str) -> None:
 
 
 def derivative(machine: Model, vector: Array, rows: Rows, step: Array, drives: Array | None = None) -> Array:
-    """Central differences with Richardson extrapolation, (N, C), along a parameter step (P,) or drives' steps (N, A)."""
+    """Central differences with Richardson extrapolation (N, C) along a step of parameters (P,), of drives (N, A)."""
 
     def at(factor: float) -> Array:
         moved = rows if drives is None else rows.moved(factor * drives)

@@ -16,12 +16,12 @@ from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import drive_travels
 from pkmcal_cli.rotation import Array
 
-KINDS = ("position", "orientation", "drive", "force", "length")
+KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "length")
 
 
 @dataclass(frozen=True)
 class ErrorFigures:
-    """Error of one kind, SI: `rms` and `largest` of a point (position, orientation) or of a reading (others).
+    """Error of one kind, SI: `rms` and `largest` of a point (position), a body (orientation) or a reading (others).
 
     `criterion`: sum of squares over all rows (Ecorchard 2010, eq. 24), m^2 or rad^2; `count`: points or readings.
     """
@@ -39,20 +39,33 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     out: dict[str, ErrorFigures] = {}
     channels = problem.model.channels
     for kind in ("position", "orientation"):
-        columns = [k for k, c in enumerate(channels) if c.quantity == kind]
-        used = problem.measured[:, columns].any(axis=1) if columns else np.zeros(0, dtype=bool)
-        if used.any():
-            squares = (evaluation.residual[used][:, columns] ** 2).sum(axis=1)
+        squares = _of_points(problem, evaluation, kind)
+        if len(squares):
             out[kind] = _figures(kind, squares, "length" if kind == "position" else "angle")
-    columns = [k for k, c in enumerate(channels) if c.quantity == "drive"]
-    on = problem.measured[:, columns]
-    if columns and on.any():
-        out["drive"] = _figures("drive", evaluation.residual[:, columns][on] ** 2, channels[columns[0]].dimension)
+    for kind in ("distance", "angle", "drive", "force"):
+        columns = [k for k, c in enumerate(channels) if c.quantity == kind]
+        columns = [k for k in columns if channels[k].dimension == channels[columns[0]].dimension]
+        on = problem.measured[:, columns]
+        if on.any():
+            out[kind] = _figures(kind, evaluation.residual[:, columns][on] ** 2, channels[columns[0]].dimension)
     squares = length_residuals(problem, evaluation.values).ravel() ** 2 if lengths else np.zeros(0)
     squares = squares[~np.isnan(squares)]
     if len(squares):
         out["length"] = _figures("length", squares, "length")
     return out
+
+
+def _of_points(problem: Problem, evaluation: Evaluation, kind: str) -> Array:
+    """Squares of the errors (n,) of all points, or bodies, that were measured: each target of a sensor in each row."""
+    found: dict[int, list[int]] = {}
+    for k, c in enumerate(problem.model.channels):
+        if c.quantity == kind:
+            found.setdefault(c.index, []).append(k)
+    out = [np.zeros(0)]
+    for columns in found.values():
+        used = problem.measured[:, columns].any(axis=1)
+        out.append((evaluation.residual[used][:, columns] ** 2).sum(axis=1))
+    return np.concatenate(out)
 
 
 def channel_figures(problem: Problem, evaluation: Evaluation) -> dict[str, ErrorFigures]:

@@ -99,7 +99,7 @@ def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDriv
 
 
 def _drive(name: str, actuator: Actuator, kind: DriveKind, slot: int, target: tuple[int, ...], sign: float) -> Drive:
-    forced = actuator.control == "force"
+    forced = not actuator.holds
     return Drive(name, kind, slot, target, -1, sign, actuator.redundant, forced, actuator.stiffness is None)
 
 
@@ -114,7 +114,7 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         _, drawn, free, label = b.travels[travel]
         b.travels[travel] = (b.slot(base, f"{name}.position"), drawn, free, label)
         drive = _drive(name, actuator, DriveKind.TRAVEL, b.travels[travel][0], (travel,), 1.0)
-        if actuator.control == "force":
+        if not actuator.holds:
             force = b.slot(0.0, f"{name}.force")
             b.force("travel", travel, force)
             drive = replace(drive, force_slot=force)
@@ -163,7 +163,7 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         slot = b.slot(combined(lambda z: z - offset, zero), f"{name}.angle")
         b.rotations[rotation] = (kind, axis, drawn, (slot, -1, -1), label)
         drive = _drive(name, actuator, DriveKind.ROTATION, slot, (rotation,), 1.0)
-        if actuator.control == "force":
+        if not actuator.holds:
             force = b.slot(0.0, f"{name}.force")
             b.force("rotation", 3 * rotation, force)
             drive = replace(drive, force_slot=force)

@@ -172,7 +172,7 @@ def _mobility_text(machine: Machine, found: Mobility) -> str:
         times = {name: found.uncontrolled.count(name) for name in found.uncontrolled}
         moved = (name if n == 1 else f"{name} ({count(n, 'motion')})" for name, n in times.items())
         return f"nothing holds the {', '.join(moved)}"
-    unmarked = [n for n, a in machine.actuators.items() if not a.redundant and a.control == "position"]
+    unmarked = [n for n, a in machine.actuators.items() if not a.redundant and a.holds]
     named = f"not marked redundant ({', '.join(unmarked)})" if unmarked else "(all redundant or force-controlled)"
     drives = f"the drives {named}"
     open_, twice = found.undetermined, found.overdetermined

@@ -95,7 +95,7 @@ class SensorTable:
         return out
 
     def _basis(self, sensor: Sensor, rotation: int) -> list[float]:
-        """Where an angle begins and where it goes, at the drawing: y and z of the body for x, z and x for y, x and y."""
+        """Where an angle begins and where it goes, at the drawing: of the body's x and y for z, and so on."""
         axis = unit(constant_vector(axis_vector(sensor.axis or "z", 3), self.structure.nominal))
         first = np.eye(3)[(int(np.argmax(np.abs(axis))) + 1) % 3]
         first = unit(first - (first @ axis) * axis)

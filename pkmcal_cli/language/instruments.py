@@ -57,7 +57,9 @@ class Actuator(Entity):
         json_schema_extra={"default": None},
     )
     redundant: bool = Field(default=False, description="Outside the non-redundant substructure")
-    control: Literal["position", "force"] = Field(default="position", description="What is commanded")
+    control: Literal["position", "force", "passive"] = Field(
+        default="position", description="What is commanded; passive: nothing, its encoder is read"
+    )
     force: DriveForce | None = Field(default=None, description="Force: a number or {column, otherwise}")
     stiffness: DriveStiffness | None = Field(default=None, description="Of the drive; default ideal")
     limits: tuple[Travel, Travel] | None = Field(default=None, description="[low, high] of the reading")
@@ -73,6 +75,11 @@ class Actuator(Entity):
     unit: ReadingUnit | None = Field(default=None, description="Unit of the column: deg, mm")
     sigma: Sigma | None = Field(default=None, description="Standard uncertainty of the reading, as travel")
     period: Sigma | None = Field(default=None, description="Lead of its screw or period of its encoder, as travel")
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds its position; the reading of one that does not is a measurement."""
+        return self.control == "position"
 
     @property
     def target(self) -> str:

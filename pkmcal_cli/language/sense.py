@@ -157,6 +157,8 @@ class SenseCheck:
             if getattr(actuator, extra) is not None and key != owner:
                 what = f"`{extra}` belongs to an actuator that {owner}"
                 self._fault(what, (*path, extra), "delete it", at_key=True)
+        if actuator.control == "passive" and actuator.force is not None:
+            self._fault("a passive actuator has no force", (*path, "force"), "delete it", at_key=True)
         self._check_scale(path, actuator)
         self._check_target(path, key, actuator)
 

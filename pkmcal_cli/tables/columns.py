@@ -77,7 +77,7 @@ def columns_of(machine: Machine) -> tuple[Column, ...]:
     actuators = machine.actuators
     columns = [_reading(name, actuator, machine) for name, actuator in actuators.items()]
     columns += _channels(machine)
-    columns += [_reading(n, a, machine, "channel") for n, a in actuators.items() if a.control == "force"]
+    columns += [_reading(n, a, machine, "channel") for n, a in actuators.items() if not a.holds]
     columns += _targets(machine, columns)
     columns += [_force(name, actuator, machine) for name, actuator in actuators.items()]
     columns += _sigmas(machine, columns)
