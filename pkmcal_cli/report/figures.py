@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import Unit
+from pkmcal_cli.language.units import TORQUE, UNITS, Unit
 from pkmcal_cli.report.numbers import finite
 
 
 def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:
     """Unit of a kind's figures."""
     units = machine.file_units
-    return {"length": units.length, "angle": units.angle, "force": units.force}[figures.dimension]
+    known = {"length": units.length, "angle": units.angle, "force": units.force, "torque": units.unit(TORQUE)}
+    return known.get(figures.dimension, UNITS["1"])
 
 
 def figures_json(machine: Machine, kinds: dict[str, ErrorFigures]) -> dict[str, object]:
