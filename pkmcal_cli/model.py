@@ -13,7 +13,7 @@ from pkmcal_cli.equilibrium.branch import Mode, drawn_mode
 from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
-from pkmcal_cli.layout import GROUND, Layout
+from pkmcal_cli.layout import GROUND, Index, Layout
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect, Sockets
 from pkmcal_cli.views import PlacedSensor, View
@@ -97,6 +97,9 @@ class Model:
     views: tuple[View, ...]  # what sensors and channels see of the structure
     direct: tuple[tuple[int, int], ...]  # (channel, view): channels that are views as they are
     sensors: tuple[PlacedSensor, ...] = ()
+    base: Index = field(default_factory=lambda: np.zeros((0, 3), dtype=np.intp))  # (B, 3) slots of places of the base
+    base_turns: Index = field(default_factory=lambda: np.zeros((0, 3), dtype=np.intp))  # (F, 3) of its frames' turns
+    datum: tuple[str, ...] = ()  # parameters that define the base frame where nothing else does
     correlated: tuple[tuple[int, int, float], ...] = ()  # channels whose noise is correlated, and how much
     sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()

@@ -23,7 +23,7 @@ from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
 from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.layout import GROUND, DriveKind, Layout, Turn
+from pkmcal_cli.layout import GROUND, DriveKind, Index, Layout, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
 from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
 from pkmcal_cli.ports import Point, Port
@@ -63,11 +63,27 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     layout = replace(layout, held=held)
     found = asm.mobility(layout, length, held_names, loud_names)
     model = _model(machine, layout, drives, sensors, length)
+    base, turns = _base_slots(made.structure, machine)
+    model = replace(model, base=base, base_turns=turns, datum=machine.datum)
     if receptive:
         model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
         model = replace(model, fitted_frames=fitted)
         model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
     return Compiled(model, found, tuple(gaps))
+
+
+def _base_slots(structure: Structure, machine: Machine) -> tuple[Index, Index]:
+    """Slots of the places of everything fixed to the base (B, 3), and of the turns of its frames (F, 3)."""
+    builder = structure.builder
+    inner = {name for name, guide in machine.guides.items() if guide.frame is not None}
+    fixed = ("ground", "frame", "fixed")
+    places = [
+        builder.offsets[index]
+        for (kind, name), index in structure.anchors.items()
+        if kind in fixed or (kind == "guide" and name not in inner)
+    ]
+    turns = [builder.rotations[rotation][3] for _, rotation in structure.frames.values()]
+    return np.array(places, dtype=np.intp).reshape(-1, 3), np.array(turns, dtype=np.intp).reshape(-1, 3)
 
 
 @dataclass(frozen=True)
@@ -162,7 +178,7 @@ def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors:
         tuple(sensors.views),
         tuple(sensors.direct),
         tuple(sensors.sensors),
-        sensors.correlated(machine),
+        correlated=sensors.correlated(machine),
     )
 
 

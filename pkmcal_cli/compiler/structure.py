@@ -168,7 +168,7 @@ class Structure:
     def _partly_fixed(self, name: str, at: Array, values: tuple, fixed: tuple[str, ...]) -> Point:  # type: ignore[type-arg]
         axes = "xy" if self.planar else "xyz"
         held = [v if c in fixed else 0.0 for v, c in zip(values, "xyz", strict=True)]
-        out = self.builder.offset(GROUND, held, name) if any(c in fixed for c in axes) else Point()
+        out = self.anchored("fixed", name, GROUND, held, name) if any(c in fixed for c in axes) else Point()
         moves = [
             (GROUND, self.new_travel(f"{name}.{c}", float(at[k])), tuple(np.eye(3)[k]))
             for k, c in enumerate(axes)

@@ -37,6 +37,9 @@ class Machine(Entity):
     own_weight: bool = Field(default=True, description="Whether masses weigh (with gravity)")
     ranges: Ranges = Field(default=Ranges(), description="Default ranges of parameters by dimension")
     parameters: dict[Name, Parameter] = Field(default={}, description="Numbers that can be identified")
+    datum: tuple[str, ...] = Field(
+        default=(), description="Parameters held at nominal where the data leave the base's place, or the scale, free"
+    )
     ground: dict[Name, Point] = Field(default={}, description="Points fixed to the base")
     frames: dict[Name, Frame] = Field(default={}, description="Frames fixed to the base")
     guides: dict[Name, Guide] = Field(default={}, description="Guides on which carriages travel")

@@ -166,6 +166,10 @@ class NameCheck:
                     "name", f"`{name}` is a reserved word", ("parameters", name),
                     "choose another name", at_key=True,
                 )  # fmt: skip
+        for index, name in enumerate(self.machine.datum):
+            if name not in self.machine.parameters and "@" not in name and name not in self.excused:
+                hint = did_you_mean(name, self.machine.parameters)
+                self._fault("unknown-name", f"unknown parameter `{name}`", ("datum", index), hint)
         for path, draft in drafts(self.machine):
             if path[0] in ("parameters", "ranges", "effects") or draft.tree is None:
                 continue

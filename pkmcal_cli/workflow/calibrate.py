@@ -13,7 +13,8 @@ from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows,
 from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, problem_of
 from pkmcal_cli.calibration.selection import named
-from pkmcal_cli.errors import BadInput, UsageError, did_you_mean
+from pkmcal_cli.calibration.settled import settle
+from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream, write_text
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.poses import failed_rows, place_of
@@ -70,6 +71,7 @@ def run_calibration(request: CalibrationRequest) -> int:
         to.warn(text)
     for hint in (*_unused_channels(s.problem), *measurement_hints(s.loaded, s.problem, s.start.values)):
         to.warn(f"warning: {hint}")
+    s = _determined(s, to)
     fit = _fit(s)
     held_out, inputs = _held_out(s, fit)
     report = CalibrationReport(s.loaded.machine, s.problem, fit, held_out)
@@ -110,6 +112,16 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     if limit is not None and "position" not in _measured_kinds(problem):
         raise UsageError("--max-rms: no positions were measured", hint="leave it out")
     return _Setting(request, loaded, measured, problem, selected, start, limit)
+
+
+def _determined(s: _Setting, to: Reporter) -> _Setting:
+    """The setting without the parameters that are held as datum. Raises BadInput for data that determine too little."""
+    settled = settle(s.problem, s.start.values, s.selected)
+    if settled.refusal:
+        raise BadInput([Fault("under-determined", settled.refusal, Location(s.loaded.model.name), settled.remedy)])
+    for line in settled.notes:
+        to.say(line)
+    return replace(s, selected=settled.selected)
 
 
 def _check_holdout(scheme: str | None) -> None:

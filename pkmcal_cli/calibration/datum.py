@@ -1,0 +1,174 @@
+"""Gauge freedoms: motions of the whole base, and its scale, that change nothing that was measured; and their datum.
+
+A direction in which parameters are not seen is a gauge freedom when it moves everything that is fixed to the base like
+one rigid body, or stretches it. Which motions these are is found by comparing the null directions of the Jacobian with
+the fields t + w x r + s r at the places of the base (free network adjustment: the rank defect of the datum).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.identifiability import Directions
+from pkmcal_cli.model import Model
+from pkmcal_cli.rotation import Array, log_jacobian, skew
+
+_SPATIAL = ("scale", "turn about x", "turn about y", "turn about z", "shift along x", "shift along y", "shift along z")
+_PLANAR = ("scale", "turn about z", "shift along x", "shift along y")
+_SAME = 1e-5  # of the largest singular value: fields agree
+_SHARE = 0.05  # a motion is named by the generators that have more than this share of it
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """What the data leave free of the base.
+
+    motions: in words, one for each freedom; directions (g, p): of the parameters, in ranges.
+    """
+
+    motions: tuple[str, ...]
+    directions: Array
+
+
+def gauge_of(model: Model, values: Array, found: Directions) -> Gauge:
+    """Gauge freedoms among the null directions of selected parameters, at parameter values (P,)."""
+    nothing = Gauge((), np.zeros((0, len(found.names))))
+    if not found.null.any() or not len(model.base):
+        return nothing
+    null = found.vectors[found.null]  # (k, p) in ranges
+    moved = _base_motion(model, values, found.names) @ (null * found.ranges).T  # (f, k)
+    names, fields = _fields(model, values)
+    size = max(float(np.abs(moved).max()), 1e-300)
+    both = np.hstack([moved / size, -fields])
+    _, s, vt = np.linalg.svd(both, full_matrices=True)
+    rank = int((s > _SAME * s[0]).sum())
+    kernel = vt[rank:]  # (n, k + generators)
+    if not len(kernel):
+        return nothing
+    echelon = _echelon(kernel[:, null.shape[0] :])
+    freedoms = int(np.linalg.matrix_rank(kernel[:, null.shape[0] :], tol=_SAME))
+    if not freedoms:
+        return nothing
+    basis = _range_of(kernel, null.shape[0])
+    return Gauge(tuple(_words(names, row) for row in echelon[:freedoms]), basis @ null / size)
+
+
+def _range_of(kernel: Array, count: int) -> Array:
+    """Combinations (g, k) of null directions that move the base, one for each independent motion."""
+    _, s, vt = np.linalg.svd(kernel[:, count:].T, full_matrices=False)
+    return np.asarray(vt[s > _SAME] @ kernel[:, :count])
+
+
+def _base_motion(model: Model, values: Array, names: tuple[str, ...]) -> Array:
+    """Displacement (f, p) of the base by parameters, SI: of its places, then of the orientations of its frames."""
+    numbers = model.by_name(values)
+    chain = model.layout.slots.jacobian(numbers, names)
+    slots = model.layout.slots.values(numbers)
+    places = chain[model.base].reshape(-1, len(names))
+    turns = [places]
+    for where in model.base_turns:
+        vector = slots[where]
+        turns.append(np.linalg.inv(log_jacobian(vector[None])[0]) @ chain[where])
+    return np.vstack(turns)
+
+
+def _fields(model: Model, values: Array) -> tuple[tuple[str, ...], Array]:
+    """Names of the generators, and what each does to the base (f, generators), lengths in sizes of the machine."""
+    slots = model.layout.slots.values(model.by_name(values))
+    places, length = slots[model.base], model.length
+    columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(model.base_turns))])]
+    planar = model.layout.planar
+    for k in [2] if planar else range(3):
+        axis = np.eye(3)[k]
+        turned = (skew(axis) @ places.T).T / length
+        columns.append(np.concatenate([turned.ravel(), np.tile(axis, len(model.base_turns)) / length]))
+    for k in range(2 if planar else 3):
+        columns.append(np.concatenate([np.tile(np.eye(3)[k], len(places)), np.zeros(3 * len(model.base_turns))]))
+    fields = np.stack(columns, axis=1)
+    told = _independent_columns(fields)  # a base that is one point has no turn and no scale
+    return tuple((_PLANAR if planar else _SPATIAL)[k] for k in told), fields[:, told]
+
+
+def _independent_columns(fields: Array) -> list[int]:
+    """Columns that say something of their own, shifts before turns before the scale."""
+    chosen: list[int] = []
+    for k in reversed(range(fields.shape[1])):
+        if np.linalg.matrix_rank(fields[:, [*chosen, k]], tol=_SAME) > len(chosen):
+            chosen.append(k)
+    return sorted(chosen)
+
+
+def _echelon(rows: Array) -> Array:
+    """Reduced row echelon form with columns in order, so that each motion is named by its first generator."""
+    rows, line = rows.copy(), 0
+    for column in range(rows.shape[1]):
+        if line >= len(rows):
+            break
+        best = line + int(np.argmax(np.abs(rows[line:, column])))
+        if abs(rows[best, column]) < _SAME:
+            continue
+        rows[[line, best]] = rows[[best, line]]
+        rows[line] /= rows[line, column]
+        others = [k for k in range(len(rows)) if k != line]
+        rows[others] -= np.outer(rows[others, column], rows[line])
+        line += 1
+    return rows
+
+
+def _words(names: tuple[str, ...], row: Array) -> str:
+    """A motion by its first generator."""
+    return names[int(np.argmax(np.abs(row) > _SHARE * np.abs(row).max()))]
+
+
+@dataclass(frozen=True)
+class Datum:
+    """Parameters that are held so that the base has a place: `held`, for the freedoms of `gauge`.
+
+    missing: freedoms that no declared parameter fixes; proposed: parameters that would.
+    """
+
+    gauge: Gauge
+    held: tuple[str, ...]
+    missing: int
+    proposed: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """What is not seen, and what fixes it."""
+        what = f"the base is not seen by these data ({', '.join(self.gauge.motions)})"
+        return f"{what}: datum {', '.join(self.held)}, held" if self.held else what
+
+
+def datum_of(model: Model, values: Array, found: Directions) -> Datum | None:
+    """The datum of a fit of some parameters at values (P,): of those declared, as many as are needed, in their order.
+
+    None where nothing of the base is free.
+    """
+    gauge = gauge_of(model, values, found)
+    if not gauge.motions:
+        return None
+    size = np.abs(gauge.directions).max(axis=0, initial=0.0)
+    rows = {n: gauge.directions[:, k] for k, n in enumerate(found.names) if size[k] > 1e-6 * size.max()}
+    held = _independent({n: rows[n] for n in model.datum if n in rows})
+    missing = len(gauge.motions) - len(held)
+    ordered = sorted((n for n in rows if n not in held), key=lambda n: -float(np.abs(rows[n]).max()))
+    proposed = _independent({n: rows[n] for n in (*held, *ordered)})
+    return Datum(gauge, tuple(held), missing, tuple(proposed))
+
+
+def _independent(rows: dict[str, Array]) -> list[str]:
+    """Names in their order whose rows are independent of those before."""
+    chosen: list[str] = []
+    basis: list[NDArray[np.float64]] = []
+    for name, row in rows.items():
+        rest = row.astype(float)
+        for known in basis:
+            rest = rest - (known @ rest) * known
+        length = float(np.sqrt(rest @ rest))
+        if length > 1e-3 * float(np.sqrt(row @ row)):
+            chosen.append(name)
+            basis.append(rest / length)
+    return chosen

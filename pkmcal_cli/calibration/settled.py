@@ -1,0 +1,70 @@
+"""Before a fit: are there equations enough, and has the base a place? What is held as datum, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.calibration.datum import Datum, datum_of
+from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.rotation import Array
+
+_LISTED = 8  # null directions that are told one by one
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What is to be identified: `selected` without the datum's parameters; or why not, and the remedy."""
+
+    selected: tuple[str, ...]
+    datum: Datum | None
+    refusal: str = ""
+    remedy: str = ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be told."""
+        return (self.datum.text,) if self.datum is not None else ()
+
+
+def settle(problem: Problem, values: Array, selected: tuple[str, ...]) -> Settled:
+    """What the data can be asked for at parameter values (P,), if all rows can be predicted there."""
+    found = _directions(problem, values, selected)
+    if found is None:
+        return Settled(selected, None)
+    datum = datum_of(problem.model, values, found)
+    held = datum.held if datum is not None else ()
+    rest = tuple(n for n in selected if n not in held)
+    if datum is not None and datum.missing:
+        left = ", ".join(datum.gauge.motions)
+        what = f"these data do not say where the base is ({left}); {_counts(problem, found, datum)}"
+        return Settled(rest, datum, what, f"state what defines the base: `datum: [{', '.join(datum.proposed)}]`")
+    if problem.count < len(rest):
+        what = f"too few equations: {_counts(problem, found, datum)}; not seen: {_listed(found)}"
+        return Settled(rest, datum, what, "measure more, or identify less (`--select`)")
+    return Settled(rest, datum)
+
+
+def _directions(problem: Problem, values: Array, selected: tuple[str, ...]) -> Directions | None:
+    """Null and weak directions; None where rows cannot be predicted, which the fit sees to."""
+    evaluation = evaluate(problem, values, selected)
+    if not selected or not problem.count or not evaluation.solved:
+        return None
+    ranges = np.array([problem.model.parameters[problem.model.names.index(n)].range for n in selected])
+    return directions(linearise(problem, evaluation).jacobian, selected, ranges)
+
+
+def _counts(problem: Problem, found: Directions, datum: Datum | None) -> str:
+    free = 0 if datum is None else len(datum.held)
+    unknowns = len(found.names) - free
+    return f"{problem.count} equations, {unknowns} unknowns, {int(found.null.sum()) - free} null directions"
+
+
+def _listed(found: Directions) -> str:
+    """The null directions in words."""
+    texts = [c.text for c in combinations(found) if c.kind == "null"]
+    more = f" and {len(texts) - _LISTED} more" if len(texts) > _LISTED else ""
+    return "; ".join(texts[:_LISTED]) + more
