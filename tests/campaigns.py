@@ -13,7 +13,8 @@ from functools import cache
 
 import numpy as np
 
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.inverse import drive_positions

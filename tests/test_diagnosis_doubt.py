@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.generic import best_generic, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis

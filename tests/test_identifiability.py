@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import (
     combinations,
 )
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.inverse import drive_positions

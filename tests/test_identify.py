@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.prediction import Request, Rows, predict
@@ -156,7 +157,9 @@ def test_order_of_rows_does_not_matter() -> None:
 def test_order_of_parameters_does_not_matter() -> None:
     plan, problem, _ = noisy()
     backwards = identify(problem, plan.selected[::-1])
-    backwards = replace(backwards, covariance=backwards.covariance[::-1, ::-1])
+    found = backwards.found
+    turned = replace(found, names=found.names[::-1], vectors=found.vectors[:, ::-1], ranges=found.ranges[::-1])
+    backwards = replace(backwards, found=turned)
     assert_same(identify(problem, plan.selected), backwards)
 
 

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import combinations
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model import Model

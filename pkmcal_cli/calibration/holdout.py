@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.model import Model

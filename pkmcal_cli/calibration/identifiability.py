@@ -28,7 +28,10 @@ _TRACE = 0.1  # ... and in one that is seen a little: smaller components add the
 
 @dataclass(frozen=True)
 class Directions:
-    """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak."""
+    """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak.
+
+    `spread`: what the variances are widened by where the stated sigma does not explain the residuals.
+    """
 
     names: tuple[str, ...]
     ranges: Array  # (p,) SI
@@ -36,6 +39,7 @@ class Directions:
     vectors: Array
     null: NDArray[np.bool_]
     weak: NDArray[np.bool_]
+    spread: float = 1.0
 
     @property
     def rank(self) -> int:
@@ -76,7 +80,7 @@ class Directions:
     def determined_covariance(self) -> Array:
         """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
         with np.errstate(divide="ignore"):
-            variance = np.where(self.held, WEAK**-2, 1.0 / self.singular_values**2)
+            variance = np.where(self.held, WEAK**-2, self.spread / self.singular_values**2)
         return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from pkmcal_cli.calibration.identifiability import Directions, directions
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses, loose_drives
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, linearise
@@ -27,38 +28,6 @@ _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at t
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
-
-
-@dataclass(frozen=True)
-class Fit:
-    """Result of an identification.
-
-    values (P,): all parameters, SI; selected: names identified; found: directions at the solution; covariance
-    (p, p) of the selected ones, SI, nan where undetermined; chi2 and dof of the weighted residuals; status
-    "converged", "not_converged" or "nothing_identifiable"; at_bound: names of selected parameters on a bound.
-    """
-
-    values: Array
-    selected: tuple[str, ...]
-    found: Directions
-    covariance: Array
-    before: Evaluation
-    after: Evaluation
-    chi2: float
-    dof: int
-    status: str
-    iterations: int
-    at_bound: tuple[str, ...]
-
-    @property
-    def std(self) -> Array:
-        """Standard uncertainties (p,) of the selected parameters, nan where undetermined."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def chi2_per_dof(self) -> float:
-        """Chi-square per degree of freedom; nan without any."""
-        return self.chi2 / self.dof if self.dof > 0 else float("nan")
 
 
 class RowsFailed(Exception):
@@ -258,11 +227,10 @@ def _finished(
         last.values,
         selected,
         found,
-        found.covariance(),
         first,
         evaluate(problem, last.values, start=last.state) if last.shift.any() else last,
         near.chi2,
-        problem.count - max(moved, 0),
+        problem.count + near.known - max(moved, 0),
         status,
         count,
         names,

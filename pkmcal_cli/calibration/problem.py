@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.frame_start import with_frames
+from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
 from pkmcal_cli.covariates import with_covariates, with_directions
 from pkmcal_cli.model import Model, tcp_model
@@ -21,7 +22,8 @@ from pkmcal_cli.tables.measurement_set import Measurements
 class Problem:
     """A model and what was measured: readings (N, C), their sigma (N, C) and that of the drives as travel (N, A).
 
-    `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses.
+    `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses. `prior`: what is known
+    besides; `weight` (N, C): of the whitened readings, by a robust fit, None for 1.
     """
 
     model: Model
@@ -30,6 +32,8 @@ class Problem:
     sigma: Array
     drive_sigma: Array
     measured: NDArray[np.bool_]
+    prior: Prior | None = None
+    weight: Array | None = None
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -81,6 +85,7 @@ class Problem:
             sigma=self.sigma[rows],
             drive_sigma=self.drive_sigma[rows],
             measured=self.measured[rows],
+            weight=None if self.weight is None else self.weight[rows],
         )
         return usable(taken)
 

@@ -27,6 +27,7 @@ class Evaluation:
     shift: Array
     residual: Array
     prediction: Prediction
+    parameters: tuple[str, ...] = ()  # by which there are derivatives
 
     @property
     def solved(self) -> bool:
@@ -54,7 +55,7 @@ def evaluate(
     shift = np.zeros_like(problem.rows.readings) if shift is None else shift
     rows = problem.rows.moved(shift)
     prediction = predict(problem.model, values, rows, request, start)
-    return Evaluation(values, shift, residuals(problem, prediction.values), prediction)
+    return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
 
 
 def residuals(problem: Problem, predicted: Array) -> Array:
@@ -79,7 +80,9 @@ def _nearest_turn(measured: Array, predicted: Array) -> Array:
 
 @dataclass(frozen=True)
 class Linearised:
-    """A problem near one evaluation: whitened residuals (N * C,) and Jacobian (N * C, P'), and the drives' part.
+    """A problem near one evaluation: whitened residuals (N * C + k,) and Jacobian (N * C + k, P'), the drives' part.
+
+    The last k are what is known of the parameters besides.
 
     chi2: sum of squares of the readings' and the drives' errors in standard uncertainties. The drive errors that
     belong to a parameter step d are `kept + drives @ (whitened residual - jacobian d)` by row, or by joined rows.
@@ -91,11 +94,13 @@ class Linearised:
     kept: Array  # (N, A)
     chi2: float
     least: float  # share of chi2 that no step removes
+    known: int = 0  # equations that are no readings
 
     def shift(self, step: Array) -> Array:
         """Drive errors (N, A) after the parameter step (P',), SI."""
         out = self.kept.copy()
-        rest = (self.residual - self.jacobian @ step).reshape(len(out), -1)
+        count = len(self.residual) - self.known
+        rest = (self.residual - self.jacobian @ step)[:count].reshape(len(out), -1)
         for cluster, drives in self.drives:
             m, k = cluster.shape
             moved = drives @ rest[cluster].reshape(m, -1, 1)
@@ -129,14 +134,28 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
         residual[part.cluster] = (part.weights @ rest).reshape(m, k, -1)
         jacobian[part.cluster] = part.apply(moved)
         drives.append((part.cluster, part.drives))
+    if problem.weight is not None:
+        residual *= np.sqrt(problem.weight)
+        jacobian *= np.sqrt(problem.weight)[..., None]
+    flat = jacobian.reshape(problem.readings.size, found.jacobian.shape[2])
+    errors, columns = _known(problem, evaluation)
     return Linearised(
-        residual.ravel(),
-        jacobian.reshape(problem.readings.size, found.jacobian.shape[2]),
+        np.concatenate([residual.ravel(), errors]),
+        np.vstack([flat, columns]),
         tuple(drives),
         (1.0 - free) * evaluation.shift,
         chi_square(problem, evaluation),
         (1.0 - free) * _drive_chi_square(problem, evaluation),
+        len(errors),
     )
+
+
+def _known(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array]:
+    """Errors (k,) and derivatives (k, P') of what is known besides the readings."""
+    if problem.prior is None:
+        return np.zeros(0), np.zeros((0, len(evaluation.parameters)))
+    columns = problem.prior.columns(evaluation.parameters)
+    return problem.prior.errors(problem.model, evaluation.values), columns
 
 
 def linearise_at(problem: Problem, values: Array, parameters: tuple[str, ...], start: State | None) -> Linearised:
@@ -145,13 +164,40 @@ def linearise_at(problem: Problem, values: Array, parameters: tuple[str, ...], s
 
 
 def chi_square(problem: Problem, evaluation: Evaluation) -> float:
-    """Sum of squares of reading errors and drive errors, each in its standard uncertainty."""
+    """Sum of squares of reading errors, drive errors and errors of what is known, each in its standard uncertainty."""
+    known = 0.0 if problem.prior is None else float((problem.prior.errors(problem.model, evaluation.values) ** 2).sum())
     rest = evaluation.residual
+    if problem.weight is not None:
+        return known + _weighted_chi_square(problem, evaluation)
     if problem.model.correlated:
         white = np.linalg.solve(problem.noise, rest[..., None])[..., 0]
     else:
         white = np.where(problem.measured, rest / np.where(problem.measured, problem.sigma, 1.0) ** 2, 0.0)
-    return float((rest * white).sum()) + _drive_chi_square(problem, evaluation)
+    return known + float((rest * white).sum()) + _drive_chi_square(problem, evaluation)
+
+
+def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
+    """Of whitened readings with weights; drive errors are those that suit them best."""
+    found = evaluation.prediction
+    if found.by_drive is None or not evaluation.solved:
+        return float("inf")
+    white = whitened_residual(problem, evaluation)
+    assert problem.weight is not None
+    return float((problem.weight * white**2).sum())
+
+
+def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
+    """Residuals (N, C) in standard uncertainties, of an evaluation with derivatives by drives; without weights."""
+    found = evaluation.prediction
+    assert found.by_drive is not None
+    slopes = Slopes(np.nan_to_num(found.by_drive), found.by_partner, problem.rows.partner)
+    out = np.zeros(problem.readings.shape)
+    for part in whiten(problem.clusters, slopes, problem.noise, _reading_sigma(problem), problem.measured):
+        m, k = part.cluster.shape
+        back = part.slopes @ evaluation.shift[part.cluster].reshape(m, -1, 1)
+        rest = evaluation.residual[part.cluster].reshape(m, -1, 1) + back
+        out[part.cluster] = (part.weights @ rest).reshape(m, k, -1)
+    return out
 
 
 def _drive_chi_square(problem: Problem, evaluation: Evaluation) -> float:

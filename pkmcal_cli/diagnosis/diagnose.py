@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.findings import Detectable, Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
 from pkmcal_cli.diagnosis.linear import Linear, Scale

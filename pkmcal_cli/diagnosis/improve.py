@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
-from pkmcal_cli.calibration.identify import Fit, identify
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise_at
 from pkmcal_cli.diagnosis.confirm import cells, shown_channels

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.confirm import cells

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.calibration.identify import Fit
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale

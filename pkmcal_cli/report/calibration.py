@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import combinations
-from pkmcal_cli.calibration.identify import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model

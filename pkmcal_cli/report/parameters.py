@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
-from pkmcal_cli.calibration.identify import Fit
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import exact_value

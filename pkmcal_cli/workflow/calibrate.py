@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
-from pkmcal_cli.calibration.identify import Fit, RowsFailed, identify
+from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem, problem_of
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle

@@ -1,0 +1,64 @@
+"""What an identification found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from pkmcal_cli.calibration.identifiability import Directions
+from pkmcal_cli.calibration.residual import Evaluation
+from pkmcal_cli.rotation import Array
+
+_SIGNIFICANT = 0.01  # chance of a chi-square so large at which more is left than sigma explains
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of an identification.
+
+    values (P,): all parameters, SI; selected: names identified; found: directions at the solution; chi2 and dof of
+    the weighted residuals; status
+    "converged", "not_converged" or "nothing_identifiable"; at_bound: names of selected parameters on a bound.
+    """
+
+    values: Array
+    selected: tuple[str, ...]
+    found: Directions
+    before: Evaluation
+    after: Evaluation
+    chi2: float
+    dof: int
+    status: str
+    iterations: int
+    at_bound: tuple[str, ...]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the selected parameters, SI, nan where undetermined."""
+        return self.found.covariance()
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainties (p,) of the selected parameters, nan where undetermined."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Chi-square per degree of freedom; nan without any."""
+        return self.chi2 / self.dof if self.dof > 0 else float("nan")
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per degree of freedom where it exceeds 1 significantly (at 1 %), else 1."""
+        if self.dof <= 0 or float(chdtrc(self.dof, self.chi2)) > _SIGNIFICANT:
+            return 1.0
+        return max(self.chi2_per_dof, 1.0)
+
+    @property
+    def widened(self) -> Fit:
+        """The fit with its uncertainties widened as its residuals ask for (Birge ratio); else itself."""
+        if self.excess == 1.0:
+            return self
+        return replace(self, found=replace(self.found, spread=self.excess * self.found.spread))

@@ -1,0 +1,177 @@
+"""Intervals of 95 %: from the covariance, from the profile of chi-square, or from a bootstrap of blocks.
+
+Profile: a parameter is held at values further and further off, the others fitted again, until chi-square has grown by
+the square of 1.96 (times the excess of chi-square); both sides for themselves, so that a bent problem has lopsided
+intervals. Bootstrap: the residuals of a block (one pose in one session) are multiplied by a common random sign, the
+wild bootstrap (Wu 1986, Liu 1988; for clusters Cameron, Gelbach, Miller 2008), and fitted by one step of Gauss and
+Newton; it needs no sigma and no independence within blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.holdout import replicate_groups
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.prior import Prior, prior_of_held
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.rotation import Array
+
+Method = Literal["linear", "profile", "bootstrap"]
+COVER = 1.959963985  # standard uncertainties of a 95 % interval
+_REPEATS = 1000
+_TRIALS = 12
+_NEAR = 1e-3  # of COVER
+_FEWEST_BLOCKS = 12
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """95 % intervals (p, 2) and standard uncertainties (p,) of the selected parameters, SI; nan where undetermined.
+
+    `remark`: what is to be said of them, "" for nothing.
+    """
+
+    method: Method
+    low_high: Array
+    std: Array
+    remark: str = ""
+
+
+def linear_intervals(fit: Fit, index: Array) -> Intervals:
+    """Value and 1.96 standard uncertainties; index (p,) of the selected parameters among all."""
+    std = fit.std if len(fit.selected) else np.zeros(0)
+    values = fit.values[index]
+    return Intervals("linear", np.stack([values - COVER * std, values + COVER * std], axis=1), std)
+
+
+# --- profile ---------------------------------------------------------------------------------------------------------
+
+
+def profile_intervals(
+    problem: Problem, fit: Fit, index: Array, progress: Callable[[int], None] | None = None
+) -> Intervals:
+    """Where chi-square has grown by 1.96 squared; directions that are held stay as their ranges say."""
+    prior = _joined(problem.prior, fit, index)
+    given = replace(problem, prior=prior)
+    std = fit.std
+    low_high = np.full((len(fit.selected), 2), np.nan)
+    best = linearise(given, evaluate(given, fit.values, fit.selected)).chi2
+    lost = []
+    for k, name in enumerate(fit.selected):
+        if not np.isfinite(std[k]):
+            continue
+        for side in (0, 1):
+            sign = 2 * side - 1
+            end = _cross(given, fit, name, float(sign * std[k]), best)
+            if np.isnan(end):
+                lost.append(name)
+            low_high[k, side] = end
+        if progress is not None:
+            progress(k + 1)
+    remark = f"no end of the profile was found for {', '.join(dict.fromkeys(lost))}" if lost else ""
+    return Intervals("profile", low_high, (low_high[:, 1] - low_high[:, 0]) / (2 * COVER), remark)
+
+
+def _joined(prior: Prior | None, fit: Fit, index: Array) -> Prior | None:
+    """What is known already, and that what is held stays near where it is held."""
+    if not fit.found.held.any():
+        return prior
+    held = prior_of_held(fit.found, fit.values[index])
+    if prior is None:
+        return held
+    names = fit.selected
+    rows = np.vstack([prior.columns(names), held.rows])
+    centre = np.array([prior.centre[prior.names.index(n)] if n in prior.names else 0.0 for n in names])
+    return Prior(names, np.vstack([rows[: len(prior.rows)], held.rows]), np.where(centre == 0.0, held.centre, centre))
+
+
+def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> float:
+    """Where the signed root of the growth of chi-square is 1.96, by the secant rule; nan where it is not found."""
+    others = tuple(n for n in fit.selected if n != name)
+    place = problem.model.names.index(name)
+    aim = COVER * float(np.sqrt(fit.found.spread))
+    start, step, before = fit.values, COVER * std * 1.0, (0.0, 0.0)
+    for _ in range(_TRIALS):
+        values = start.copy()
+        values[place] = fit.values[place] + step
+        trial = identify(problem, others, values)
+        if trial.status == "not_converged" or not trial.after.solved:
+            return float("nan")
+        grown = float(np.sqrt(max(trial.chi2 - best, 0.0)))
+        if abs(grown - aim) < _NEAR * aim:
+            return float(fit.values[place] + step)
+        slope = (grown - before[1]) / (step - before[0]) if step != before[0] else 0.0
+        before, start = (step, grown), trial.values
+        if slope == 0.0 or not np.isfinite(slope):
+            return float("nan")
+        step = step + float(np.clip((aim - grown) / slope, -2 * abs(step), 2 * abs(step)))
+        if step * std <= 0:
+            return float("nan")
+    return float("nan")
+
+
+# --- bootstrap -------------------------------------------------------------------------------------------------------
+
+
+def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array, seed: int) -> Intervals:
+    """By signs drawn for blocks: rows of one pose in one session (N,)."""
+    near = linearise(problem, evaluate(problem, fit.values, fit.selected))
+    block = _blocks(problem, session)
+    count = int(block.max(initial=-1)) + 1
+    found = fit.found
+    seen = found.vectors[~found.held]
+    jacobian = near.jacobian * found.ranges @ seen.T  # (n, d)
+    q, upper = np.linalg.qr(jacobian)
+    rest = near.residual - q @ (q.T @ near.residual)
+    channels = problem.readings.shape[1]
+    label = np.concatenate([np.repeat(block, channels), np.full(near.known, -1)])
+    rest = _unshrunk(rest, q, label, count)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_REPEATS, count + 1))
+    drawn = (signs[:, label] * rest) @ q  # (R, d)
+    steps = np.linalg.solve(upper, drawn.T).T @ seen * found.ranges  # (R, p)
+    prior = np.random.default_rng([seed, 1]).normal(size=(_REPEATS, int(found.held.sum()))) / 2.0
+    steps = steps + prior @ found.vectors[found.held] * found.ranges
+    return _from_steps(fit, index, steps, count)
+
+
+def _from_steps(fit: Fit, index: Array, steps: Array, blocks: int) -> Intervals:
+    """Standard uncertainties and intervals of drawn steps (R, p); few blocks widen them as few degrees of freedom do."""
+    std = steps.std(axis=0)
+    std[fit.found.undetermined()] = np.nan
+    freedom = max(blocks - int((~fit.found.held).sum()), 1)
+    factor = float(stdtrit(freedom, 0.975)) / COVER
+    low, high = np.quantile(steps, [0.025, 0.975], axis=0)
+    half = np.stack([low, high], axis=1) * factor
+    half[np.isnan(std)] = np.nan
+    remark = "" if freedom >= _FEWEST_BLOCKS else f"only {blocks} blocks: the bootstrap is rough"
+    return Intervals("bootstrap", fit.values[index][:, None] + half, std, remark)
+
+
+def _blocks(problem: Problem, session: Array) -> NDArray[np.intp]:
+    """Number of the block of each row (N,): the same pose in the same session; rows that are joined stay together."""
+    keys = np.stack([replicate_groups(problem), session], axis=1)
+    label = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+    for cluster in problem.clusters.groups:
+        for members in cluster if cluster.shape[1] > 1 else ():
+            label[np.isin(label, label[members])] = label[members[0]]
+    return np.asarray(np.unique(label, return_inverse=True)[1].ravel())
+
+
+def _unshrunk(rest: Array, q: Array, label: NDArray[np.intp], count: int) -> Array:
+    """Residuals of each block as large as errors are: (I - H)^(-1/2) of the block (Bell and McCaffrey 2002, CR2)."""
+    out = rest.copy()
+    for k in range(count):
+        mine = np.nonzero(label == k)[0]
+        value, vector = np.linalg.eigh(np.eye(len(mine)) - q[mine] @ q[mine].T)
+        root = np.where(value > 1e-6, 1.0 / np.sqrt(np.maximum(value, 1e-6)), 0.0)
+        out[mine] = vector @ (root * (vector.T @ rest[mine]))
+    return out

@@ -1,0 +1,47 @@
+"""What is known of parameters before a measurement, as further equations of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.calibration.identifiability import WEAK, Directions
+from pkmcal_cli.model import Model
+from pkmcal_cli.rotation import Array
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Combinations of parameters that are known with standard uncertainty 1: rows (k, p), SI, of `names` about centre.
+
+    centre (p,): values of the parameters, SI.
+    """
+
+    names: tuple[str, ...]
+    rows: Array
+    centre: Array
+
+    def errors(self, model: Model, values: Array) -> Array:
+        """Known less given (k,), in standard uncertainties, at parameter values (P,)."""
+        index = [model.names.index(n) for n in self.names]
+        return np.asarray(self.rows @ (self.centre - values[index]))
+
+    def columns(self, parameters: tuple[str, ...]) -> Array:
+        """Derivatives (k, p') of what is known by some parameters."""
+        out = np.zeros((len(self.rows), len(parameters)))
+        for k, name in enumerate(parameters):
+            if name in self.names:
+                out[:, k] = self.rows[:, self.names.index(name)]
+        return out
+
+
+def prior_of_ranges(model: Model, names: tuple[str, ...]) -> Prior:
+    """Every parameter near its nominal value, with half its range as standard deviation."""
+    index = [model.names.index(n) for n in names]
+    return Prior(names, np.diag(2.0 / model.ranges[index]), model.nominal[index])
+
+
+def prior_of_held(found: Directions, centre: Array) -> Prior:
+    """Held directions stay about a centre (p,) as their ranges say."""
+    return Prior(found.names, WEAK * found.vectors[found.held] / found.ranges, centre)
