@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 
@@ -189,13 +189,20 @@ class JacobianCheck:
     null_size: float
 
 
+def _joined(machine: Model, readings: Array) -> Rows:
+    """Rows at drive readings (N, A); where sensors join rows, each is joined to the next."""
+    joins = any(s.kind.joins for s in machine.sensors)
+    partner = (np.arange(len(readings)) + 1) % len(readings)
+    return replace(Rows.at(readings), partner=partner if joins else None)
+
+
 def _difference(machine: Model, start: Prediction, values: Array, readings: Array, step: float) -> Callable[..., Array]:
     """Central differences with Richardson extrapolation: error step^4."""
 
     def along(way_values: Array, way_readings: Array) -> Array:
         sides = []
         for h in (step, -step, step / 2, -step / 2):
-            rows = Rows.at(readings + h * way_readings)
+            rows = _joined(machine, readings + h * way_readings)
             found = predict(machine, values + h * way_values, rows, start=start.state)
             assert found.solved.all()
             sides.append(found.values)
@@ -211,8 +218,9 @@ def jacobian_check(text: str, readings: Array, values: Array | None = None) -> J
     machine = model(text)
     values = machine.nominal if values is None else values
     request = Request(parameters=machine.names, by_drive=True)
-    start = predict(machine, values, Rows.at(readings), request)
+    start = predict(machine, values, _joined(machine, readings), request)
     assert start.solved.all() and start.jacobian is not None and start.by_drive is not None
+    by_drive = start.by_drive if start.by_partner is None else start.by_drive + start.by_partner
     columns: list[tuple[str, Array, float, float, Array, Array]] = []
     none = np.zeros(len(machine.actuators))
     for k, p in enumerate(machine.parameters):
@@ -221,7 +229,7 @@ def jacobian_check(text: str, readings: Array, values: Array | None = None) -> J
         columns.append((p.name, start.jacobian[..., k], p.range, step, np.eye(len(values))[k], none))
     for a, drive in enumerate(machine.actuators):
         step = 1e-5 if drive.dimension == "length" else 1e-4
-        columns.append((drive.name, start.by_drive[..., a], 1e-3, step, 0 * values, np.eye(len(none))[a]))
+        columns.append((drive.name, by_drive[..., a], 1e-3, step, 0 * values, np.eye(len(none))[a]))
     worst, null, size = (0.0, ""), [], 0.0
     for name, exact, unit, step, way_values, way_readings in columns:
         found = _difference(machine, start, values, readings, step)(way_values, way_readings)

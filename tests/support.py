@@ -16,6 +16,7 @@ from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.rotation import Array
 from tests.truth.machines import PINNED, Hexapod7
 from tests.truth.pinned import DeadForce
+from tests.truth.self_measured_tables import SENSING
 
 MACHINES = Path(__file__).resolve().parents[1] / "machines"
 SHIPPED = tuple(sorted(file.stem for file in MACHINES.glob("*.yaml") if "." not in file.stem))
@@ -56,6 +57,8 @@ def at(machine: Model, readings: Array, request: Request | None = None, **values
 
 def truth(name: str) -> object:
     """The independent simulator of a shipped machine."""
+    if name in SENSING:
+        return SENSING[name]
     return Hexapod7() if name == "hexapod7" else PINNED[name]()
 
 
@@ -74,6 +77,9 @@ _WORKSPACE: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "scissors": ((-0.2, -0.2), (0.2, 0.2)),
     "delta4": ((-0.1, -0.1, -0.54), (0.1, 0.1, -0.34)),
     "hexapod7": ((-0.08, -0.08, 0.42, -0.15, -0.15, -0.15), (0.08, 0.08, 0.58, 0.15, 0.15, 0.15)),
+    "belt-router": ((0.6, 0.5), (2.4, 1.7)),
+    "delta-printer": ((-0.07, -0.07, 0.0), (0.07, 0.07, 0.1)),
+    "five-bar": ((0.0, 0.25), (0.25, 0.5)),
 }
 
 

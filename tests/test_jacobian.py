@@ -28,7 +28,7 @@ def passes(found: JacobianCheck, null: tuple[str, ...] = ()) -> None:
 def test_every_column_at_strained_poses(name: str) -> None:
     """All parameters off. The non-redundant Triglide without load stays unstrained: its stiffness has no effect."""
     text = hangprinter(40.0) if name == "hangprinter" else name
-    null = {"triglide-nonredundant": ("k1", "k2"), "hangprinter": ("D",)}
+    null = {"triglide-nonredundant": ("k1", "k2"), "hangprinter": ("D",), "belt-router": ("BL", "BR")}
     passes(jacobian_check(text, readings_of(name), strained_values(text)), null.get(name, ()))
 
 
@@ -37,11 +37,13 @@ NOMINAL_NULL = {
     "triglide-nonredundant": ("k1", "k2"),
     "biglide": ("k1", "k2", "k3"),
     "scissors": ("k1", "k2", "k3", "k4", "k5"),
+    "belt-router": ("BL", "BR"),
 }
-"""Without strain no stiffness is felt; delta4 and hexapod7 have weight."""
+"""Without strain no stiffness is felt; delta4, hexapod7 and belt-router have weight. Nothing hangs on the set values of
+drives in force control."""
 
 
-@pytest.mark.parametrize("name", [*NOMINAL_NULL, "delta4", "hexapod7"])
+@pytest.mark.parametrize("name", [*NOMINAL_NULL, "delta4", "hexapod7", "five-bar", "delta-printer"])
 def test_every_column_at_the_unstrained_nominal(name: str) -> None:
     passes(jacobian_check(name, readings_of(name)), NOMINAL_NULL.get(name, ()))
 

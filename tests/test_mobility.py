@@ -20,6 +20,9 @@ COUNTS = {
     # a leg: turn of the lower beam's start (3), place and turn of the telescope (6), its travel, the upper beam's end
     # (3); held by one turn of the universal joint and six strains of each beam
     "hexapod7": (6 + 7 * 13, 6, 7, 0),
+    "belt-router": (2, 2, 4, 0),  # every belt is a drive
+    "five-bar": (2 + 2, 2, 2, 0),  # the tip's x and y, two cranks; two rods
+    "delta-printer": (3 + 3, 3, 3, 0),  # the nozzle's place, three travels; three rods
 }
 
 

@@ -106,3 +106,49 @@ HEXAPOD7 = {
     for end, place in (("b", base), ("p", platform))
     for axis, value in zip("xyz", (*on_circle(*place), 0.0), strict=True)
 } | {f"a{i}": 200 * MM for i in HEXAPOD7_LEGS}
+
+UNITS = {"mm": MM, "um": 1e-6, "deg": np.pi / 180, "arcsec": np.pi / 648000, "rev": 2 * np.pi, "N": 1.0}
+"""Of the files of the machines below, whose lengths are in mm unless told."""
+Sigma = Mapping[str, tuple[float, str]]
+"""Standard uncertainties of channels and of drives (as travel) that are not exact: a number and its unit."""
+
+DELTA_PRINTER_TOWERS = (np.radians(210), np.radians(330), np.radians(90))
+DELTA_PRINTER = {
+    **scaled({"rod": 288, "radius": 136, "stop1": 0, "stop2": 0, "stop3": 0}, MM),
+    "turn1": 0.0,
+    "turn2": 0.0,
+}
+DELTA_PRINTER_UNITS = {"turn1": "deg", "turn2": "deg"}
+DELTA_PRINTER_RANGES = {n: 0.5 * UNITS[DELTA_PRINTER_UNITS.get(n, "mm")] for n in DELTA_PRINTER}
+DELTA_PRINTER_SIGMA: Sigma = {"probe": (0.01, "mm")}
+
+_TURNS = ("zero1", "zero2", "elbow1", "elbow2")
+FIVE_BAR = {
+    **scaled({"base": 250, "crank1": 280, "crank2": 280, "rod1": 320, "rod2": 320, "ballx": 125, "bally": 380}, MM),
+    **scaled(dict(zip(_TURNS, (0, 0, -90, 90), strict=True)), UNITS["deg"]),
+}
+FIVE_BAR_UNITS = dict.fromkeys((*_TURNS, "q1", "q2", "encoder1", "encoder2"), "deg")
+FIVE_BAR_RANGES = {
+    n: (2 if n.startswith("ball") else 0.5) * UNITS[FIVE_BAR_UNITS.get(n, "mm")] for n in FIVE_BAR
+}  # fmt: skip
+FIVE_BAR_SIGMA: Sigma = {"ballbar": (1, "um"), **dict.fromkeys(("encoder1", "encoder2", "q1", "q2"), (5, "arcsec"))}
+
+BELT_ROUTER_BELTS = ("TL", "TR", "BL", "BR")
+BELT_ROUTER_RATIO = 1 / 10
+BELT_ROUTER_PULL = 60.0
+"""N, of the lower belts."""
+BELT_ROUTER_MASS = 8.0
+BELT_ROUTER_GRAVITY = 9.4757
+"""m/s^2 along -y: of a frame 15 deg off the vertical."""
+BELT_ROUTER = {
+    **scaled({"TLx": 0, "TLy": 2200, "TRx": 3000, "TRy": 2200, "BLx": 0, "BLy": 0, "BRx": 3000, "BRy": 0}, MM),
+    **{f"zero{n}": 250 * MM for n in BELT_ROUTER_BELTS},
+    "Rtop": 25 * MM,
+    "Rlow": 25 * MM,
+    "EA": 100e3,
+}
+BELT_ROUTER_UNITS = {**dict.fromkeys(BELT_ROUTER_BELTS, "rev"), "EA": "N"}
+BELT_ROUTER_HELD = ("BLx", "BLy", "Rtop", "Rlow", "EA")
+"""The origin (datum of the machine file), and what is not identified."""
+BELT_ROUTER_RANGES = {n: (5 if n[0] == "z" else 20) * MM for n in BELT_ROUTER if n not in BELT_ROUTER_HELD}
+BELT_ROUTER_SIGMA: Sigma = {"tape": (0.2, "mm"), **dict.fromkeys(BELT_ROUTER_BELTS, (0.3, "mm"))}

@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 from . import dimensions as dim
+from . import self_measured_tables
 from .machines import PINNED, Hexapod7
 from .pinned import Array
 from .pinned_machine import Machine
@@ -188,6 +189,9 @@ def main(folder: Path = FOLDER) -> None:
     for name, campaign in campaigns().items():
         write(name, campaign, folder)
         print(f"{name}: {len(campaign.poses)} rows", file=sys.stderr)
+    for name, table in self_measured_tables.tables().items():
+        self_measured_tables.write(table, folder)
+        print(f"{name}: {len(table.places)} rows", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,11 @@ import pytest
 import yaml
 
 from . import dimensions as dim
+from . import self_measured_tables as own
 from .generate import FOLDER, campaigns, provenance
 
 CAMPAIGNS = campaigns()
+TABLES = own.tables()
 UNITS = {"mm": dim.MM, "rad": 1.0, "deg": np.radians(1), "kN/mm": dim.KN_PER_MM}
 
 
@@ -40,6 +42,38 @@ def test_sidecar_holds_the_planted_values(name: str) -> None:
     for parameter, value in values.items():
         deviation = abs(value - campaign.machine.nominal[parameter])
         assert deviation <= 2 * campaign.machine.ranges[parameter]
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_shipped_file_of_a_machine_that_measures_itself(name: str) -> None:
+    """To the last digit of the file; noise as declared."""
+    table = TABLES[name]
+    header, rows = own.cells(table)
+    lines = [line.split(",") for line in (FOLDER / f"{name}.csv").read_text(encoding="utf-8").splitlines()]
+    assert lines[0] == header and len(lines) == len(rows) + 1
+    for told, made in zip(lines[1:], rows, strict=True):
+        for a, b in zip(told, made, strict=True):
+            assert a == b or float(a) == pytest.approx(float(b), abs=1.1 * 10**-own.DIGITS)
+    noise = (table.readings() - table.true_readings()) / table.channel_sigma()
+    drives = (table.positions() - table.set_values())[:, table.drive_sigma() > 0]
+    drives /= table.drive_sigma()[table.drive_sigma() > 0]
+    for column in (*noise.T, *drives.T):
+        seen = column[~np.isnan(column)]
+        assert np.sqrt((seen**2).mean()) == pytest.approx(1, abs=3 / np.sqrt(2 * len(seen)))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_sidecar_of_a_machine_that_measures_itself(name: str) -> None:
+    table = TABLES[name]
+    sidecar = yaml.safe_load((FOLDER / f"{name}.csv.provenance.yaml").read_text(encoding="utf-8"))
+    told, made = sidecar["planted"].pop("parameters"), dict(own.provenance(table))
+    made["planted"] = {k: v for k, v in made["planted"].items() if k != "parameters"}
+    assert sidecar == made
+    values = {n: entry["value"] * dim.UNITS[entry["unit"]] for n, entry in told.items()}
+    assert values == pytest.approx(table.planted(), rel=1e-12)
+    for parameter, value in values.items():
+        deviation = abs(value - table.machine.nominal[parameter])
+        assert deviation <= 2 * table.machine.ranges.get(parameter, 0.0)
 
 
 def test_both_triglides_are_one_machine() -> None:
