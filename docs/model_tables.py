@@ -21,8 +21,10 @@ from pkmcal_cli.language.members import PLANAR_JOINTS
 from pkmcal_cli.language.quantities import Measure, Quantity
 from pkmcal_cli.language.unit_text import UNITS
 from pkmcal_cli.language.units import SI
+from pkmcal_cli.sensors import sensor_kinds
 
 TEXTS = ("column", "extends", "note")
+_SENSOR_KIND = " or ".join(f"`{kind}`" for kind in sensor_kinds())
 """Keys whose text is no name of a thing of the machine."""
 SIGNS = {"+": " > 0", "0+": " >= 0", "": ""}
 Cells = tuple[str, ...]
@@ -122,6 +124,8 @@ def _value(name: str, annotation: Any, marks: tuple[Any, ...] = ()) -> str:
         return f"whole number {low} to {high}"
     if kind is bool:
         return "`true`, `false`"
+    if kind is str and name == "kind":
+        return _SENSOR_KIND
     if kind is str:
         unit = name == "unit" or any(isinstance(m, AfterValidator) for m in marks)
         return "unit" if unit else "text" if name in TEXTS else "name"
@@ -137,6 +141,8 @@ def _compound(name: str, kind: Any, marks: tuple[Any, ...]) -> str:
         return f"[{words}](#{name})"
     if origin is Literal:
         return ", ".join(f"`{word}`" for word in parts)
+    if origin is tuple and name == "at":
+        return "name, or list of names"
     if origin is tuple and parts[-1] is Ellipsis:
         return ("`true`, `false`, or " if either else "") + f"list of {_value(name, parts[0])}"
     if origin is tuple:

@@ -122,6 +122,30 @@ def kinds() -> str:
     return table(("in the machine file", "kinds"), rows)
 
 
+def instruments() -> str:
+    """Which instrument goes where: kinds of sensors."""
+    rows = [
+        (
+            k.instruments,
+            f"`{k.keyword}`",
+            k.title,
+            ", ".join(f"`{n}`" for n in k.needs),
+            ", ".join(f"`{n}`" for n in k.may),
+        )
+        for k in sensor_kinds().values()
+    ]
+    rows.append(
+        (
+            "encoder of a drive in force control, or passive",
+            "",
+            "the drive's reading",
+            "`control`, `sigma` of the actuator",
+            "",
+        )
+    )
+    return table(("instrument", "`kind`", "what it reads", "keys besides `sigma`", "further keys"), rows)
+
+
 def _lower(model: type[Actuator], key: str) -> str:
     text = str(model.model_fields[key].description).partition(" (")[0]
     return text[0].lower() + text[1:]
@@ -155,6 +179,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "machines": machines,
     "measurements": measurements,
     "kinds": kinds,
+    "instruments": instruments,
     "effects": effects,
     "units": model_tables.unit_table,
     "functions": model_tables.function_table,

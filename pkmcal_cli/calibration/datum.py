@@ -18,7 +18,8 @@ from pkmcal_cli.rotation import Array, log_jacobian, skew
 
 _SPATIAL = ("scale", "turn about x", "turn about y", "turn about z", "shift along x", "shift along y", "shift along z")
 _PLANAR = ("scale", "turn about z", "shift along x", "shift along y")
-_SAME = 1e-5  # of the largest singular value: fields agree
+_SAME = 1e-4  # of the largest singular value: fields agree
+_FELT = 1e-3  # of what the ranges do to the base: what moves it less does not move it
 _SHARE = 0.05  # a motion is named by the generators that have more than this share of it
 
 
@@ -39,9 +40,12 @@ def gauge_of(model: Model, values: Array, found: Directions) -> Gauge:
     if not found.null.any() or not len(model.base):
         return nothing
     null = found.vectors[found.null]  # (k, p) in ranges
-    moved = _base_motion(model, values, found.names) @ (null * found.ranges).T  # (f, k)
+    motion = _base_motion(model, values, found.names) * found.ranges  # (f, p)
+    moved = motion @ null.T  # (f, k)
     names, fields = _fields(model, values)
-    size = max(float(np.abs(moved).max()), 1e-300)
+    size = float(np.abs(motion).max())
+    if size == 0.0:
+        return nothing
     both = np.hstack([moved / size, -fields])
     _, s, vt = np.linalg.svd(both, full_matrices=True)
     rank = int((s > _SAME * s[0]).sum())
@@ -49,7 +53,7 @@ def gauge_of(model: Model, values: Array, found: Directions) -> Gauge:
     if not len(kernel):
         return nothing
     echelon = _echelon(kernel[:, null.shape[0] :])
-    freedoms = int(np.linalg.matrix_rank(kernel[:, null.shape[0] :], tol=_SAME))
+    freedoms = int(np.linalg.matrix_rank(kernel[:, null.shape[0] :], tol=_FELT))
     if not freedoms:
         return nothing
     basis = _range_of(kernel, null.shape[0])
@@ -59,7 +63,7 @@ def gauge_of(model: Model, values: Array, found: Directions) -> Gauge:
 def _range_of(kernel: Array, count: int) -> Array:
     """Combinations (g, k) of null directions that move the base, one for each independent motion."""
     _, s, vt = np.linalg.svd(kernel[:, count:].T, full_matrices=False)
-    return np.asarray(vt[s > _SAME] @ kernel[:, :count])
+    return np.asarray(vt[s > _FELT] @ kernel[:, :count])
 
 
 def _base_motion(model: Model, values: Array, names: tuple[str, ...]) -> Array:

@@ -33,6 +33,12 @@ class Fit:
     status: str
     iterations: int
     at_bound: tuple[str, ...]
+    last: Evaluation  # with derivatives and the drives' errors, as the fit ended
+
+    @property
+    def shift(self) -> Array:
+        """Errors of the drive readings (N, A), m or rad."""
+        return self.last.shift
 
     @property
     def covariance(self) -> Array:

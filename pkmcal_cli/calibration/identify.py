@@ -64,15 +64,19 @@ def identify(
     start: Array | None = None,
     iterations: int = 60,
     progress: Callable[[int, float], None] | None = None,
+    shift: Array | None = None,
 ) -> Fit:
-    """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed."""
-    first = evaluate(problem, problem.model.nominal if start is None else start, selected)
+    """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
+
+    `shift`: drive errors (N, A) of an earlier fit, to begin with.
+    """
+    first = evaluate(problem, problem.model.nominal if start is None else start, selected, shift=shift)
     if not selected or problem.count == 0:
         if not first.solved:
             raise RowsFailed(first)
         return _finished(problem, selected, first, first, "nothing_identifiable", 0)
     scale = _Scaled.of(problem, selected)
-    now = _begin(problem, scale, first)
+    now = first if shift is not None and first.solved else _begin(problem, scale, first)
     count, damping, status = 0, 0.0, ""
     while count < iterations and not status:
         count += 1
@@ -234,4 +238,5 @@ def _finished(
         status,
         count,
         names,
+        last,
     )

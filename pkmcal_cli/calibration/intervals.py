@@ -22,7 +22,7 @@ from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.prior import Prior, prior_of_held
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.rotation import Array
 
 Method = Literal["linear", "profile", "bootstrap"]
@@ -64,7 +64,7 @@ def profile_intervals(
     given = replace(problem, prior=prior)
     std = fit.std
     low_high = np.full((len(fit.selected), 2), np.nan)
-    best = linearise(given, evaluate(given, fit.values, fit.selected)).chi2
+    best = linearise(given, fit.last).chi2
     lost = []
     for k, name in enumerate(fit.selected):
         if not np.isfinite(std[k]):
@@ -103,7 +103,7 @@ def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> fl
     for _ in range(_TRIALS):
         values = start.copy()
         values[place] = fit.values[place] + step
-        trial = identify(problem, others, values)
+        trial = identify(problem, others, values, shift=fit.shift)
         if trial.status == "not_converged" or not trial.after.solved:
             return float("nan")
         grown = float(np.sqrt(max(trial.chi2 - best, 0.0)))
@@ -124,7 +124,7 @@ def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> fl
 
 def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array, seed: int) -> Intervals:
     """By signs drawn for blocks: rows of one pose in one session (N,)."""
-    near = linearise(problem, evaluate(problem, fit.values, fit.selected))
+    near = linearise(problem, fit.last)
     block = _blocks(problem, session)
     count = int(block.max(initial=-1)) + 1
     found = fit.found
@@ -144,7 +144,7 @@ def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array
 
 
 def _from_steps(fit: Fit, index: Array, steps: Array, blocks: int) -> Intervals:
-    """Standard uncertainties and intervals of drawn steps (R, p); few blocks widen them as few degrees of freedom do."""
+    """Standard uncertainties and intervals of drawn steps (R, p), widened where blocks are few."""
     std = steps.std(axis=0)
     std[fit.found.undetermined()] = np.nan
     freedom = max(blocks - int((~fit.found.held).sum()), 1)

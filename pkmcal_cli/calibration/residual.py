@@ -95,12 +95,14 @@ class Linearised:
     chi2: float
     least: float  # share of chi2 that no step removes
     known: int = 0  # equations that are no readings
+    root: Array | None = None  # (N, C) square roots of the weights, None for 1
 
     def shift(self, step: Array) -> Array:
         """Drive errors (N, A) after the parameter step (P',), SI."""
         out = self.kept.copy()
         count = len(self.residual) - self.known
         rest = (self.residual - self.jacobian @ step)[:count].reshape(len(out), -1)
+        rest = rest if self.root is None else rest / self.root  # the drives' errors are those without weights
         for cluster, drives in self.drives:
             m, k = cluster.shape
             moved = drives @ rest[cluster].reshape(m, -1, 1)
@@ -134,9 +136,10 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
         residual[part.cluster] = (part.weights @ rest).reshape(m, k, -1)
         jacobian[part.cluster] = part.apply(moved)
         drives.append((part.cluster, part.drives))
-    if problem.weight is not None:
-        residual *= np.sqrt(problem.weight)
-        jacobian *= np.sqrt(problem.weight)[..., None]
+    root = None if problem.weight is None else np.sqrt(problem.weight)
+    if root is not None:
+        residual *= root
+        jacobian *= root[..., None]
     flat = jacobian.reshape(problem.readings.size, found.jacobian.shape[2])
     errors, columns = _known(problem, evaluation)
     return Linearised(
@@ -147,6 +150,7 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
         chi_square(problem, evaluation),
         (1.0 - free) * _drive_chi_square(problem, evaluation),
         len(errors),
+        root,
     )
 
 

@@ -1,7 +1,8 @@
 """Fits that bad rows do not bend: M-estimation on the whitened residuals of each channel.
 
-Iteratively reweighted least squares. Huber's loss is convex; Tukey's biweight, which leaves gross errors out altogether,
-starts at Huber's solution. Where the stated sigma is too small, the scale of a channel is the median absolute deviation.
+Iteratively reweighted least squares. Huber's loss is convex; Tukey's biweight, which leaves gross errors out
+altogether, starts at Huber's solution. Where the stated sigma is too small, the scale of a channel is the median
+absolute deviation.
 """
 
 from __future__ import annotations
@@ -51,6 +52,17 @@ class RobustFit:
     problem: Problem
     doubtful: tuple[Doubtful, ...]
     scale: Array
+    loss: Loss = "squares"
+
+
+def plain_fit(problem: Problem, fit: Fit) -> RobustFit:
+    """A fit by least squares, with the values that are off by far, which would be weighed down; spread as chi2 asks."""
+    fit = fit.widened
+    weighted = replace(problem, weight=np.ones_like(problem.readings))
+    if fit.status != "converged" or not fit.after.solved:
+        return RobustFit(fit, problem, (), np.ones(problem.readings.shape[1]))
+    _, scale = _deviations(problem, fit)
+    return RobustFit(fit, problem, _doubtful(weighted, fit, scale), scale)
 
 
 def weights_of(loss: Loss, deviation: Array) -> Array:
@@ -71,18 +83,18 @@ def identify_robustly(problem: Problem, selected: tuple[str, ...], start: Array,
             white, scale = _deviations(problem, fit)
             fresh = np.where(problem.measured, weights_of(stage, white / scale), 1.0)  # type: ignore[arg-type]
             weighted = replace(problem, weight=fresh)
-            fit = identify(weighted, selected, fit.values)
+            fit = identify(weighted, selected, fit.values, shift=fit.shift)
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
             if change < _SETTLED:
                 break
     before = evaluate(problem, start, selected)
     fit = replace(fit, before=before, found=replace(fit.found, spread=_spread(loss, problem, fit, scale)))
-    return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale)
+    return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss)
 
 
 def _deviations(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Whitened residuals (N, C) at a fit, and the scale (C,) of each channel, at least 1."""
-    white = whitened_residual(problem, evaluate(problem, fit.values, fit.selected))
+    white = whitened_residual(problem, fit.last)
     some = np.where(problem.measured, np.abs(white), np.nan)
     with np.errstate(all="ignore"):
         typical = np.nan_to_num(np.nanmedian(some, axis=0)) if len(some) else np.ones(some.shape[1])
@@ -114,9 +126,8 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
     """The audit of every value that is off by more than noise, worst first."""
     assert weighted.weight is not None
     plain = replace(weighted, weight=None)
-    evaluation = evaluate(plain, fit.values, fit.selected)
-    near, white = linearise(plain, evaluation), whitened_residual(plain, evaluation)
-    covariance = fit.found.determined_covariance()
+    near, white = linearise(plain, fit.last), whitened_residual(plain, fit.last)
+    covariance = replace(fit.found, spread=1.0).determined_covariance()
     std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     shape = weighted.readings.shape
     jacobian = near.jacobian[: weighted.readings.size].reshape(*shape, -1)
@@ -124,9 +135,11 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
     for row, channel in np.argwhere(weighted.measured & (np.abs(white / scale) > _OFF)):
         a = jacobian[row, channel]
         gain = covariance @ a
-        step = gain * white[row, channel] / (1.0 + float(a @ gain)) / std
+        inside = weighted.weight[row, channel] == 1.0  # a part of the fit; else what it would be
+        share = float(a @ gain)
+        step = gain * white[row, channel] / (max(1.0 - share, 1e-3) if inside else 1.0 + share) / std
         worst = int(np.argmax(np.abs(step))) if len(step) else 0
-        leverage = float(a @ gain) / (1.0 + float(a @ gain))
+        leverage = share if inside else share / (1.0 + share)
         moved = (fit.selected[worst], float(step[worst])) if len(step) else ("", 0.0)
         deviation = float(white[row, channel] / scale[channel])
         found.append(Doubtful(int(row), int(channel), deviation, float(weighted.weight[row, channel]), leverage, moved))

@@ -29,3 +29,13 @@ Offset = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Nothing on stderr but errors.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output file.")]
+Loss = Annotated[
+    str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber, tukey: bad rows do not bend the fit.")
+]
+Prior = Annotated[
+    str, typer.Option("--prior", metavar="none|ranges", help="ranges: parameters are known to half their ranges.")
+]
+Uncertainty = Annotated[
+    str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="How 95 % intervals are found.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Json, MachineFile, Parameters, Quiet, Select
+from pkmcal_cli.commands._options import Force, Json, Loss, MachineFile, Parameters, Prior, Quiet, Seed, Select, Uncertainty
 
 
 def calibrate(
@@ -23,6 +23,10 @@ def calibrate(
         typer.Option("--holdout", metavar="K|session|cells|FILE.csv|none", help="Held-out error; default 5 folds."),
     ] = None,
     parameters: Parameters = None,
+    loss: Loss = "squares",
+    prior: Prior = "none",
+    uncertainty: Uncertainty = "linear",
+    seed: Seed = 0,
     max_rms: Annotated[
         str | None, typer.Option("--max-rms", metavar="VALUE", help='Exit 1 if a position rms is above, e.g. "20 um".')
     ] = None,
@@ -34,9 +38,10 @@ def calibrate(
 
     Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
     """
-    from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
+    from pkmcal_cli.workflow.calibrate import CalibrationRequest, Treatment, run_calibration
 
+    how = Treatment(loss, prior, uncertainty, seed)
     request = CalibrationRequest(
-        machine, tuple(measurements), output, select, holdout, parameters, max_rms, as_json, quiet, force
+        machine, tuple(measurements), output, select, holdout, parameters, how, max_rms, as_json, quiet, force
     )
     raise typer.Exit(run_calibration(request))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,23 +12,37 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import combinations
+from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.robust import RobustFit
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters
+from pkmcal_cli.poses import Place
+from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
-from pkmcal_cli.report.parameters import combination_json, combination_text, parameter_rows
+from pkmcal_cli.report.parameters import ParameterRow, combination_json, combination_text, parameter_rows
 from pkmcal_cli.words import count
 
 
 class CalibrationReport:
     """One calibration, ready to be shown."""
 
-    def __init__(self, machine: Machine, problem: Problem, fit: Fit, held_out: HeldOut | str) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        problem: Problem,
+        found: RobustFit,
+        held_out: HeldOut | str,
+        intervals: Intervals,
+        place: Callable[[int], Place],
+    ) -> None:
+        fit = found.fit
         self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
-        self.rows = parameter_rows(self.model, fit)
+        self.audit, self.intervals = Audit(problem.model, found, place), intervals
+        self.rows = parameter_rows(self.model, fit, intervals)
         self.before = error_figures(problem, fit.before)
         self.after = error_figures(problem, fit.after)
         self.n_rows = len(problem)
@@ -44,6 +60,12 @@ class CalibrationReport:
             "chi2": finite(self.fit.chi2),
             "degrees_of_freedom": self.fit.dof,
             "chi2_per_dof": finite(self.fit.chi2_per_dof),
+            "uncertainty": {
+                "method": self.intervals.method,
+                "widened": float(np.sqrt(self.fit.found.spread)),
+                "remark": self.intervals.remark or None,
+            },
+            "outliers": self.audit.json(),
             "heldout": self._heldout_json(),
             "condition_number": finite(found.condition_number),
             "rank": found.rank,
@@ -74,9 +96,16 @@ class CalibrationReport:
         selected = [r for r in self.rows if r.name in self.fit.selected]
         to.table(
             "Parameters",
-            ("name", "nominal", "identified", "range", "remark"),
+            ("name", "nominal", "identified", *self._interval_head, "range", "remark"),
             [
-                (r.name, f"{r.nominal:.8g}", uncertain(r.value, r.std, r.unit), r.spread, r.reason or "")
+                (
+                    r.name,
+                    f"{r.nominal:.8g}",
+                    uncertain(r.value, r.std, r.unit),
+                    *self._ends(r),
+                    r.spread,
+                    r.reason or "",
+                )
                 for r in selected
             ],
         )
@@ -89,7 +118,25 @@ class CalibrationReport:
             to.say(f"{held}; the ranges are in the uncertainties (see `pkmcal observability`)")
         to.say()
         self._show_errors(to)
+        self.audit.show(to)
         to.say(self.verdict())
+
+    def _row(self, r: ParameterRow) -> tuple[str, ...]:
+        value = uncertain(r.value, r.std, r.unit)
+        return r.name, f"{r.nominal:.8g}", value, *self._ends(r), r.spread, r.reason or ""
+
+    @property
+    def _interval_head(self) -> tuple[str, ...]:
+        """A column for intervals where they are more than 1.96 standard uncertainties."""
+        return () if self.intervals.method == "linear" else (f"95 % ({self.intervals.method})",)
+
+    def _ends(self, row: ParameterRow) -> tuple[str, ...]:
+        if self.intervals.method == "linear":
+            return ()
+        if row.interval is None or row.std is None:
+            return ("-",)
+        digits = max(0, 1 - math.floor(math.log10(max(row.std, 1e-300))))
+        return (f"{row.interval[0]:.{digits}f} to {row.interval[1]:.{digits}f}",)
 
     def _show_errors(self, to: Reporter) -> None:
         rows = []
@@ -127,8 +174,14 @@ class CalibrationReport:
         chi2 = self.fit.chi2_per_dof
         tail = f", chi-square per degree of freedom {chi2:.3f} ({self.fit.dof} of them)" if self.fit.dof > 0 else ""
         hint = ""
-        if self.fit.dof > 0 and chi2 > 1 + 4 * np.sqrt(2 / self.fit.dof):
-            hint = "\nmore is left than sigma explains: an effect is missing in the model, or sigma is too small"
+        factor = float(np.sqrt(self.fit.found.spread))
+        if self.fit.excess > 1 and self.audit.loss == "squares":
+            hint = "\nmore is left than sigma explains: an effect is missing in the model, or sigma is too small; "
+            hint += f"uncertainties are widened {factor:.3g} times"
+        elif self.audit.loss != "squares":
+            hint = f"\nrobust ({self.audit.loss}): uncertainties by the scatter of what is not off"
+        if self.intervals.remark:
+            hint += f"\n{self.intervals.remark}"
         return f"{words[self.fit.status]} in {self.fit.iterations} steps{tail}{hint}"
 
     def parameter_file(self, provenance: dict[str, Any]) -> str:

@@ -9,10 +9,12 @@ import numpy as np
 
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
+from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import exact_value
 from pkmcal_cli.report.numbers import finite, uncertain
+from pkmcal_cli.rotation import Array
 
 _PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
 _FEW = 4  # names or terms that are listed one by one
@@ -30,6 +32,7 @@ class ParameterRow:
     unit: str
     identified: bool
     reason: str | None
+    interval: tuple[float, float] | None = None  # of 95 %
 
     @property
     def spread(self) -> str:
@@ -45,6 +48,7 @@ class ParameterRow:
             "std": finite(self.std),
             "range": self.range,
             "unit": self.unit,
+            "interval": None if self.interval is None else list(self.interval),
             "identified": self.identified,
             "reason": self.reason,
         }
@@ -55,9 +59,10 @@ def parameter_unit(model: Model, name: str) -> Unit:
     return parse_unit(model.parameters[model.names.index(name)].unit or "1")
 
 
-def parameter_rows(model: Model, fit: Fit) -> tuple[ParameterRow, ...]:
+def parameter_rows(model: Model, fit: Fit, intervals: Intervals) -> tuple[ParameterRow, ...]:
     """All parameters of the machine: those selected with their uncertainty, the others as held."""
-    std = dict(zip(fit.selected, fit.std, strict=True)) if fit.selected else {}
+    std = dict(zip(fit.selected, intervals.std, strict=True)) if fit.selected else {}
+    ends = dict(zip(fit.selected, intervals.low_high, strict=True))
     reasons = _reasons(fit)
     rows = []
     for k, p in enumerate(model.parameters):
@@ -76,9 +81,17 @@ def parameter_rows(model: Model, fit: Fit) -> tuple[ParameterRow, ...]:
                 unit.text,
                 known and not (reason or "").startswith("weak"),
                 reason,
+                _interval(ends.get(p.name), unit),
             )
         )
     return tuple(rows)
+
+
+def _interval(ends: Array | None, unit: Unit) -> tuple[float, float] | None:
+    """Both ends in a unit; None where one is not known."""
+    if ends is None or not np.isfinite(ends).all():
+        return None
+    return float(unit.from_si(float(ends[0]))), float(unit.from_si(float(ends[1])))
 
 
 def _reasons(fit: Fit) -> dict[str, str]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -12,13 +14,22 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.intervals import (
+    Intervals,
+    Method,
+    bootstrap_intervals,
+    linear_intervals,
+    profile_intervals,
+)
+from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream, write_text
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from pkmcal_cli.poses import failed_rows, place_of
+from pkmcal_cli.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -35,6 +46,24 @@ _DIGITS = 9
 
 
 @dataclass(frozen=True)
+class Treatment:
+    """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap."""
+
+    loss: str = "squares"
+    prior: str = "none"
+    uncertainty: str = "linear"
+    seed: int = 0
+
+    def check(self) -> None:
+        """Raises UsageError for words that are none."""
+        known = {"loss": get_args(Loss), "prior": ("none", "ranges"), "uncertainty": get_args(Method)}
+        for option, words in known.items():
+            given = getattr(self, option)
+            if given not in words:
+                raise UsageError(f"--{option}: `{given}` is none", hint=did_you_mean(given, words, ", ".join(words)))
+
+
+@dataclass(frozen=True)
 class CalibrationRequest:
     """The arguments of `calibrate`."""
 
@@ -44,6 +73,7 @@ class CalibrationRequest:
     select: str
     holdout: str | None
     parameters: str | None
+    how: Treatment
     max_rms: str | None
     as_json: bool
     quiet: bool
@@ -73,9 +103,10 @@ def run_calibration(request: CalibrationRequest) -> int:
     for hint in (*_unused_channels(s.problem), *measurement_hints(s.loaded, s.problem, s.start.values)):
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
-    fit = _fit(s)
+    found = _fit(s)
+    fit, intervals = found.fit, _intervals(s, found)
     held_out, inputs = _held_out(s, fit)
-    report = CalibrationReport(s.loaded.machine, s.problem, fit, held_out)
+    report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, intervals, _places(s))
     report.show(to)
     if request.output is not None:
         inputs = _inputs(s) | inputs
@@ -92,6 +123,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     if request.as_json and request.output is not None and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
+    request.how.check()
     limit = _limit(request.max_rms)
     _check_holdout(request.holdout)
     if request.output is not None:
@@ -151,11 +183,32 @@ def _inputs(s: _Setting) -> dict[str, str]:
     return dict(s.loaded.machine.files) | s.start.inputs | dict(zip(s.measured.files, s.measured.sha256, strict=True))
 
 
-def _fit(s: _Setting) -> Fit:
+def _fit(s: _Setting) -> RobustFit:
+    problem, loss = s.problem, s.request.how.loss
+    if s.request.how.prior == "ranges":
+        problem = replace(problem, prior=prior_of_ranges(problem.model, s.selected))
     try:
-        return identify(s.problem, s.selected, s.start.values)
+        if loss != "squares":
+            return identify_robustly(problem, s.selected, s.start.values, loss)  # type: ignore[arg-type]
+        return plain_fit(problem, identify(problem, s.selected, s.start.values))
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
+
+
+def _intervals(s: _Setting, found: RobustFit) -> Intervals:
+    """Intervals of the selected parameters, as they are asked for."""
+    fit, how = found.fit, s.request.how
+    index = np.array([s.problem.model.names.index(n) for n in fit.selected], dtype=np.intp)
+    if fit.status != "converged" or how.uncertainty == "linear":
+        return linear_intervals(fit, index)
+    if how.uncertainty == "profile":
+        return profile_intervals(found.problem, fit, index)
+    return bootstrap_intervals(found.problem, fit, index, np.asarray(s.measured.session), how.seed)
+
+
+def _places(s: _Setting) -> Callable[[int], Place]:
+    """Where a row stands in its file."""
+    return lambda row: place_of(s.measured, row)
 
 
 def unsolved(measured: Measurements, prediction: Prediction) -> BadInput:

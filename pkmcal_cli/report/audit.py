@@ -1,0 +1,76 @@
+"""Values that are off by more than noise: how far, how much they pull, what changes if they stay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.calibration.robust import Doubtful, RobustFit
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.poses import Place
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.words import count
+
+_SHOWN = 12
+_GROSS = 6.0  # standard uncertainties from which on a robust loss is worth a word
+
+
+class Audit:
+    """The doubtful values of a fit, with their places in the files."""
+
+    def __init__(self, model: Model, found: RobustFit, place: Callable[[int], Place]) -> None:
+        self.model, self.found, self.place, self.loss = model, found, place, found.loss
+
+    def show(self, to: Reporter) -> None:
+        """A table for people; nothing where nothing is doubtful."""
+        robust = self.loss != "squares"
+        worst = [d for d in self.found.doubtful if robust or abs(d.deviation) > _GROSS]
+        if not worst:
+            return
+        title = "Values that are off by more than noise" + (", weighed down" if robust else "")
+        head = ("row", "channel", "off by", "in std", "weight", "leverage", "what changes if it stays")
+        to.table(title, head, [self._row(d) for d in worst[:_SHOWN]])
+        if len(worst) > _SHOWN:
+            to.say(f"... and {len(worst) - _SHOWN} more (--json lists all)")
+        if not robust:
+            to.warn(f"warning: {count(len(worst), 'value')} off by far: `--loss tukey` does not let them bend the fit")
+
+    def _row(self, d: Doubtful) -> tuple[str, ...]:
+        channel = self.model.channels[d.channel]
+        unit = parse_unit(channel.unit)
+        off = readable(self.residual(d), unit)
+        name, size = d.moved
+        changes = f"{name} by {size:+.2g} std" if name else ""
+        weight = f"{d.weight:.2g}"
+        return str(self.place(d.row)), channel.name, off, f"{d.deviation:+.1f}", weight, f"{d.leverage:.2f}", changes
+
+    def residual(self, d: Doubtful) -> float:
+        """Measured less predicted, SI."""
+        return float(self.found.fit.after.residual[d.row, d.channel])
+
+    def json(self) -> list[dict[str, Any]]:
+        """All doubtful values, worst first."""
+        out = []
+        for d in self.found.doubtful:
+            place, channel = self.place(d.row), self.model.channels[d.channel]
+            unit = parse_unit(channel.unit)
+            out.append(
+                {
+                    "file": place.file,
+                    "line": place.line,
+                    "id": place.id or None,
+                    "channel": channel.name,
+                    "residual": self.residual(d) / unit.scale,
+                    "unit": unit.text,
+                    "deviation": d.deviation,
+                    "weight": d.weight,
+                    "leverage": d.leverage,
+                    "moves": d.moved[0] or None,
+                    "by_std": float(np.float64(d.moved[1])),
+                }
+            )
+        return out
