@@ -1,6 +1,6 @@
-"""Gross mistakes in measurements, looked for before any solve: columns swapped, wrong units, signs, limits.
+"""Suspicions of gross mistakes, with their evidence; drives outside their limits.
 
-Pure functions on arrays. What they find are hints with evidence; whether one is an error the caller decides.
+Pure functions on arrays. What they find are hints; whether one is an error the caller decides.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from pkmcal_cli.language.units import UNITS, Unit, parse_unit
 
 FloatArray = NDArray[np.float64]
-Kind = Literal["swapped", "moved", "unit", "sign", "offset", "limits"]
+Kind = Literal["swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits"]
 
-_FACTORS = (1e3, 1e-3, 1e6, 1e-6, 25.4, 1 / 25.4, 180 / np.pi, np.pi / 180)
-_BETTER = 0.2  # an explanation leaves at most this share of the residual
-_EXPLAINED = 0.1  # and at most this share of what is predicted
-_FEW = 4  # rows below which a coincidence is likely, so that the residual itself must be gross
+FACTORS = (1e3, 1e-3, 1e6, 1e-6, 25.4, 1 / 25.4, 180 / np.pi, np.pi / 180)
+BETTER = 0.2  # an explanation leaves at most this share of the residual
+EXPLAINED = 0.1  # and at most this share of what is predicted
+FEW = 4  # rows below which a coincidence is likely, so that the residual itself must be gross
+_MOVES = 0.01  # share of the spread of readings below which a prediction stays where it is
+GROSS = 5.0  # times what errors of parameters and noise cause: a residual that no fit takes away
 
 
 @dataclass(frozen=True)
@@ -37,44 +39,6 @@ class Hint:
     before: float
     after: float
     rows: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Match:
-    """Column `source` times `factor` explains the prediction of a column, leaving the rms `after`."""
-
-    source: int
-    factor: float
-    before: float
-    after: float
-
-
-def find_gross_faults(
-    measured: FloatArray,
-    predicted: FloatArray,
-    names: Sequence[str],
-    units: Sequence[str] | None = None,
-) -> tuple[Hint, ...]:
-    """Columns (N, C) that explain the prediction (N, C) far better when exchanged, scaled or turned in sign.
-
-    Both in SI, NaN where there is no value (such rows do not count); `units` are those of the file, for the
-    words and so that only columns of one dimension are taken for each other. Works as well on actuators,
-    against the positions that the inverse model gives for measured poses.
-    """
-    scale = [parse_unit(unit) for unit in units] if units is not None else [UNITS["1"]] * len(names)
-    best = {i: _best(measured, predicted, i, scale) for i in range(len(names))}
-    matches = {i: match for i, match in best.items() if match is not None}
-    hints: list[Hint] = []
-    told: set[int] = set()
-    for i, match in matches.items():
-        if i not in told:
-            hint, columns = _explain(i, match, matches, names, scale)
-            told |= columns
-            hints.append(hint)
-    for i in range(len(names)):
-        if i not in told and (offset := _offset(measured[:, i], predicted[:, i], names[i], scale[i])):
-            hints.append(offset)
-    return tuple(hints)
 
 
 def find_limit_faults(
@@ -100,90 +64,6 @@ def find_limit_faults(
             left = 0 if remedy else len(rows)
             hints.append(Hint("limits", (name,), message + remedy, len(rows), left, rows))
     return tuple(hints)
-
-
-# --- against predictions ----------------------------------------------------------------------
-
-
-def _rms(values: FloatArray) -> float:
-    """Root mean square over the rows that have a value; infinite without any."""
-    good = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(good**2))) if good.size else np.inf
-
-
-def _best(measured: FloatArray, predicted: FloatArray, i: int, units: Sequence[Unit]) -> _Match | None:
-    """What explains column i of the prediction far better than column i itself does; None if nothing."""
-    target = predicted[:, i]
-    before, size = _rms(measured[:, i] - target), _rms(target)
-    if not np.isfinite(before):
-        return None
-    found: _Match | None = None
-    for j in range(measured.shape[1]):
-        if units[j].dimension == units[i].dimension:
-            for factor in (1.0, *_FACTORS) if j == i else (1.0,):
-                for sign in (1.0, -1.0):
-                    after = _rms(sign * factor * measured[:, j] - target)
-                    if (j, sign * factor) != (i, 1.0) and (found is None or after < found.after):
-                        found = _Match(j, sign * factor, before, after)
-    rows = int(np.isfinite(measured[:, i] - target).sum())
-    if found is None or found.after > _BETTER * before or found.after > _EXPLAINED * size:
-        return None
-    return None if rows < _FEW and before < _EXPLAINED * size else found
-
-
-def _explain(
-    i: int, match: _Match, matches: dict[int, _Match], names: Sequence[str], units: Sequence[Unit]
-) -> tuple[Hint, set[int]]:
-    """The hint for column i, and the columns that it covers."""
-    j, name = match.source, names[i]
-    evidence = f"residual rms {units[i].format(match.before, 3)} -> {units[i].format(match.after, 2)}"
-    sign = "-" if match.factor < 0 else ""
-    back = matches.get(j)
-    if j != i and back is not None and back.source == i:
-        turned = "" if match.factor > 0 and back.factor > 0 else ", and turned in sign,"
-        before, after = float(np.hypot(match.before, back.before)), float(np.hypot(match.after, back.after))
-        evidence = f"residual rms {units[i].format(before, 3)} -> {units[i].format(after, 2)}"
-        message = f"`{name}` and `{names[j]}` look swapped{turned}: {evidence} when exchanged"
-        return Hint("swapped", (name, names[j]), message, before, after), {i, j}
-    if j != i:
-        message = f"column `{names[j]}` looks like {sign}`{name}`: {evidence} when it is taken for that"
-        return Hint("moved", (name, names[j]), message, match.before, match.after), {i}
-    if match.factor == -1.0:
-        message = f"`{name}` looks turned in sign: {evidence} with the other sign"
-        return Hint("sign", (name,), message, match.before, match.after), {i}
-    unit = _unit_words(units[i], abs(match.factor))
-    size = f"{_times(abs(match.factor))}{unit}{' and turned in sign' if sign else ''}"
-    message = f"`{name}` looks {size}: {evidence} when multiplied by {match.factor:.4g}"
-    return Hint("unit", (name,), message, match.before, match.after), {i}
-
-
-def _times(factor: float) -> str:
-    return f"{1 / factor:.4g} times too large" if factor < 1 else f"{factor:.4g} times too small"
-
-
-def _unit_words(unit: Unit, factor: float) -> str:
-    """The words " (is it in m, not mm?)" where a unit of the table fits."""
-    others = [u for u in UNITS.values() if u.dimension == unit.dimension and unit.text != "1"]
-    for other in others:
-        if np.isclose(other.scale, unit.scale * factor, rtol=1e-9):
-            return f" (is it in {other.text}, not {unit.text}?)"
-    return ""
-
-
-def _offset(measured: FloatArray, predicted: FloatArray, name: str, unit: Unit) -> Hint | None:
-    """A deviation that is large and the same everywhere: the origin lies elsewhere."""
-    deviation = (measured - predicted)[np.isfinite(measured - predicted)]
-    if deviation.size < _FEW:
-        return None
-    mean, spread = float(deviation.mean()), float(deviation.std())
-    extent = float(np.ptp(predicted[np.isfinite(predicted)]))
-    if extent == 0 or abs(mean) < 0.5 * extent or spread > 0.05 * abs(mean):
-        return None
-    before = _rms(deviation)
-    evidence = f"residual rms {unit.format(before, 3)} -> {unit.format(spread, 2)} without it"
-    size = unit.format(mean, 4)
-    message = f"`{name}` is off by {size} in all rows (is its origin elsewhere?): {evidence}"
-    return Hint("offset", (name,), message, before, spread)
 
 
 # --- against limits ---------------------------------------------------------------------------
@@ -219,7 +99,55 @@ def _inside(readings: FloatArray, limits: FloatArray, i: int, names: Sequence[st
             return f"; exchanged with `{name}` all are inside"
     if fits(-values, i):
         return "; with the other sign all are inside"
-    for factor in _FACTORS:
+    for factor in FACTORS:
         if fits(factor * values, i):
-            return f"; multiplied by {factor:.4g} all are inside{_unit_words(units[i], factor)}"
+            return f"; multiplied by {factor:.4g} all are inside{unit_words(units[i], factor)}"
+    return ""
+
+
+# --- what hints share -------------------------------------------------------------------------
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square over the cells that have a value; infinite without any."""
+    good = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(good**2))) if good.size else np.inf
+
+
+def spread(values: FloatArray) -> FloatArray:
+    """Standard deviation (C,) of columns (N, C) over the cells that have a value; 0 without any."""
+    known = np.isfinite(values)
+    count = np.maximum(known.sum(axis=0), 1)
+    mean = np.where(known, values, 0.0).sum(axis=0) / count
+    return np.asarray(np.sqrt((np.where(known, values - mean, 0.0) ** 2).sum(axis=0) / count))
+
+
+def misfit(measured: FloatArray, predicted: FloatArray, read: FloatArray) -> float:
+    """Rms of measured less predicted (N, C), each column in spreads of its prediction.
+
+    Where that hardly moves, in spreads of what was read (N, C). Columns where neither moves count not, nor do those
+    with few values.
+    """
+    size, other = spread(predicted), spread(read)
+    size = np.where(size > _MOVES * other, size, other)
+    moves = (size > 0) & (np.isfinite(measured - predicted).sum(axis=0) >= FEW)
+    return rms((measured - predicted)[:, moves] / size[moves])
+
+
+def evidence(unit: Unit, before: float, after: float) -> str:
+    """The words "residual rms 3.2 mm -> 0.11 mm"."""
+    return f"residual rms {unit.format(before, 3)} -> {unit.format(after, 2)}"
+
+
+def times(factor: float) -> str:
+    """The words "1000 times too large" for what must be multiplied by 0.001."""
+    return f"{1 / factor:.4g} times too large" if factor < 1 else f"{factor:.4g} times too small"
+
+
+def unit_words(unit: Unit, factor: float) -> str:
+    """The words " (is it in m, not mm?)" where a unit of the table fits."""
+    others = [u for u in UNITS.values() if u.dimension == unit.dimension and unit.text != "1"]
+    for other in others:
+        if np.isclose(other.scale, unit.scale * factor, rtol=1e-9):
+            return f" (is it in {other.text}, not {unit.text}?)"
     return ""

@@ -1,4 +1,4 @@
-"""Gross mistakes in a table, told before the fit: limits, swapped columns, units, signs."""
+"""Gross mistakes in a table, told before the fit: limits, columns, units, signs, shifted rows, copies."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from pkmcal_cli.calibration.measured_pose import measured_poses
+from pkmcal_cli.calibration.copies import copies
+from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.errors import MAX_FAULTS, Fault, Location
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.loading import LoadedMachine
-from pkmcal_cli.poses import Place
+from pkmcal_cli.poses import Place, place_of
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.tables.plausibility import Hint, find_gross_faults, find_limit_faults
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.tables.plausibility import find_limit_faults
+from pkmcal_cli.words import count
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _REACH = 20.0  # sizes of the machine: no TCP is as far away
-_ROWS = 2000  # a sample of a long table shows a gross mistake as well
+_SHOWN = 5  # groups of copied rows told one by one
 
 
 def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
@@ -50,28 +51,34 @@ def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
     return Fault("sigma", what, Location(loaded.model.name), hint)
 
 
-def measurement_hints(loaded: LoadedMachine, problem: Problem, values: Array) -> tuple[str, ...]:
-    """Messages with evidence; predictions at the starting values."""
+def measurement_hints(
+    loaded: LoadedMachine, problem: Problem, values: Array, measured: Measurements | None = None
+) -> tuple[str, ...]:
+    """Messages with evidence; predictions at the starting values. `measured`: the table, for the places of rows."""
     model = loaded.model
-    step = max(1, len(problem) // _ROWS)
-    sample = problem.take(np.arange(0, len(problem), step))
     names, units = [a.name for a in model.actuators], [a.unit for a in model.actuators]
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
-    hints = list(find_limit_faults(sample.rows.readings, limits, names, units))
-    prediction = evaluate(sample, values).prediction
-    wrong = () if prediction.solved.all() else _drive_hints(sample, values, names, units)
-    if wrong:
-        return tuple(h.message for h in (*hints, *wrong))
-    measured = np.where(sample.measured, sample.readings, np.nan)
-    channels = model.channels
-    hints += find_gross_faults(measured, prediction.values, [c.name for c in channels], [c.unit for c in channels])
+    declared = {p.name for p in model.parameters if p.identify}
+    asked = [p.name for p in problem.model.parameters if p.shared_name in declared]
+    flags = [column for name, column in problem.rows.columns.items() if name.startswith("session.")]
+    sessions = np.argmax(np.nan_to_num(flags), axis=0) if flags else np.zeros(len(problem), dtype=np.intp)
+    hints = find_limit_faults(problem.rows.readings, limits, names, units)
+    hints += gross_faults(problem, values, asked, sessions, lambda row: _place(measured, row))
     return tuple(h.message for h in hints)
 
 
-def _drive_hints(sample: Problem, values: Array, names: list[str], units: list[str]) -> tuple[Hint, ...]:
-    """Gross mistakes in the drives' columns, by the positions that the drives have at the measured poses."""
-    poses, rows = measured_poses(sample, values)
-    if not len(rows):
+def _place(measured: Measurements | None, row: int) -> str:
+    return f"row {row + 1}" if measured is None else str(place_of(measured, row))
+
+
+def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
+    """What is to be said of rows that are copies of others."""
+    groups = copies(problem)
+    if not groups:
         return ()
-    expected = drive_positions(sample.model, poses, values).readings
-    return find_gross_faults(sample.rows.readings[rows], expected, names, units)
+    shown = [" and ".join(_place(measured, row) for row in group) for group in groups[:_SHOWN]]
+    more = f", and {len(groups) - _SHOWN} more" if len(groups) > _SHOWN else ""
+    extra = sum(len(group) - 1 for group in groups)
+    what = f"{count(extra, 'row')} {'is a copy' if extra == 1 else 'are copies'} of another"
+    same = f"{'; '.join(shown)}{more}"
+    return (f"{what}, the same to the last digit ({same}): a copy tells nothing new, and nothing about noise",)

@@ -1,0 +1,115 @@
+"""Mistakes in the columns of drives, found by predicting again with columns exchanged, turned or scaled.
+
+This asks no pose of the measurement, only some readings. Every change costs a prediction of a few rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, islice
+
+import numpy as np
+
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.prediction import predict
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FACTORS, Hint, Kind, misfit, times, unit_words
+
+_ROWS = 16  # rows that are predicted
+_MOST = 80  # changes that are tried
+_SOLVED = 0.8  # share of the rows that a change must let be predicted
+
+
+@dataclass(frozen=True)
+class _Change:
+    """Columns (A,) from which drives are taken, and the factors (A,)."""
+
+    kind: Kind
+    columns: tuple[int, ...]  # concerned
+    source: Array
+    factor: Array
+
+
+def explain_by_prediction(
+    problem: Problem, values: Array, seen: Callable[[Array, Array], Array]
+) -> tuple[list[Hint], float]:
+    """Changes of the drives' columns that explain the readings, each by itself, as hints; misfit as it stands.
+
+    seen: readings as they compare with predictions, both (n, C).
+    """
+    few = np.linspace(0, len(problem) - 1, min(_ROWS, len(problem))).round().astype(int)
+    part = problem.take(few)
+    readings = np.where(part.measured, part.readings, np.nan)
+    own = [k for k, c in enumerate(part.model.channels) if c.quantity == "drive"]  # drives that are read only
+
+    def left(change: _Change) -> float:
+        drives = part.rows.readings[:, change.source.astype(int)] * change.factor
+        found = predict(part.model, values, replace(part.rows, readings=drives))
+        if found.solved.mean() < _SOLVED:
+            return np.inf
+        predicted = np.where(found.solved[:, None], found.values, np.nan)
+        moved = readings.copy()
+        moved[:, own] = np.where(part.measured[:, own], drives[:, [part.model.channels[k].index for k in own]], np.nan)
+        compared = seen(moved, predicted)
+        return misfit(compared, predicted, compared)
+
+    columns = np.arange(len(problem.model.actuators))
+    before = left(_Change("moved", (), columns, np.ones(len(columns))))
+    for kind in ("rotated", "swapped", "sign", "unit"):
+        tried = [(left(change), change) for change in islice(_changes(problem, kind), _MOST)]
+        good = [(after, change) for after, change in tried if after <= min(EXPLAINED, BETTER * before)]
+        if good:
+            good.sort(key=lambda each: each[0])
+            return [_hint(problem, change, before, after) for after, change in good], before
+    return [], before
+
+
+def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
+    """Changes of one kind, the likely ones first."""
+    actuators = problem.model.actuators
+    used = [a for a in range(len(actuators)) if not np.isnan(problem.rows.readings[:, a]).all()]
+    plain, ones = np.arange(len(actuators)), np.ones(len(actuators))
+    for dimension in sorted({actuators[a].dimension for a in used}):
+        group = [a for a in used if actuators[a].dimension == dimension]
+        if kind == "rotated" and len(group) > 2:
+            for turn in (1, -1):
+                source = plain.copy()
+                source[group] = np.roll(group, turn)
+                yield _Change("rotated", tuple(group), source, ones)
+        if kind == "swapped":
+            for i, j in combinations(group, 2):
+                source = plain.copy()
+                source[[i, j]] = [j, i]
+                yield _Change("swapped", (i, j), source, ones)
+        factors = {"sign": (-1.0,), "unit": FACTORS}.get(kind, ())
+        for some in dict.fromkeys((tuple(group), *((a,) for a in group))):
+            for value in factors:
+                factor = ones.copy()
+                factor[list(some)] = value
+                yield _Change("sign" if kind == "sign" else "unit", some, plain, factor)
+
+
+def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hint:
+    actuators = problem.model.actuators
+    names = tuple(actuators[a].name for a in change.columns)
+    quoted = " and ".join(f"`{n}`" for n in names) if len(names) < 3 else ", ".join(f"`{n}`" for n in names)
+    unit = parse_unit(actuators[change.columns[0]].unit)
+    message = f"{quoted} {_look(change, len(names), unit)}"
+    if change.kind == "rotated":
+        holder = sorted((int(change.source[a]), a) for a in change.columns)
+        message += (
+            f" (`{actuators[holder[0][0]].name}` has the readings of `{actuators[holder[0][1]].name}`, and so on)"
+        )
+    was = f"{100 * before:.3g} % as it stands" if np.isfinite(before) else "most rows beyond reach as it stands"
+    message += f": put right, the prediction leaves {100 * after:.2g} % of what the readings vary ({was})"
+    return Hint(change.kind, names, message, before, after)
+
+
+def _look(change: _Change, count: int, unit: Unit) -> str:
+    look = "looks" if count == 1 else "look"
+    if change.kind == "unit":
+        factor = float(change.factor[change.columns[0]])
+        return f"{look} {times(factor)}{unit_words(unit, factor)}"
+    return f"{look} {({'rotated': 'rotated by one', 'swapped': 'swapped', 'sign': 'turned in sign'})[change.kind]}"

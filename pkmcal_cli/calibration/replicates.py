@@ -1,0 +1,153 @@
+"""Noise of each channel by the spread of repeated poses, against the sigma that is stated.
+
+What is predicted to differ within a group of repetitions is taken out, so the drives need not read quite the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from pkmcal_cli.calibration.copies import copies
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.rotation import Array
+
+DOUBT = 0.01  # probability below which the stated sigma is not believed
+_SAME = 1e-4  # share of a drive's spread that readings of one pose may differ by
+
+
+@dataclass(frozen=True)
+class ReplicateNoise:
+    """Noise of a channel: standard deviation `std` within `n_groups` repeated poses, and the stated `sigma`, SI.
+
+    p_value: probability of so large a departure from what is stated, two-sided. Errors of the drives may or may not
+    repeat with the pose, so neither kind of spread is a departure.
+    """
+
+    channel: str
+    n_groups: int
+    degrees_of_freedom: int
+    std: float
+    sigma: float
+    unit: str
+    p_value: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the stated sigma does not fit."""
+        return self.p_value < DOUBT
+
+    def json(self) -> dict[str, Any]:
+        """For the JSON result, in the channel's unit."""
+        scale = parse_unit(self.unit).scale
+        return {
+            "channel": self.channel,
+            "n_groups": self.n_groups,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "std": self.std / scale,
+            "sigma": self.sigma / scale,
+            "unit": self.unit,
+            "p_value": self.p_value,
+        }
+
+
+def replicate_noise(problem: Problem, fit: Fit) -> tuple[ReplicateNoise, ...]:
+    """Of the channels that were measured at repeated poses; none without these. Copies of rows do not count."""
+    groups = repeated_poses(problem)
+    if groups.max(initial=-1) < 0:
+        return ()
+    residual, from_drives = _residual(problem, fit)
+    joins = {int(k) for s in problem.model.sensors if s.kind.joins for k in s.channels}
+    found = []
+    for k, channel in enumerate(problem.model.channels):
+        if k not in joins and np.isnan(channel.once):
+            rows = np.nonzero(problem.measured[:, k] & np.isfinite(residual[:, k]) & (groups >= 0))[0]
+            sigma = problem.sigma[rows, k]
+            spread = np.sqrt(sigma**2 + from_drives[rows, k])
+            each = _noise(groups[rows], residual[rows, k], sigma, spread)
+            if each is not None:
+                found.append(ReplicateNoise(channel.name, *each[:4], channel.unit, each[4]))
+    return tuple(found)
+
+
+def _noise(
+    groups: NDArray[np.intp], residual: Array, sigma: Array, spread: Array
+) -> tuple[int, int, float, float, float] | None:
+    """Groups, degrees of freedom, standard deviation, stated sigma and p-value; None without two of one group.
+
+    sigma, spread (n,): stated, without and with errors of the drives.
+    """
+    numbers, place, size = np.unique(groups, return_inverse=True, return_counts=True)
+    many = size[place] > 1
+    freedom = int(many.sum()) - int((size > 1).sum())
+    if not freedom:
+        return None
+    mean = np.bincount(place, residual) / size
+    rest = (residual - mean[place])[many]
+    low, high = (_weighed(place[many], residual[many], s[many], len(numbers)) for s in (sigma, spread))
+    p = 2 * min(float(chi2.cdf(low, freedom)), float(chi2.sf(high, freedom)))
+    std = float(np.sqrt((rest**2).sum() / freedom))
+    return int((size > 1).sum()), freedom, std, float(np.sqrt(np.mean(sigma[many] ** 2))), min(1.0, p)
+
+
+def _weighed(place: NDArray[np.intp], residual: Array, sigma: Array, count: int) -> float:
+    """Sum of squares about the weighted means of the groups, in standard uncertainties."""
+    weight = 1 / sigma**2
+    total = np.bincount(place, weight, count)
+    mean = np.bincount(place, weight * residual, count) / np.where(total > 0, total, 1.0)
+    return float((weight * (residual - mean[place]) ** 2).sum())
+
+
+def _residual(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+    """Measured less predicted (N, C) at the fitted values and the drives' own readings; variance by their errors."""
+    if not problem.drive_sigma.any():
+        return fit.after.residual, np.zeros(problem.readings.shape)
+    found = evaluate(problem, fit.values, (), fit.after.state)
+    slopes = found.prediction.by_drive
+    assert slopes is not None
+    gain = np.array([abs(problem.model.layout.slots.constants[a.gain_slot]) for a in problem.model.actuators])
+    error = np.nan_to_num(slopes) * (problem.drive_sigma / gain)[:, None, :]
+    return found.residual, np.asarray((error**2).sum(axis=2))
+
+
+def repeated_poses(problem: Problem) -> NDArray[np.intp]:
+    """Number (N,) of the repeated pose of each row within its session; -1 for poses that stand alone, and for copies.
+
+    Stricter than the groups that hold-outs keep together: neighbours on a fine grid are other poses.
+    """
+    columns = [c for n, c in problem.rows.columns.items() if n.startswith("session.")]
+    read = {c.index for c in problem.model.channels if c.quantity == "drive"}
+    drives = problem.rows.readings[:, [a for a in range(len(problem.model.actuators)) if a not in read]]
+    forces = np.nan_to_num(problem.rows.forces)
+    columns += [_steps(c) for c in drives[:, ~np.isnan(drives).any(axis=0)].T] + [_steps(c) for c in forces.T]
+    labels = np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel() if columns else None
+    if labels is None:
+        return np.full(len(problem), -1, dtype=np.intp)
+    out = labels.astype(np.intp)
+    for group in copies(problem):
+        out[list(group[1:])] = -1
+    alone = np.bincount(out[out >= 0], minlength=out.max(initial=0) + 1) < 2
+    return np.where((out >= 0) & ~alone[out], out, -1)
+
+
+def _steps(column: Array) -> Array:
+    """Number (N,) of the cluster of each value: clusters are further apart than values of one pose may be.
+
+    Values of a scan so fine that clusters merge are all poses of their own.
+    """
+    order = np.argsort(column, kind="stable")
+    tolerance = _SAME * float(np.ptp(column)) if len(column) else 0.0
+    out = np.empty(len(column))
+    out[order] = np.cumsum(np.diff(column[order], prepend=column[order[:1]]) > tolerance)
+    number = out.astype(np.intp)
+    first = column[order][np.searchsorted(out[order], np.arange(number.max(initial=0) + 1))]
+    wide = np.zeros(len(first), dtype=bool)
+    np.logical_or.at(wide, number, column - first[number] > 3 * tolerance)
+    return np.where(wide[number], np.unique(column, return_inverse=True)[1].ravel() + len(column) + 1.0, out)

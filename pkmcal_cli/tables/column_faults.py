@@ -1,0 +1,253 @@
+"""Columns that are exchanged, rotated, scaled, turned in sign or shifted, by what they should read.
+
+Pure functions on arrays. They work on measured channels against predictions, and on drives against the positions that
+the inverse model gives for measured poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from pkmcal_cli.language.units import UNITS, Unit, parse_unit
+from pkmcal_cli.tables.plausibility import (
+    BETTER,
+    EXPLAINED,
+    FACTORS,
+    FEW,
+    GROSS,
+    FloatArray,
+    Hint,
+    evidence,
+    rms,
+    spread,
+    times,
+    unit_words,
+)
+
+_RING = 3  # columns of the smallest ring; two are swapped
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Hints, and the table (N, C) as it is when they are followed."""
+
+    hints: tuple[Hint, ...]
+    corrected: FloatArray
+
+
+@dataclass(frozen=True)
+class _Match:
+    """Column `source` times `factor` explains the prediction of a column, leaving the rms `after`."""
+
+    source: int
+    factor: float
+    before: float
+    after: float
+
+
+@dataclass
+class _Table:
+    """What is compared: measured and predicted (N, C), names, units, usual residuals (C,); what has been told."""
+
+    measured: FloatArray
+    predicted: FloatArray
+    names: tuple[str, ...]
+    units: tuple[Unit, ...]
+    usual: FloatArray
+    told: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        size = spread(np.where(np.isfinite(self.measured), self.predicted, np.nan))
+        before = np.array([rms(column) for column in (self.measured - self.predicted).T])
+        self.before = np.where(np.isfinite(before), before, np.nan)
+        self.telling = (size > GROSS * self.usual) & (size > 0)  # a column that stays explains nothing
+        self.gross = self.telling & (before > GROSS * self.usual) & np.isfinite(before)
+
+    def rest(self, i: int, source: int, factor: float = 1.0) -> float:
+        """Rms of column i if it is another column times a factor."""
+        return rms(factor * self.measured[:, source] - self.predicted[:, i])
+
+    def match(self, i: int, source: int, factor: float = 1.0) -> _Match:
+        """Column i taken from another one."""
+        return _Match(source, factor, float(self.before[i]), self.rest(i, source, factor))
+
+    def size(self, i: int) -> float:
+        """Rms of the prediction."""
+        return rms(self.predicted[:, i])
+
+    def quoted(self, columns: Iterable[int]) -> str:
+        """Names in words: "`x`, `y` and `z`"."""
+        quoted = [f"`{self.names[i]}`" for i in columns]
+        return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"
+
+
+def find_gross_faults(
+    measured: FloatArray,
+    predicted: FloatArray,
+    names: Sequence[str],
+    units: Sequence[str] | None = None,
+    usual: FloatArray | None = None,
+) -> tuple[Hint, ...]:
+    """Columns (N, C) that explain the prediction (N, C) far better when exchanged, scaled or turned in sign.
+
+    Both in SI, NaN where there is no value (such rows do not count); `units` are those of the file, for the
+    words and so that only columns of one dimension are taken for each other. `usual` (C,): rms that errors of
+    parameters and noise cause; residuals not far above it need no explanation, nor do predictions that hardly move.
+    """
+    return explain_columns(measured, predicted, names, units, usual).hints
+
+
+def explain_columns(
+    measured: FloatArray,
+    predicted: FloatArray,
+    names: Sequence[str],
+    units: Sequence[str] | None = None,
+    usual: FloatArray | None = None,
+) -> Explanation:
+    """What `find_gross_faults` finds, and the table as it is when the hints are followed."""
+    scale = [parse_unit(unit) for unit in units] if units is not None else [UNITS["1"]] * len(names)
+    expected = np.zeros(len(names)) if usual is None else usual
+    table = _Table(measured, predicted, tuple(names), tuple(scale), expected)
+    best = {i: _best(table, i) for i in np.nonzero(table.gross)[0].tolist()}
+    matches = {i: match for i, match in best.items() if match is not None} | _rotation(table)
+    corrected = measured.copy()
+    for i, match in matches.items():
+        corrected[:, i] = match.factor * measured[:, match.source]
+    for i, match in matches.items():
+        j = match.source
+        if j not in matches and table.rest(j, i) < BETTER * table.before[j]:
+            corrected[:, j] = measured[:, i]  # the other column stays, and cannot tell by itself that they are swapped
+    hints = [*_rings(table, matches), *_exchanges(table, matches), *_rescaled(table, matches)]
+    for i in range(len(names)):
+        if i not in matches and (hint := _offset(table, i)):
+            hints.append(hint)
+            corrected[:, i] -= np.nanmean(measured[:, i] - predicted[:, i])
+    return Explanation(tuple(hints), corrected)
+
+
+def _best(table: _Table, i: int) -> _Match | None:
+    """What explains column i of the prediction far better than column i itself does; None if nothing."""
+    found: _Match | None = None
+    for j in range(len(table.names)):
+        if table.units[j].dimension == table.units[i].dimension:
+            for factor in (1.0, *FACTORS) if j == i else (1.0,):
+                for sign in (1.0, -1.0):
+                    match = table.match(i, j, sign * factor)
+                    if (j, sign * factor) != (i, 1.0) and (found is None or match.after < found.after):
+                        found = match
+    size = table.size(i)
+    rows = int(np.isfinite(table.measured[:, i] - table.predicted[:, i]).sum())
+    if found is None or found.after > BETTER * found.before or found.after > EXPLAINED * size:
+        return None
+    return None if rows < FEW and found.before < EXPLAINED * size else found
+
+
+def _rotation(table: _Table) -> dict[int, _Match]:
+    """Matches of all columns of a dimension if rotating them by one explains them; together, as some may be alike."""
+    for dimension in {unit.dimension for unit in table.units}:
+        group = [i for i, u in enumerate(table.units) if u.dimension == dimension and np.isfinite(table.before[i])]
+        if len(group) < _RING or not table.gross[group].any() or not table.telling[group].all():
+            continue
+        sizes = np.array([table.size(i) for i in group])
+        before = float(np.sqrt(np.mean((table.before[group] / sizes) ** 2)))
+        for turn in (1, -1):
+            found = {i: table.match(i, j) for i, j in zip(group, np.roll(group, turn).tolist(), strict=True)}
+            rest = np.array([match.after for match in found.values()]) / sizes
+            if np.sqrt(np.mean(rest**2)) <= BETTER * before and rest.max() <= EXPLAINED:
+                return found
+    return {}
+
+
+def _rings(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
+    """One hint for three or more columns that are exchanged in a ring."""
+    hints = []
+    for first in matches:
+        ring = [first]
+        while (source := _plain(matches, ring[-1])) is not None and source not in ring:
+            ring.append(source)
+        if source != first or len(ring) < _RING or table.told & set(ring):
+            continue
+        table.told |= set(ring)
+        before = rms(np.array([matches[i].before for i in ring]))
+        after = rms(np.array([matches[i].after for i in ring]))
+        holder = sorted((matches[i].source, i) for i in ring)  # column `source` has the readings of column i
+        said = [f"`{table.names[j]}` has the readings of `{table.names[i]}`" for j, i in holder[:1]]
+        said += [f"`{table.names[j]}` those of `{table.names[i]}`" for j, i in holder[1:]]
+        order = sorted(ring)
+        by_one = [i for _, i in holder] in (order[1:] + order[:1], order[-1:] + order[:-1])
+        look = "look rotated by one" if by_one else "look exchanged in a ring"
+        message = f"{table.quoted(order)} {look} ({', '.join(said)})"
+        message += f": {evidence(table.units[first], before, after)} when put right"
+        hints.append(Hint("rotated", tuple(table.names[i] for i in order), message, before, after))
+    return hints
+
+
+def _plain(matches: dict[int, _Match], i: int) -> int | None:
+    """The column that explains column i as it stands; None without."""
+    match = matches.get(i)
+    return match.source if match is not None and match.factor == 1.0 else None
+
+
+def _exchanges(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
+    """Two columns that are swapped, and columns that are taken for others."""
+    hints = []
+    for i, match in matches.items():
+        j, unit, name = match.source, table.units[i], table.names[i]
+        if i in table.told or j == i:
+            continue
+        back = matches.get(j)
+        if back is not None and back.source == i and j not in table.told:
+            table.told |= {i, j}
+            turned = "" if match.factor > 0 and back.factor > 0 else " and turned in sign"
+            before, after = float(np.hypot(match.before, back.before)), float(np.hypot(match.after, back.after))
+            words = evidence(unit, before, after)
+            message = f"`{name}` and `{table.names[j]}` look swapped{turned}: {words} when exchanged"
+            hints.append(Hint("swapped", (name, table.names[j]), message, before, after))
+            continue
+        sign, words = "-" if match.factor < 0 else "", evidence(unit, match.before, match.after)
+        message = f"column `{table.names[j]}` looks like {sign}`{name}`: {words} when it is taken for that"
+        hints.append(Hint("moved", (name, table.names[j]), message, match.before, match.after))
+    return hints
+
+
+def _rescaled(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
+    """Columns in a wrong unit or turned in sign; those with one mistake are told together."""
+    alike: dict[tuple[float, Unit], list[int]] = {}
+    for i, match in matches.items():
+        if match.source == i:
+            alike.setdefault((match.factor, table.units[i]), []).append(i)
+    hints = []
+    for (factor, unit), columns in alike.items():
+        before = rms(np.array([matches[i].before for i in columns]))
+        after = rms(np.array([matches[i].after for i in columns]))
+        look = f"{table.quoted(columns)} {'looks' if len(columns) == 1 else 'look'}"
+        words = evidence(unit, before, after)
+        kind: Literal["sign", "unit"] = "sign" if factor == -1.0 else "unit"
+        if factor == -1.0:
+            message = f"{look} turned in sign: {words} with the other sign"
+        else:
+            size = f"{times(abs(factor))}{unit_words(unit, abs(factor))}{' and turned in sign' if factor < 0 else ''}"
+            message = f"{look} {size}: {words} when multiplied by {factor:.4g}"
+        hints.append(Hint(kind, tuple(table.names[i] for i in columns), message, before, after))
+    return hints
+
+
+def _offset(table: _Table, i: int) -> Hint | None:
+    """A deviation that is large and the same everywhere: the origin lies elsewhere."""
+    unit, predicted = table.units[i], table.predicted[:, i]
+    difference = table.measured[:, i] - predicted
+    deviation = difference[np.isfinite(difference)]
+    if deviation.size < FEW or not table.gross[i]:
+        return None
+    mean, scatter = float(deviation.mean()), float(deviation.std())
+    extent = float(np.ptp(predicted[np.isfinite(predicted)]))
+    if abs(mean) < 0.5 * extent or scatter > 0.05 * abs(mean):
+        return None
+    before = rms(deviation)
+    words = f"{evidence(unit, before, scatter)} without it"
+    message = f"`{table.names[i]}` is off by {unit.format(mean, 4)} in all rows (is its origin elsewhere?): {words}"
+    return Hint("offset", (table.names[i],), message, before, scatter)

@@ -1,0 +1,105 @@
+"""Readings that belong to the row before or after, from some row on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FloatArray, spread
+
+IntArray = NDArray[np.intp]
+Seen = Callable[[FloatArray, FloatArray], FloatArray]
+"""Readings (n, C) as they compare with predictions (n, C): brought into their frame, nan where nothing compares."""
+
+SHIFTS = (1, -1, 2, -2)
+_FEWEST = 6  # rows that a shift must explain: fewer may agree by chance
+
+
+@dataclass(frozen=True)
+class RowShift:
+    """Rows `rows` (numbers in the table) take the readings `shift` rows further on.
+
+    before, after: rms (C,) of measured less predicted in these rows, SI; whole: whether all rows of the session.
+    """
+
+    shift: int
+    rows: IntArray
+    before: FloatArray
+    after: FloatArray
+    whole: bool
+
+
+def shifted(readings: FloatArray, session: IntArray, shift: int) -> FloatArray:
+    """Readings (N, C) of the row `shift` further on in the same session; nan where there is none."""
+    out = np.full_like(readings, np.nan)
+    numbers = np.arange(len(readings))
+    known = (numbers + shift >= 0) & (numbers + shift < len(readings))
+    known[known] &= session[numbers[known] + shift] == session[known]
+    out[known] = readings[numbers[known] + shift]
+    return out
+
+
+def find_row_shifts(
+    readings: FloatArray, predicted: FloatArray, rows: IntArray, session: IntArray, seen: Seen
+) -> list[RowShift]:
+    """Shifts of all readings (N, C) by up to two rows, a session (N,) at a time, from some row of it to its end.
+
+    predicted (n, C): of the rows `rows` (n,), in ascending order.
+    """
+    size = spread(predicted)
+    size = np.where(size > 0, size, np.inf)  # what does not move shows no shift
+    residual = {k: seen(shifted(readings, session, k)[rows], predicted) - predicted for k in (0, *SHIFTS)}
+    cost = {k: ((r / size) ** 2) for k, r in residual.items()}
+    found = []
+    for number in np.unique(session[rows]).tolist():
+        mine = np.nonzero(session[rows] == number)[0]
+        best = _best(cost, mine)
+        if best is not None:
+            shift, first = best
+            part = mine[first:]
+            before, after = (np.sqrt(_mean(residual[k][part] ** 2, residual[shift][part])) for k in (0, shift))
+            found.append(RowShift(shift, rows[part], before, after, first == 0))
+    return found
+
+
+def _best(cost: dict[int, FloatArray], mine: IntArray) -> tuple[int, int] | None:
+    """The shift, and the place among rows `mine` from which on it holds, that explain most; None if none does."""
+    best: tuple[float, int, int] | None = None
+    for shift in SHIFTS:
+        both = np.isfinite(cost[0][mine]) & np.isfinite(cost[shift][mine])
+        still, moved = (np.where(both, cost[k][mine], 0.0).sum(axis=1) for k in (0, shift))
+        tail = np.cumsum((still - moved)[::-1])[::-1]  # what is gained by shifting from a row on
+        for first in range(int(tail.argmax()), min(int(tail.argmax()) + abs(shift) + 1, len(mine))):
+            told = both[first:]  # a reading that was left out makes the rows where the shift begins fit neither way
+            before, after = still[first:].sum(), moved[first:].sum()
+            clear = after <= BETTER**2 * before and after <= EXPLAINED**2 * told.sum()
+            if clear and told.any(axis=1).sum() >= _FEWEST and (best is None or tail[first] > best[0]):
+                best = (float(tail[first]), shift, first)
+                break
+    return None if best is None else best[1:]
+
+
+def _mean(values: FloatArray, like: FloatArray) -> FloatArray:
+    """Means (C,) over the rows where both have a value; nan without."""
+    both = np.isfinite(values) & np.isfinite(like)
+    count = both.sum(axis=0)
+    total = np.where(both, values, 0.0).sum(axis=0)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def apply_shifts(readings: FloatArray, session: IntArray, shifts: Sequence[RowShift]) -> FloatArray:
+    """Readings (N, C) with the shifts put right in the rows that they name.
+
+    Nan in the rows where a shift begins: a reading was left out or entered twice there.
+    """
+    out = readings.copy()
+    for found in shifts:
+        first = int(found.rows[0])
+        edge = np.arange(max(0, first - abs(found.shift)), first)
+        out[edge[session[edge] == session[first]]] = np.nan
+        rows = first + np.nonzero(session[first:] == session[first])[0]
+        out[rows] = shifted(readings, session, found.shift)[rows]
+    return out
