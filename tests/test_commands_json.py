@@ -84,6 +84,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         f"  brace{c}: {{between: [{c}, top], k: k1, length: {n}}}" for c, n in zip("abc", (632, 632, 900), strict=True)
     )
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
+    head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
+    (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
     pin = MACHINES / "delta4.yaml"
     return {
         "check": [["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"]],
@@ -91,7 +93,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "sensitivity": [[TRIGLIDE]],
         "observability": [[TRIGLIDE, "one.csv"]],
         "calibrate": [
-            [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, TRIGLIDE_DATA],
+            [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"],
         ],
         "diagnose": [

@@ -14,6 +14,7 @@ from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import combinations
 from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.calibration.robust import RobustFit
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model
@@ -24,6 +25,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
 from pkmcal_cli.report.parameters import ParameterRow, combination_json, combination_text, parameter_rows
+from pkmcal_cli.report.replicates import show_replicates
 from pkmcal_cli.words import count
 
 
@@ -45,7 +47,7 @@ class CalibrationReport:
         self.rows = parameter_rows(self.model, fit, intervals)
         self.before = error_figures(problem, fit.before)
         self.after = error_figures(problem, fit.after)
-        self.n_rows = len(problem)
+        self.n_rows, self.replicates = len(problem), replicate_noise(problem, fit)
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
@@ -66,6 +68,7 @@ class CalibrationReport:
                 "remark": self.intervals.remark or None,
             },
             "outliers": self.audit.json(),
+            "replicates": [noise.json() for noise in self.replicates],
             "heldout": self._heldout_json(),
             "condition_number": finite(found.condition_number),
             "rank": found.rank,
@@ -119,6 +122,7 @@ class CalibrationReport:
         to.say()
         self._show_errors(to)
         self.audit.show(to)
+        show_replicates(to, self.replicates)
         to.say(self.verdict())
 
     def _row(self, r: ParameterRow) -> tuple[str, ...]:

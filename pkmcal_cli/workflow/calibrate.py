@@ -38,7 +38,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import no_input, one_stdin, selection
-from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
+from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
 _FOLDS = "5"
 _NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
@@ -100,7 +100,8 @@ def run_calibration(request: CalibrationRequest) -> int:
     to.notes(s.measured.notes)
     for text in (*(f.text() for f in s.loaded.warnings), *s.start.warnings):
         to.warn(text)
-    for hint in (*_unused_channels(s.problem), *measurement_hints(s.loaded, s.problem, s.start.values)):
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
+    for hint in (*_unused_channels(s.problem), *hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
     found = _fit(s)

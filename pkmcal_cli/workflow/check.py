@@ -90,7 +90,7 @@ def _check_tables(
     from pkmcal_cli.calibration.residual import evaluate
     from pkmcal_cli.loading import load_measurements
     from pkmcal_cli.poses import place_of
-    from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
+    from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
     try:
         measured = load_measurements(loaded, paths)
@@ -102,11 +102,16 @@ def _check_tables(
     prediction = evaluate(problem, loaded.model.nominal).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    hints = [Fault("plausibility", text) for text in measurement_hints(loaded, problem, loaded.model.nominal)]
+    told = measurement_hints(loaded, problem, loaded.model.nominal, measured)
+    hints = [Fault("plausibility", text) for text in told]
+    copied = copied_rows(problem, measured)
+    for text in copied:
+        to.warn(f"warning: {text}")
     hints += absurd_rows(problem, lambda row: place_of(measured, row))
     if not problem.count:
         hints.append(nothing_measured(loaded, problem))
     sessions = count(len(measured.sessions), "session")
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
+    counts["warnings"] = list(copied)
     return counts, hints + faults, len(hints) + len(lost)

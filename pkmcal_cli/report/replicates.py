@@ -1,0 +1,32 @@
+"""Noise by repeated poses, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pkmcal_cli.calibration.replicates import ReplicateNoise
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.words import count
+
+_MORE = "they scatter more than stated in {}: sigma is too small, or poses do not repeat (reversal, drift)"
+_LESS = "they scatter less than stated in {}: sigma is too large, or not only noise, or readings were averaged"
+
+
+def show_replicates(to: Reporter, noises: Sequence[ReplicateNoise]) -> None:
+    """One line for all channels, and one for those whose stated sigma does not fit."""
+    if noises:
+        to.say(f"repeated poses: noise of {'; '.join(_words(n) for n in noises)}")
+    for large, words in ((True, _MORE), (False, _LESS)):
+        names = [n for n in noises if n.doubtful and (n.std > n.sigma) == large]
+        if names:
+            told = ", ".join(f"`{n.channel}` (p = {n.p_value:.2g})" for n in names)
+            to.say(words.format(told))
+
+
+def _words(noise: ReplicateNoise) -> str:
+    unit = parse_unit(noise.unit)
+    std, sigma = readable(noise.std, unit), readable(noise.sigma, unit)
+    freedom = count(noise.degrees_of_freedom, "degree")
+    return f"{noise.channel} {std} ({freedom} of freedom), stated {sigma}"
