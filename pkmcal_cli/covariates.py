@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
     columns = {name: np.asarray(column) for name, column in measurements.covariates.items()}
     for k, name in enumerate(measurements.sessions):
         columns[f"session.{name}"] = np.asarray(measurements.session == k, dtype=float)
-    return Rows(rows.readings, rows.forces, columns)
+    return replace(rows, columns=columns)
 
 
 def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
@@ -37,7 +38,7 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     for a, name in enumerate(names):
         given = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
         columns[f"dir.{name}"] = np.where(np.isnan(given), derived[:, a], given)
-    return Rows(rows.readings, rows.forces, columns)
+    return replace(rows, columns=columns)
 
 
 def at_rest(model: Model, rows: Rows) -> Rows:
@@ -47,7 +48,7 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     """
     columns = {name: np.full(len(rows), value) for name, value, _ in _resting(model).values()}
     named = with_directions(rows, [a.name for a in model.actuators])
-    return Rows(rows.readings, rows.forces, {**named.columns, **columns})
+    return replace(rows, columns={**named.columns, **columns})
 
 
 def resting(model: Model) -> str:

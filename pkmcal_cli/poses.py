@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 from pkmcal_cli.covariates import at_rest, resting, with_covariates, with_directions
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
-from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
+from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
 from pkmcal_cli.loading import LoadedMachine
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, joined_rows
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.tables.measurement_set import Measurements, concatenate
 from pkmcal_cli.tables.measurements import MeasurementStream
-from pkmcal_cli.tables.plausibility import limit_excess
-from pkmcal_cli.words import count
+from pkmcal_cli.travels import Travels
 
 OUT_OF_REACH = "out of reach: no drive positions for this TCP pose"
 _BLOCK = 1 << 15  # rows of a block of poses
@@ -68,12 +67,14 @@ def failed_rows(place: Callable[[int], Place], reasons: dict[int, str]) -> BadIn
 class Poses:
     """A block of configurations: drive readings and forces, and where each came from.
 
-    reachable (N,): False where no drive readings were found for a TCP pose.
+    reachable (N,): False where no drive readings were found for a TCP pose. measured (N, C): which channels a table
+    has readings of; None where it has none at all, or poses only.
     """
 
     rows: Rows
     reachable: NDArray[np.bool_]
     place: Callable[[int], Place]
+    measured: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -82,37 +83,6 @@ class Poses:
     def lost(self) -> dict[int, str]:
         """Rows out of reach."""
         return {int(k): OUT_OF_REACH for k in np.nonzero(~self.reachable)[0]}
-
-
-@dataclass
-class Travels:
-    """How far the drives go, block by block, against their limits of travel."""
-
-    model: Model
-    rows: int = 0
-    outside: dict[int, int] = field(default_factory=dict)  # by number of the drive: positions outside
-    worst: dict[int, float] = field(default_factory=dict)
-
-    def add(self, readings: Array) -> None:
-        """Count positions (N, A); unknown ones (nan) are inside."""
-        self.rows += len(readings)
-        for k, actuator in enumerate(self.model.actuators):
-            excess = limit_excess(readings[:, k], actuator.limits)
-            if (excess > 0).any():
-                self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
-                found = np.array([readings[excess.argmax(), k], self.worst.get(k, np.nan)])
-                self.worst[k] = float(found[limit_excess(found, actuator.limits).argmax()])
-
-    def warnings(self) -> list[str]:
-        """One line for every drive that would leave its limits."""
-        return [self._text(k, outside) for k, outside in self.outside.items()]
-
-    def _text(self, k: int, outside: int) -> str:
-        actuator = self.model.actuators[k]
-        unit = parse_unit(actuator.unit)
-        low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, self.worst[k]))
-        rows = f"{outside} of {count(self.rows, 'position')}"
-        return f"warning: `{actuator.name}` would leave its limits ({low} to {high}) at {rows}, at worst {worst}"
 
 
 @dataclass
@@ -151,7 +121,7 @@ class PoseSource:
             return
         stream = MeasurementStream([self.path], self.loaded.machine, "poses")
         more: dict[str, None] = {}
-        for block in stream:
+        for block in stream if not self._joins else [concatenate(stream)]:
             self.inputs |= dict(zip(block.files, block.sha256, strict=True))
             poses, notes = _table_poses(self.loaded, block)
             more |= dict.fromkeys(notes)
@@ -159,6 +129,11 @@ class PoseSource:
             self.covariates = self.covariates or _given(block)
             yield poses
         self.notes = (*stream.notes, *more)
+
+    @property
+    def _joins(self) -> bool:
+        """Whether a sensor joins rows, which must then be there together."""
+        return any(s.kind.joins for s in self.loaded.model.sensors)
 
     def together(self) -> Poses:
         """All poses at once, every one within reach. Raises BadInput with those that are not."""
@@ -179,7 +154,9 @@ def _joined(model: Model, blocks: list[Poses]) -> Poses:
         return blocks[k].place(row - starts[k])
 
     rows = with_directions(joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators])
-    return Poses(rows, np.concatenate([b.reachable for b in blocks]), place)
+    known = [b.measured for b in blocks if b.measured is not None]
+    measured = np.concatenate(known) if len(known) == len(blocks) else None
+    return Poses(rows, np.concatenate([b.reachable for b in blocks]), place, measured)
 
 
 def _table_poses(loaded: LoadedMachine, block: Measurements) -> tuple[Poses, list[str]]:
@@ -199,8 +176,19 @@ def _table_poses(loaded: LoadedMachine, block: Measurements) -> tuple[Poses, lis
         reachable[missing] = found.status == 0
         told = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
         notes = _pose_notes(found.aimed, told)
-    rows = with_covariates(Rows(readings, forces), block)
-    return Poses(rows, reachable, lambda row: place_of(block, row)), notes
+    rows = with_covariates(Rows(readings, forces, partner=block.partners), block)
+    return Poses(rows, reachable, lambda row: place_of(block, row), _measured(loaded.model, block)), notes
+
+
+def _measured(model: Model, block: Measurements) -> NDArray[np.bool_] | None:
+    """Which channels of the model (N, C) a table of drive readings has readings of; None where it has none."""
+    if not (block.has_readings and block.has_actuators):
+        return None
+    out = np.zeros((len(block), len(model.channels)), dtype=bool)
+    for k, channel in enumerate(model.channels):
+        if channel.name in block.channels:
+            out[:, k] = block.measured[:, block.channels.index(channel.name)]
+    return out
 
 
 def _given(block: Measurements) -> tuple[str, ...]:

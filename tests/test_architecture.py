@@ -24,7 +24,7 @@ LAYERS: tuple[tuple[str, str], ...] = (
     ("layout", "layout layout_builder ports"),
     ("equilibrium", "equilibrium"),
     ("model", "model sockets views"),
-    ("prediction", "compiler covariates influence inverse loading parameter_file poses prediction"),
+    ("prediction", "compiler covariates influence inverse loading parameter_file poses prediction travels"),
     ("calibration", "calibration"),
     ("diagnosis", "diagnosis"),
     ("report", "report"),

@@ -91,7 +91,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "check": [["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"]],
         "simulate": [[TRIGLIDE, "far.csv", "-o", "out.csv"]],
         "sensitivity": [[TRIGLIDE]],
-        "observability": [[TRIGLIDE, "one.csv"]],
+        "observability": [[TRIGLIDE, "one.csv"], [str(MACHINES / "belt-router.yaml"), str(MACHINES / "belt-router.csv")]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"],
@@ -101,7 +101,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
         ],
         "effects": [[], [TRIGLIDE]],
-        "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR]],
+        "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
+            [TRIGLIDE, TRIGLIDE_DATA]],
         "improve": [[SCISSORS, SHOPFLOOR, "-o", "improved.yaml"]],
     }  # fmt: skip
 

@@ -77,6 +77,14 @@ class Directions:
         out[:, lost] = np.nan
         return out
 
+    def std_of_data(self) -> Array:
+        """Standard uncertainties (p,), SI, by the data alone, weak directions moved too; nan where undetermined."""
+        with np.errstate(divide="ignore"):
+            variance = np.where(self.null, 0.0, 1.0 / self.singular_values**2)
+        out = np.sqrt(variance @ self.vectors**2) * self.ranges
+        out[self.undetermined()] = np.nan
+        return np.asarray(out)
+
     def determined_covariance(self) -> Array:
         """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
         with np.errstate(divide="ignore"):

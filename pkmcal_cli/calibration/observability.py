@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.calibration.datum import Datum, datum_of
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations, directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise
@@ -18,7 +19,8 @@ class Observability:
 
     condition_number: of the paper's Js (unwhitened, positions only), nan where other kinds are measured too;
     indices: O1 (Borm and Menq), O2 (Driels and Pathre), O3, O4 (Nahvi and Hollerbach), O5 (Sun and Hollerbach);
-    std (p,): expected standard uncertainty, SI, nan where undetermined.
+    selected: names without those that are held as datum; std (p,): expected standard uncertainty, SI, nan where
+    undetermined; alone (p,): the same without what ranges tell of weak directions.
     """
 
     found: Directions
@@ -28,6 +30,9 @@ class Observability:
     undetermined: tuple[Combination, ...]
     evaluation: Evaluation
     count: int
+    selected: tuple[str, ...]
+    datum: Datum | None
+    alone: Array
 
 
 def observability(problem: Problem, values: Array, selected: tuple[str, ...]) -> Observability:
@@ -40,26 +45,36 @@ def observability(problem: Problem, values: Array, selected: tuple[str, ...]) ->
     ranges = np.array([model.parameters[model.names.index(n)].range for n in selected])
     near = linearise(part, solved)
     found = directions(near.jacobian, selected, ranges)
+    datum = datum_of(model, values, found)
+    keep = [k for k, n in enumerate(selected) if datum is None or n not in datum.held]
+    names = tuple(selected[k] for k in keep)
+    if datum is not None:
+        found = directions(near.jacobian[:, keep], names, ranges[keep])
     covariance = found.covariance()
     return Observability(
         found,
-        _paper_condition(part, solved, selected, ranges),
+        _paper_condition(part, solved, names, ranges[keep], keep),
         observability_indices(found.singular_values, part.count),
-        np.sqrt(np.diag(covariance)) if len(selected) else np.zeros(0),
+        np.sqrt(np.diag(covariance)) if names else np.zeros(0),
         combinations(found),
         evaluation,
         part.count,
+        names,
+        datum,
+        found.std_of_data(),
     )
 
 
-def _paper_condition(problem: Problem, evaluation: Evaluation, selected: tuple[str, ...], ranges: Array) -> float:
+def _paper_condition(
+    problem: Problem, evaluation: Evaluation, selected: tuple[str, ...], ranges: Array, keep: list[int]
+) -> float:
     """Condition number of Js = J Hs (eq. 21), where only positions are measured."""
     jacobian = evaluation.prediction.jacobian
     assert jacobian is not None
     kinds = {c.quantity for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
     if kinds != {"position"}:
         return float("nan")
-    rows = jacobian[problem.measured]
+    rows = jacobian[problem.measured][:, keep]
     return directions(rows, selected, ranges).condition_number
 
 

@@ -144,10 +144,11 @@ def stated_sigma(model: Model, readings: Array) -> Array:
     return out
 
 
-def design_problem(model: Model, rows: Rows) -> Problem:
-    """A plan without data: every channel with a sigma will be measured in every row."""
+def design_problem(model: Model, rows: Rows, measured: NDArray[np.bool_] | None = None) -> Problem:
+    """A plan without data: every channel with a sigma will be measured in every row, or those of `measured` (N, C)."""
     shape = (len(rows), len(model.channels))
     far = predict(model, model.nominal, rows).values if any(c.sigma_per_length for c in model.channels) else None
     sigma = stated_sigma(model, np.full(shape, np.nan) if far is None else far)
     drives = np.tile(np.nan_to_num([a.sigma for a in model.actuators]), (len(rows), 1))
-    return usable(Problem(model, rows, np.full(shape, np.nan), sigma, drives, ~np.isnan(sigma)))
+    on = ~np.isnan(sigma) if measured is None else measured & ~np.isnan(sigma)
+    return usable(Problem(model, rows, np.full(shape, np.nan), sigma, drives, on))

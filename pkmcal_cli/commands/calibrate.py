@@ -6,7 +6,18 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Json, Loss, MachineFile, Parameters, Prior, Quiet, Seed, Select, Uncertainty
+from pkmcal_cli.commands._options import (
+    Force,
+    Json,
+    Loss,
+    MachineFile,
+    Parameters,
+    Prior,
+    Quiet,
+    Seed,
+    Select,
+    Uncertainty,
+)
 
 
 def calibrate(

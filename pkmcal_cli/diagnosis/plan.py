@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.findings import absorbing
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import NONCENTRALITY, PLAUSIBLE, Linear, Score, linear_problem
@@ -238,7 +238,7 @@ def with_rows(problem: Problem, rows: Problem) -> Problem:
     """Two problems of one model as one table."""
     from pkmcal_cli.prediction import joined_rows
 
-    return replace(
+    both = replace(
         problem,
         rows=joined_rows([problem.rows, rows.rows]),
         readings=np.vstack([problem.readings, rows.readings]),
@@ -246,3 +246,4 @@ def with_rows(problem: Problem, rows: Problem) -> Problem:
         drive_sigma=np.vstack([problem.drive_sigma, rows.drive_sigma]),
         measured=np.vstack([problem.measured, rows.measured]),
     )
+    return usable(both)

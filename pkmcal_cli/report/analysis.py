@@ -16,6 +16,8 @@ from pkmcal_cli.report.numbers import finite, readable, short
 from pkmcal_cli.report.parameters import combination_json, parameter_unit
 from pkmcal_cli.words import count
 
+_WIDER = 1.5  # times the stated uncertainty: what data alone would tell is worth a word
+
 
 def show_sensitivity(to: Reporter, model: Model, units: FileUnits, found: Sensitivity, rows: int) -> None:
     """Ranked table with bars."""
@@ -48,19 +50,25 @@ def sensitivity_json(model: Model, units: FileUnits, found: Sensitivity, rows: i
     return {"n_rows": rows, "parameters": listed}
 
 
-def show_observability(to: Reporter, model: Model, selected: tuple[str, ...], found: Observability, rows: int) -> None:
+def show_observability(to: Reporter, model: Model, found: Observability, rows: int) -> None:
     """Expected uncertainties, figures of merit, and what is not told apart."""
-    directions = found.found
+    directions, selected = found.found, found.selected
     table = []
-    for name, std, gone in zip(selected, found.std, directions.undetermined(), strict=True):
+    for name, std, alone, gone in zip(selected, found.std, found.alone, directions.undetermined(), strict=True):
         p, unit = model.parameters[model.names.index(name)], parameter_unit(model, name)
         shown = "undetermined" if gone else f"{std / unit.scale:.3g} {unit.text}"
         share = "" if gone else f"{std / p.range:.3f}"
         remark = "" if gone or std < p.range / 2 else "no better than its range tells already"
+        if not gone and alone > _WIDER * std:
+            remark = f"weak: {alone / unit.scale:.3g} {unit.text} by these data alone; held, the range tells more"
         table.append((name, f"+-{p.range / unit.scale:.4g} {unit.text}", shown, share, remark))
     title = f"Expected standard uncertainty from {count(found.count, 'measured value')} in {count(rows, 'position')}"
     to.table(title, ("parameter", "range", "standard uncertainty", "std/range", "remark"), table)
     to.say()
+    if found.datum is not None:
+        to.say(found.datum.text)
+        if found.datum.missing:
+            to.say(f"state what defines the base: `datum: [{', '.join(found.datum.proposed)}]`")
     to.say(f"rank {directions.rank} of {len(selected)}")
     paper, whitened = short(found.condition_number), short(directions.condition_number)
     to.say(f"condition number {paper} (Js of the paper), {whitened} (whitened)")
@@ -78,12 +86,13 @@ def _advice(c: Combination) -> str:
     return f"hold one of them (`--select auto,-{strongest}`), measure it directly, or spread the positions"
 
 
-def observability_json(model: Model, selected: tuple[str, ...], found: Observability, rows: int) -> dict[str, Any]:
+def observability_json(model: Model, found: Observability, rows: int) -> dict[str, Any]:
     """Figures of merit; uncertainties in each parameter's unit, null where undetermined."""
     parameters = []
-    for name, std in zip(selected, found.std, strict=True):
+    for name, std, alone in zip(found.selected, found.std, found.alone, strict=True):
         unit = parameter_unit(model, name)
-        parameters.append({"name": name, "std": finite(std / unit.scale), "unit": unit.text})
+        values = {"std": finite(std / unit.scale), "std_of_data": finite(alone / unit.scale)}
+        parameters.append({"name": name, **values, "unit": unit.text})
     return {
         "n_rows": rows,
         "n_values": found.count,
@@ -93,5 +102,7 @@ def observability_json(model: Model, selected: tuple[str, ...], found: Observabi
         "singular_values": [float(v) for v in found.found.singular_values],
         **{name: finite(value) for name, value in found.indices.items()},
         "parameters": parameters,
+        "datum": None if found.datum is None else list(found.datum.held),
+        "gauge": [] if found.datum is None else list(found.datum.gauge.motions),
         "undetermined": [combination_json(model, c) for c in found.undetermined],
     }

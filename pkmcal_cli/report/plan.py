@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+from pkmcal_cli.calibration.bench import BenchProposal
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
 from pkmcal_cli.effects import catalogue
@@ -11,6 +13,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import NEVER, detectable_size, finite
+from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
 from pkmcal_cli.words import count
 
@@ -20,6 +23,7 @@ _UNSTRAINED = (
 )
 _HEADERS = ("effect", "smallest detectable", "to be told apart", "plausible", "most like", "cosine", "remark")
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size
+_GAINS = 5  # parameters of which a measurement on the bench is told
 _ORDER = ("detectable", "weak", "invisible")
 
 
@@ -34,9 +38,10 @@ class PlanReport:
         aim: Aim | None,
         added: Problem | None,
         chosen: Chosen | None,
+        bench: tuple[BenchProposal, ...],
     ) -> None:
         self.machine, self.plan, self.at_nominal = machine, plan, at_nominal
-        self.aim, self.added, self.chosen = aim, added, chosen
+        self.aim, self.added, self.chosen, self.bench = aim, added, chosen, bench
         self.model = plan.problem.model
 
     def json(self) -> dict[str, Any]:
@@ -48,7 +53,35 @@ class PlanReport:
             "not_testable": [{"effect": k, "needs": why} for k, why in self.plan.candidates.not_testable],
             "aim": self._aim_json(),
             "points": self._points(),
+            "bench": [self._bench_json(p) for p in self.bench],
         }
+
+    def _bench_json(self, p: BenchProposal) -> dict[str, Any]:
+        unit = parameter_unit(self.model, p.name)
+        gains = []
+        for name, before, after in p.gains:
+            own = parameter_unit(self.model, name)
+            gains.append(
+                {
+                    "name": name,
+                    "before": finite(before / own.scale),
+                    "after": finite(after / own.scale),
+                    "unit": own.text,
+                }
+            )
+        return {"name": p.name, "sigma": p.sigma / unit.scale, "unit": unit.text, "std": gains}
+
+    def _show_bench(self, to: Reporter) -> None:
+        """Lengths that are worth a measurement by themselves."""
+        for p in self.bench:
+            unit = parameter_unit(self.model, p.name)
+            told = ", ".join(self._gain(*gain) for gain in p.gains[:_GAINS])
+            to.say(f"measure {p.name} on the bench to {p.sigma / unit.scale:g} {unit.text}: {told}")
+
+    def _gain(self, name: str, before: float, after: float) -> str:
+        unit = parameter_unit(self.model, name)
+        first, last = (f"{x / unit.scale:.2g}" if math.isfinite(x) else "not seen" for x in (before, after))
+        return f"{name} {first} -> {last} {unit.text}"
 
     def _json(self, v: Visibility) -> dict[str, Any]:
         scale = self._unit(v).scale
@@ -107,6 +140,7 @@ class PlanReport:
             to.say(line)
         if self.at_nominal and any(self._by_force(v) for v in self.plan.visibilities):
             to.say(_UNSTRAINED)
+        self._show_bench(to)
         self._show_added(to)
 
     def _by_force(self, v: Visibility) -> bool:

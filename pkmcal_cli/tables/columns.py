@@ -138,6 +138,8 @@ def _dimension_of(direction: str) -> str:
 def _channels(machine: Machine) -> Iterator[Column]:
     """Channels of the sensors."""
     for c in channels_of(machine):
+        if not c.column:  # measured once: it stands in the machine file
+            continue
         unit = None if c.dimension == NUMBER else c.unit.text
         yield Column(c.name, c.column, "channel", _NAMES[c.dimension], unit)
 

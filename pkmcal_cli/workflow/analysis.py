@@ -79,7 +79,7 @@ def _prepare(request: AnalysisRequest) -> _Setting:
         for text in source.travels.warnings():
             to.warn(text)
     rows = _offset_rows(model, poses.rows, request.offsets)
-    return _Setting(loaded, start.values, selected, Poses(rows, poses.reachable, poses.place), to)
+    return _Setting(loaded, start.values, selected, Poses(rows, poses.reachable, poses.place, poses.measured), to)
 
 
 def _offset_rows(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Rows:
@@ -120,17 +120,17 @@ def run_observability(request: AnalysisRequest) -> int:
     """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
     s = _prepare(request)
     model = s.loaded.model
-    problem = design_problem(model, s.poses.rows)
+    problem = design_problem(model, s.poses.rows, s.poses.measured)
     if not problem.count:
         what = "no channel has a sigma: nothing would be measured"
         hint = "declare a sensor with `reads:` and `sigma:`"
         raise BadInput.single(what, Location(model.name), hint, "sensors")
     s.check(evaluate(problem, s.values).prediction)
     found = observability(problem, s.values, s.selected)
-    show_observability(s.to, model, s.selected, found, len(s.poses))
+    show_observability(s.to, model, found, len(s.poses))
     if request.as_json:
-        emit_json(observability_json(model, s.selected, found, len(s.poses)))
-    lost = {n for n, gone in zip(s.selected, found.found.undetermined(), strict=True) if gone}
+        emit_json(observability_json(model, found, len(s.poses)))
+    lost = {n for n, gone in zip(found.selected, found.found.undetermined(), strict=True) if gone}
     missed = [n for n in s.selected if n in lost & named(model, request.select)]
     if missed:
         s.to.fail(f"named in --select but not determined: {', '.join(missed)}")

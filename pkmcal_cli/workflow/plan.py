@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.calibration.bench import bench_proposals
+from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.covariates import with_directions
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
@@ -63,17 +65,19 @@ def run_plan(request: PlanRequest) -> int:
     loaded = load_machine(request.machine, receptive=True)
     selected = selection(loaded.model, request.select)
     source = PoseSource(loaded, request.poses, request.grid)
-    rows = with_directions(source.together().rows, [a.name for a in loaded.model.actuators])
+    poses = source.together()
+    rows = with_directions(poses.rows, [a.name for a in loaded.model.actuators])
     found = candidates_of(loaded.model, selected, rows)
     values = np.append(load_parameters(loaded.model, request.parameters).values, _nulls(found, loaded.model))
-    problem = design_problem(found.model, rows)
+    problem = design_problem(found.model, rows, poses.measured)
     if not problem.count:
         what, hint = "no channel has a sigma: nothing would be measured", "declare a sensor with `reads:` and `sigma:`"
         raise BadInput.single(what, Location(request.machine), hint, "sensors")
     plan = plan_of(found, problem, values, selected)
     aim = None if not aims else _aim(request, found, loaded.model, selected)
     added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
-    report = PlanReport(loaded.machine, plan, request.parameters is None, aim, added, chosen)
+    bench = bench_proposals(problem.model, observability(problem, values, selected).found)
+    report = PlanReport(loaded.machine, plan, request.parameters is None, aim, added, chosen, bench)
     report.show(to)
     if request.output is not None:
         every = problem.rows if added is None else with_rows(problem, added).rows

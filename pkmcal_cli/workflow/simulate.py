@@ -63,7 +63,7 @@ class _Tally:
         """Count rows and widen the extent of the channels."""
         self.rows += len(values)
         if len(values):
-            low, high = values.min(axis=0), values.max(axis=0)
+            low, high = np.nanmin(values, axis=0, initial=np.inf), np.nanmax(values, axis=0, initial=-np.inf)
             self.low = low if self.low is None else np.minimum(self.low, low)
             self.high = high if self.high is None else np.maximum(self.high, high)
 
@@ -94,7 +94,9 @@ def run_simulation(request: SimulationRequest) -> int:
         dict(loaded.machine.files) | start.inputs | source.inputs,
         seed=request.seed, noise=request.noise, method=request.method,
     )  # fmt: skip
-    table = SimulatedTable(loaded.machine, loaded.model, source.forces, request.forces, source.covariates)
+    table = SimulatedTable(
+        loaded.machine, loaded.model, source.forces, request.forces, source.covariates, _names_others(first)
+    )
     tally = _Tally()
     comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
     with open_writer(target, table.columns, comments=comments, force=request.force) as writer, to.progress() as tick:
@@ -107,6 +109,11 @@ def run_simulation(request: SimulationRequest) -> int:
     if request.as_json:
         emit_json(_json(loaded.model, request, tally, head))
     return 1 if tally.n_failed else 0
+
+
+def _names_others(block: Poses | None) -> bool:
+    """Whether rows name others, to which a sensor measures."""
+    return block is not None and block.rows.partner is not None
 
 
 def _checked(request: SimulationRequest) -> str:

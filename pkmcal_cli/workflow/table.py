@@ -23,23 +23,30 @@ class SimulatedTable:
     """Columns of a machine's simulated readings.
 
     `given`: forces of force-controlled drives come from the poses' table; `asked`: forces of all drives and the
-    energy are wanted; `covariates`: time, temperatures, directions ... that the poses' table has, and sessions.
+    energy are wanted; `joined`: rows name others; `covariates`: time, temperatures, directions ... that the poses'
+    table has, and sessions.
     """
 
-    def __init__(self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str]) -> None:
+    def __init__(
+        self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str], joined: bool = False
+    ) -> None:
         self.asked, self.covariates = asked, [n for n in covariates if n != "session"]
         self.sessions = "session" in covariates
         self.drives = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled]
         known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
         self.columns += [("session", None)] if self.sessions else []
+        self.joined = joined
+        self.columns += [("to", None)] if joined else []
         for name in self.covariates:
             column = known.get((name, "covariate")) or temperature_column(name, machine)
             assert column is not None
             self._add(column.header, column.unit)
         for a in self.drives:
             self._add(known[model.actuators[a].name, "actuator"].header, model.actuators[a].unit)
-        for channel in model.channels:
+        self.read = [k for k, c in enumerate(model.channels) if np.isnan(c.once)]  # not what was measured once
+        for k in self.read:
+            channel = model.channels[k]
             self._add(known[channel.name, "channel"].header, channel.unit)
         self.forces = [a for a in range(len(model.actuators)) if asked or (given and a not in self.drives)]
         self.scales = []
@@ -67,8 +74,11 @@ class SimulatedTable:
             names = [n for n in rows.columns if n.startswith(_SESSION)]
             flags = np.stack([rows.columns[n] for n in names], axis=1)
             cells.append([names[k].removeprefix(_SESSION) for k in flags.argmax(axis=1)])
+        if self.joined:
+            partner = np.full(len(rows), -1) if rows.partner is None else rows.partner
+            cells.append([ids[k] if k >= 0 else "" for k in partner])
         cells += [rows.columns[n] for n in self.covariates]
-        cells += [*(rows.readings[:, a] for a in self.drives), *readings.T]
+        cells += [*(rows.readings[:, a] for a in self.drives), *readings[:, self.read].T]
         if self.asked:
             assert found.forces is not None and found.energy is not None
             forces = found.forces

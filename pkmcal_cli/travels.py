@@ -1,0 +1,44 @@
+"""How far the drives of a plan go, against their limits of travel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.model import Model
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.plausibility import limit_excess
+from pkmcal_cli.words import count
+
+
+@dataclass
+class Travels:
+    """How far the drives go, block by block, against their limits of travel."""
+
+    model: Model
+    rows: int = 0
+    outside: dict[int, int] = field(default_factory=dict)  # by number of the drive: positions outside
+    worst: dict[int, float] = field(default_factory=dict)
+
+    def add(self, readings: Array) -> None:
+        """Count positions (N, A); unknown ones (nan) are inside."""
+        self.rows += len(readings)
+        for k, actuator in enumerate(self.model.actuators):
+            excess = limit_excess(readings[:, k], actuator.limits)
+            if (excess > 0).any():
+                self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
+                found = np.array([readings[excess.argmax(), k], self.worst.get(k, np.nan)])
+                self.worst[k] = float(found[limit_excess(found, actuator.limits).argmax()])
+
+    def warnings(self) -> list[str]:
+        """One line for every drive that would leave its limits."""
+        return [self._text(k, outside) for k, outside in self.outside.items()]
+
+    def _text(self, k: int, outside: int) -> str:
+        actuator = self.model.actuators[k]
+        unit = parse_unit(actuator.unit)
+        low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, self.worst[k]))
+        rows = f"{outside} of {count(self.rows, 'position')}"
+        return f"warning: `{actuator.name}` would leave its limits ({low} to {high}) at {rows}, at worst {worst}"
