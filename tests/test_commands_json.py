@@ -86,12 +86,12 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
-    pin = MACHINES / "delta4.yaml"
+    pin, belts = MACHINES / "delta4.yaml", MACHINES / "belt-router"
     return {
         "check": [["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"]],
         "simulate": [[TRIGLIDE, "far.csv", "-o", "out.csv"]],
         "sensitivity": [[TRIGLIDE]],
-        "observability": [[TRIGLIDE, "one.csv"], [str(MACHINES / "belt-router.yaml"), str(MACHINES / "belt-router.csv")]],
+        "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"],
