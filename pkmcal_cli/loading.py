@@ -64,11 +64,15 @@ def _raise_errors(found: Sequence[Fault]) -> list[Fault]:
 
 @dataclass(frozen=True)
 class Start:
-    """Parameter values (P,), SI, of a file or nominal; its sha256 by name; what is to be said of it."""
+    """Parameter values (P,), SI, of a file or nominal; its sha256 by name; what is to be said of it.
+
+    covariance: names and matrix (p, p), SI, where the file tells them.
+    """
 
     values: Array
     inputs: dict[str, str]
     warnings: tuple[str, ...] = ()
+    covariance: tuple[tuple[str, ...], Array] | None = None
 
 
 def load_parameters(model: Model, path: str | None) -> Start:
@@ -82,7 +86,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
     for name, value in read.values.items():
         values[model.names.index(name)] = value
     doubt = () if read.status in (None, "converged") else (f"warning: {path}: the fit ended as `{read.status}`",)
-    return Start(values, {read.file: read.sha256}, doubt)
+    return Start(values, {read.file: read.sha256}, doubt, read.covariance)
 
 
 def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pkmcal_cli.model import ModelParameter
+    from pkmcal_cli.rotation import Array
 
 
 _SECTIONS = ("provenance", "parameters", "correlations")
@@ -36,6 +37,15 @@ class ParameterEntry:
     identified: bool
 
 
+@dataclass(frozen=True)
+class Correlations:
+    """Of identified parameters: standard uncertainties (p,) in their units, never infinite; matrix (p, p)."""
+
+    names: Sequence[str]
+    std: Sequence[float]
+    matrix: Sequence[Sequence[float]]
+
+
 def exact_value(si: float, unit: Unit) -> float:
     """The number in `unit` with the fewest digits that reads back as `si`, bit by bit where there is one."""
     near = unit.from_si(si)
@@ -51,7 +61,7 @@ def exact_value(si: float, unit: Unit) -> float:
 
 def dump_parameters(
     entries: Sequence[ParameterEntry],
-    correlations: tuple[Sequence[str], Sequence[Sequence[float]]],
+    correlations: Correlations | None,
     provenance: Mapping[str, Any],
 ) -> str:
     """The text of a parameter file."""
@@ -65,12 +75,12 @@ def dump_parameters(
         unit = f", unit: {_scalar(e.unit)}" if e.unit not in ("", "1") else ""
         identified = "true" if e.identified else "false"
         lines.append(f"  {_scalar(e.name)}: {{value: {_real(e.value)}, std: {std}{unit}, identified: {identified}}}")
-    names, matrix = correlations
-    if names:
-        lines.append("correlations:")
-        lines.append(f"  names: [{', '.join(_scalar(n) for n in names)}]")
+    if correlations is not None:
+        lines.append("correlations: # std: with what is held at its prior, so that all can be carried on")
+        lines.append(f"  names: [{', '.join(_scalar(n) for n in correlations.names)}]")
+        lines.append(f"  std: [{', '.join(_real(v) for v in correlations.std)}]")
         lines.append("  matrix:")
-        lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in matrix]
+        lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in correlations.matrix]
     return "\n".join(lines) + "\n"
 
 
@@ -89,17 +99,21 @@ def _real(value: float) -> str:
 
 
 def _number(value: float) -> str:
-    return "null" if math.isnan(value) else f"{value:.6f}"
+    return "null" if math.isnan(value) else f"{value:.12g}"
 
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum."""
+    """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum.
+
+    covariance: names and matrix (p, p), SI; None where the file has none.
+    """
 
     file: str
     values: Mapping[str, float]
     status: str | None
     sha256: str
+    covariance: tuple[tuple[str, ...], Array] | None = None
 
 
 def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> ParameterFile:
@@ -132,7 +146,27 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> Paramete
     faults.raise_if_any()
     head = source.root.child("provenance")
     status = head.child("status") if head is not None else None
-    return ParameterFile(source.file, values, None if status is None else str(status.value), source.sha256)
+    covariance = _covariance(source.root.child("correlations"), known)
+    ended = None if status is None else str(status.value)
+    return ParameterFile(source.file, values, ended, source.sha256, covariance)
+
+
+def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) -> tuple[tuple[str, ...], Array] | None:
+    """Names and covariance, SI, of the section `correlations`; None where it is not whole."""
+    import numpy as np
+
+    raw = node.plain() if node is not None else None
+    if not isinstance(raw, dict) or not {"names", "std", "matrix"} <= raw.keys():
+        return None
+    names = tuple(str(n) for n in raw["names"])
+    try:
+        scale = np.array([parse_unit(known[n].unit or "1").scale for n in names])
+        std, matrix = np.array(raw["std"], dtype=float), np.array(raw["matrix"], dtype=float)
+    except (KeyError, TypeError, ValueError):
+        return None
+    if std.shape != (len(names),) or matrix.shape != (len(names), len(names)):
+        return None
+    return names, matrix * np.outer(std * scale, std * scale)
 
 
 def _unknown_keys(

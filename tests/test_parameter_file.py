@@ -14,7 +14,7 @@ from pkmcal_cli.errors import BadInput
 from pkmcal_cli.language.unit_text import UNITS, parse_unit
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import ModelParameter
-from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, exact_value, read_parameters
+from pkmcal_cli.parameter_file import Correlations, ParameterEntry, dump_parameters, exact_value, read_parameters
 from tests.command import MACHINES, TRIGLIDE, run
 
 HERE = Path(__file__).parent
@@ -83,7 +83,11 @@ def test_files_are_read_as_they_were_written(values: dict[str, tuple[float, bool
 
     entries = [ParameterEntry(n, v, abs(v) if i else None, "m", i) for n, (v, i) in values.items()]
     matrix = [[1.0] * len(values)] * len(values)
-    text = dump_parameters(entries, (list(values), matrix), {"status": "converged", "arguments": ["a: b", "#", "é"]})
+    text = dump_parameters(
+        entries,
+        Correlations(list(values), [1.0] * len(values), matrix),
+        {"status": "converged", "arguments": ["a: b", "#", "é"]},
+    )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "p.yaml"
         file.write_text(text, encoding="utf-8")
@@ -101,12 +105,12 @@ def other_entry(entry: ParameterEntry) -> dict[str, object]:
 
 
 def test_a_plain_number_has_no_unit() -> None:
-    text = dump_parameters([ParameterEntry("f", 2.0, 0.1, "1", True)], ((), ()), {})
+    text = dump_parameters([ParameterEntry("f", 2.0, 0.1, "1", True)], None, {})
     assert "f: {value: 2.0, std: 0.1, identified: true}" in text and "correlations" not in text
 
 
 def test_undetermined_correlations_are_null() -> None:
-    text = dump_parameters([], (["a"], [[math.nan]]), {})
+    text = dump_parameters([], Correlations(["a"], [1.0], [[math.nan]]), {})
     assert "- [null]" in text
 
 

@@ -18,6 +18,9 @@ def simulate(
     noise: Annotated[str, typer.Option("--noise", metavar='declared|none|"10 um"', help="Noise to add.")] = "none",
     seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
     forces: Annotated[bool, typer.Option("--forces", help="Add drive forces and strain energy.")] = False,
+    uncertainty: Annotated[
+        bool, typer.Option("--uncertainty", help="Add how sure the TCP is after the calibration of -p (u.x, u.y ...).")
+    ] = False,
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="OUT.csv", help="Table to write; default stdout.")
     ] = None,
@@ -35,6 +38,6 @@ def simulate(
     from pkmcal_cli.workflow.simulate import SimulationRequest, run_simulation
 
     request = SimulationRequest(
-        machine, poses, grid, parameters, method, noise, seed, forces, output, as_json, quiet, force
+        machine, poses, grid, parameters, method, noise, seed, forces, uncertainty, output, as_json, quiet, force
     )
     raise typer.Exit(run_simulation(request))

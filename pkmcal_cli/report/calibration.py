@@ -18,13 +18,19 @@ from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.calibration.robust import RobustFit
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model
-from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters
+from pkmcal_cli.parameter_file import Correlations, ParameterEntry, dump_parameters
 from pkmcal_cli.poses import Place
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
-from pkmcal_cli.report.parameters import ParameterRow, combination_json, combination_text, parameter_rows
+from pkmcal_cli.report.parameters import (
+    ParameterRow,
+    combination_json,
+    combination_text,
+    parameter_rows,
+    parameter_unit,
+)
 from pkmcal_cli.report.replicates import show_replicates
 from pkmcal_cli.words import count
 
@@ -198,10 +204,11 @@ def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
     return "-" if np.isnan(figures.criterion) else f"{figures.criterion / scale**2:.4g} {unit}^2"
 
 
-def _correlations(model: Model, fit: Fit) -> tuple[tuple[str, ...], list[list[float]]]:
-    """Correlation matrix of the determined selected parameters."""
-    std = fit.std if fit.selected else np.zeros(0)
-    keep = [k for k, s in enumerate(std) if np.isfinite(s) and s > 0]
-    names = tuple(fit.selected[k] for k in keep)
-    matrix = fit.covariance[np.ix_(keep, keep)] / np.outer(std[keep], std[keep]) if keep else np.zeros((0, 0))
-    return names, matrix.tolist()
+def _correlations(model: Model, fit: Fit) -> Correlations | None:
+    """Of the selected parameters, what is held by its prior."""
+    if not fit.selected:
+        return None
+    covariance = fit.found.determined_covariance()
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    scale = np.array([parameter_unit(model, n).scale for n in fit.selected])
+    return Correlations(fit.selected, [float(v) for v in std / scale], (covariance / np.outer(std, std)).tolist())

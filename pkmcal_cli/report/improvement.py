@@ -255,7 +255,7 @@ class ImprovementReport:
             unit = parse_unit(p.unit or "1")
             shown = None if std is None else std / unit.scale
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, p.name in fit.selected))
-        return dump_parameters(entries, ((), []), provenance)
+        return dump_parameters(entries, None, provenance)
 
     @property
     def _length(self) -> Unit:

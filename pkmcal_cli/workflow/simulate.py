@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.errors import UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream
 from pkmcal_cli.language.unit_text import parse_unit
@@ -23,6 +24,7 @@ from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.csv_write import TableWriter, open_writer
 from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import no_input, one_stdin
+from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.noise import Noise
 from pkmcal_cli.workflow.table import SimulatedTable
 
@@ -42,6 +44,7 @@ class SimulationRequest:
     noise: str
     seed: int
     forces: bool
+    uncertainty: bool
     output: str | None
     as_json: bool
     quiet: bool
@@ -84,6 +87,7 @@ def run_simulation(request: SimulationRequest) -> int:
     start = load_parameters(loaded.model, request.parameters)
     for text in start.warnings:
         to.warn(text)
+    errors = ErrorMap.of(loaded.model, start, request.parameters, request.method) if request.uncertainty else None
     noise = Noise.of(loaded.model, request.noise, request.seed)
     if noise.silent:
         to.warn(f"warning: no sigma is declared for {', '.join(noise.silent)}: no noise there")
@@ -94,21 +98,23 @@ def run_simulation(request: SimulationRequest) -> int:
         dict(loaded.machine.files) | start.inputs | source.inputs,
         seed=request.seed, noise=request.noise, method=request.method,
     )  # fmt: skip
-    table = SimulatedTable(
-        loaded.machine, loaded.model, source.forces, request.forces, source.covariates, _names_others(first)
-    )
-    tally = _Tally()
+    joined = _names_others(first)
+    table = SimulatedTable(loaded.machine, loaded.model, source.forces, request.forces, source.covariates, joined)
+    work = _Work(loaded.model, request, start.values, noise, table, errors)
     comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
-    with open_writer(target, table.columns, comments=comments, force=request.force) as writer, to.progress() as tick:
+    with open_writer(target, work.columns, comments=comments, force=request.force) as writer, to.progress() as tick:
         for block in chain([first] if first is not None else [], blocks):
-            _simulate_block(loaded.model, request, start.values, noise, block, table, writer, tally, tick)
+            work.simulate(block, writer, tick)
     to.notes(source.notes)
     for text in source.travels.warnings():
         to.warn(text)
-    _tell(to, tally)
+    _tell(to, work.tally)
+    if errors is not None:
+        to.say(errors.text)
     if request.as_json:
-        emit_json(_json(loaded.model, request, tally, head))
-    return 1 if tally.n_failed else 0
+        told = {} if errors is None else {"uncertainty": errors.json()}
+        emit_json(_json(loaded.model, request, work.tally, head) | told)
+    return 1 if work.tally.n_failed else 0
 
 
 def _names_others(block: Poses | None) -> bool:
@@ -131,28 +137,50 @@ def _checked(request: SimulationRequest) -> str:
     return target
 
 
-def _simulate_block(
-    model: Model, request: SimulationRequest, values: Array, noise: Noise, block: Poses,
-    table: SimulatedTable, writer: TableWriter, tally: _Tally, tick: Callable[[int], None] | None,
-) -> None:  # fmt: skip
-    """Predict and write one block; rows without a solution are told, not written."""
-    driven, disturbed = noise.draw(block.rows)
-    reachable = np.nonzero(block.reachable)[0]
-    if not len(reachable):
+@dataclass
+class _Work:
+    """Simulation block by block, into a table."""
+
+    model: Model
+    request: SimulationRequest
+    values: Array
+    noise: Noise
+    table: SimulatedTable
+    errors: ErrorMap | None
+    tally: _Tally = field(default_factory=_Tally)
+
+    @property
+    def columns(self) -> list[tuple[str, str | None]]:
+        """Of the table, then uncertainties."""
+        return [*self.table.columns, *(self.errors.columns if self.errors is not None else [])]
+
+    def simulate(self, block: Poses, writer: TableWriter, tick: Callable[[int], None] | None) -> None:
+        """Predict and write one block; rows without a solution are told, not written."""
+        driven, disturbed = self.noise.draw(block.rows)
+        reachable = np.nonzero(block.reachable)[0]
+        tally = self.tally
+        if not len(reachable):
+            tally.seen += len(block)
+            tally.fail(block, block.lost)
+            return
+        asked = Request(self.request.method, forces=self.request.forces)  # type: ignore[arg-type]
+        found = predict(self.model, self.values, driven.take(reachable), asked, progress=tick)
+        reasons = {int(reachable[k]): found.reason(int(k)) for k in np.nonzero(~found.solved)[0]}
+        tally.fail(block, reasons | block.lost)
+        good = np.nonzero(found.solved)[0]
+        rows = reachable[good]
+        readings = found.values[good] + disturbed[rows]
+        tally.add(readings)
+        ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
         tally.seen += len(block)
-        tally.fail(block, block.lost)
-        return
-    asked = Request(request.method, forces=request.forces)  # type: ignore[arg-type]
-    found = predict(model, values, driven.take(reachable), asked, progress=tick)
-    reasons = {int(reachable[k]): found.reason(int(k)) for k in np.nonzero(~found.solved)[0]}
-    tally.fail(block, reasons | block.lost)
-    good = np.nonzero(found.solved)[0]
-    rows = reachable[good]
-    readings = found.values[good] + disturbed[rows]
-    tally.add(readings)
-    ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
-    tally.seen += len(block)
-    writer.write(table.cells(ids, block.rows.take(rows), readings, _only(found, good)))
+        cells = self.table.cells(ids, block.rows.take(rows), readings, _only(found, good))
+        writer.write([*cells, *self._uncertainties(block, rows, found.state.take(good))])
+
+    def _uncertainties(self, block: Poses, rows: Array, state: State) -> list[Array]:
+        if self.errors is None:
+            return []
+        places = {k: block.place(int(row)) for k, row in enumerate(rows)}
+        return self.errors.cells(block.rows.take(rows), state, places)
 
 
 def _only(found: Prediction, rows: Array) -> Prediction:

@@ -1,0 +1,88 @@
+"""How sure the TCP is after a calibration, at every position: the parameters' covariance carried to its coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.errors import BadInput, Location, UsageError
+from pkmcal_cli.loading import Start
+from pkmcal_cli.model import Model, tcp_model
+from pkmcal_cli.poses import Place
+from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.rotation import Array
+
+
+@dataclass
+class ErrorMap:
+    """Standard uncertainties of TCP coordinates, block by block; `covariance` (p, p) of `names`, SI."""
+
+    model: Model
+    values: Array
+    names: tuple[str, ...]
+    covariance: Array
+    rows: int = 0
+    squares: float = 0.0  # of the position's uncertainty, m^2
+    worst: tuple[float, str] = (0.0, "")
+
+    @classmethod
+    def of(cls, model: Model, start: Start, path: str | None, method: str) -> ErrorMap:
+        """From a parameter file. Raises UsageError and BadInput where there is nothing to carry."""
+        if path is None:
+            raise UsageError("--uncertainty: of which calibration?", hint="-p PARAMS.yaml, as calibrate -o writes it")
+        if method != "exact":
+            raise UsageError("--uncertainty needs the exact method", hint="leave --method out")
+        if start.covariance is None:
+            what = "this parameter file has no `correlations` with `std`: nothing says how sure its values are"
+            raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
+        names, matrix = start.covariance
+        return cls(tcp_model(model), start.values, names, matrix)
+
+    @cached_property
+    def columns(self) -> list[tuple[str, str]]:
+        """Headers and units."""
+        return [(f"u.{c.name}", self._unit(c.dimension)) for c in self.model.channels]
+
+    def _unit(self, dimension: str) -> str:
+        return "um" if dimension == "length" else "urad"
+
+    def cells(self, rows: Rows, state: State, places: Mapping[int, Place]) -> list[Array]:
+        """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved."""
+        found = predict(self.model, self.values, rows, Request(parameters=self.names), state)
+        assert found.jacobian is not None
+        variance = np.einsum("ncp,pq,ncq->nc", found.jacobian, self.covariance, found.jacobian)
+        u = np.sqrt(np.maximum(variance, 0.0))
+        self._count(u, places)
+        return list(u.T)
+
+    def _count(self, u: Array, places: Mapping[int, Place]) -> None:
+        coordinates = [k for k, c in enumerate(self.model.channels) if c.quantity == "position"]
+        size = np.sqrt((u[:, coordinates] ** 2).sum(axis=1))
+        self.rows += len(size)
+        self.squares += float((size**2).sum())
+        if len(size) and float(size.max()) > self.worst[0]:
+            self.worst = float(size.max()), str(places[int(size.argmax())])
+
+    @property
+    def text(self) -> str:
+        """The map in one sentence."""
+        if not self.rows:
+            return "no position: no uncertainty"
+        rms = np.sqrt(self.squares / self.rows) / 1e-6
+        largest, where = self.worst[0] / 1e-6, self.worst[1]
+        return (
+            f"uncertainty of the TCP's position by the calibration: {rms:.3g} um rms, largest {largest:.3g} um at "
+            f"{where} (standard uncertainties; twice that for 95 %)"
+        )
+
+    def json(self) -> dict[str, Any]:
+        """The same for JSON."""
+        rms = float(np.sqrt(self.squares / self.rows)) if self.rows else float("nan")
+        largest, where = self.worst
+        return {"rms": finite(rms / 1e-6), "max": finite(largest / 1e-6), "at": where or None, "unit": "um"}
