@@ -72,7 +72,11 @@ def _best(cost: dict[int, FloatArray], mine: IntArray) -> tuple[int, int] | None
         both = np.isfinite(cost[0][mine]) & np.isfinite(cost[shift][mine])
         still, moved = (np.where(both, cost[k][mine], 0.0).sum(axis=1) for k in (0, shift))
         tail = np.cumsum((still - moved)[::-1])[::-1]  # what is gained by shifting from a row on
-        for first in range(int(tail.argmax()), min(int(tail.argmax()) + abs(shift) + 1, len(mine))):
+        start = int(tail.argmax())
+        last = min(start + abs(shift), len(mine) - 1)
+        for first in range(start, last + 1):
+            if first < last and moved[first] > BETTER**2 * still[first]:
+                continue
             told = both[first:]  # a reading that was left out makes the rows where the shift begins fit neither way
             before, after = still[first:].sum(), moved[first:].sum()
             clear = after <= BETTER**2 * before and after <= EXPLAINED**2 * told.sum()

@@ -1,0 +1,277 @@
+"""Planted mistakes are named with the right columns on real campaigns; honest campaigns raise no suspicion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.gross_faults import gross_faults
+from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.loading import load_machine, load_measurements
+from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.plausibility import Hint
+from pkmcal_cli.workflow.hints import copied_rows, measurement_hints
+from tests.campaigns import Plan, by_engine, shipped
+from tests.command import MACHINES, SCISSORS, TRIGLIDE, run
+from tests.support import model, overlay
+
+NAMED = ("triglide", "scissors", "delta4", "hexapod7")
+TABLES = sorted(MACHINES.glob("*.csv"))
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is done to readings (N, C) or to drives (N, A), and the hint that must come of it."""
+
+    kind: str
+    names: Callable[[Plan], set[str]]
+    channels: Callable[[Array], Array] = np.copy
+    drives: Callable[[Array], Array] = np.copy
+
+
+def columns(*numbers: int) -> Callable[[Plan], set[str]]:
+    return lambda plan: {plan.model.channels[k].name for k in numbers}
+
+
+def drives(*numbers: int) -> Callable[[Plan], set[str]]:
+    return lambda plan: {plan.model.actuators[k].name for k in numbers}
+
+
+def every(plan: Plan) -> set[str]:
+    return {a.name for a in plan.model.actuators}
+
+
+def times(column: int, factor: float) -> Callable[[Array], Array]:
+    return lambda table: np.where(np.arange(table.shape[1]) == column, factor * table, table)
+
+
+def exchanged(table: Array) -> Array:
+    return table[:, [1, 0, *range(2, table.shape[1])]]
+
+
+def later(count: int, start: int = 0) -> Callable[[Array], Array]:
+    """Readings that stand `count` rows too low (too high if negative) from a row on."""
+
+    def move(table: Array) -> Array:
+        out = np.roll(table, count, axis=0)
+        out[:count] = np.nan if count > 0 else out[:count]
+        if count < 0:
+            out[count:] = np.nan
+        return np.concatenate([table[:start], out[start:]])
+
+    return move
+
+
+MISTAKES = {
+    "channels swapped": Mistake("swapped", columns(0, 1), exchanged),
+    "channel turned": Mistake("sign", columns(0), times(0, -1)),
+    "other channel turned": Mistake("sign", columns(1), times(1, -1)),
+    "channel in m": Mistake("unit", columns(0), times(0, 1e-3)),
+    "channel in inches": Mistake("unit", columns(1), times(1, 1 / 25.4)),
+    "rows one late": Mistake("rows", lambda _: set(), later(1)),
+    "rows one early": Mistake("rows", lambda _: set(), later(-1)),
+    "rows two late": Mistake("rows", lambda _: set(), later(2)),
+    "rows late from the middle": Mistake("rows", lambda _: set(), later(1, 20)),
+    "drives rotated": Mistake("rotated", every, drives=lambda q: np.roll(q, 1, axis=1)),
+    "drives rotated back": Mistake("rotated", every, drives=lambda q: np.roll(q, -1, axis=1)),
+    "drives swapped": Mistake("swapped", drives(0, 1), drives=exchanged),
+    "drive turned": Mistake("sign", drives(1), drives=times(1, -1)),
+    "drive in m": Mistake("unit", drives(0), drives=times(0, 1e-3)),
+    "drives in um": Mistake("unit", every, drives=lambda q: 1e3 * q),
+}
+
+
+def measured(name: str, seed: int, size: float, rows: int = 40) -> tuple[Plan, Problem]:
+    """A campaign of `rows` rows with errors of standard deviation `size` ranges, and noise."""
+    plan, rng = shipped(name), np.random.default_rng(seed)
+    count = len(plan.positions)
+    plan = by_engine(replace(plan, positions=plan.positions[np.sort(rng.permutation(count)[: min(rows, count)])]))
+    values = plan.model.nominal
+    values[plan.index] += rng.normal(size=len(plan.selected)) * plan.ranges * size
+    return plan, plan.measured(values, rng)
+
+
+def spoiled(problem: Problem, mistake: Mistake) -> Problem:
+    readings = mistake.channels(problem.readings)
+    rows = replace(problem.rows, readings=mistake.drives(problem.rows.readings))
+    return replace(problem, readings=readings, rows=rows, measured=~np.isnan(readings))
+
+
+def hints(problem: Problem) -> tuple[Hint, ...]:
+    asked = [p.name for p in problem.model.parameters if p.identify]
+    rows = np.zeros(len(problem), dtype=np.intp)
+    return gross_faults(problem, problem.model.nominal, asked, rows, lambda row: f"row {row + 1}")
+
+
+def named(plan: Plan, problem: Problem, mistake: Mistake) -> bool:
+    """Whether one of the hints names kind and columns."""
+    found = hints(spoiled(problem, mistake))
+    names = mistake.names(plan)
+    return any(h.kind == mistake.kind and (not names or set(h.names) == names) for h in found)
+
+
+@pytest.mark.parametrize("label", MISTAKES)
+@pytest.mark.parametrize("name", NAMED)
+def test_every_mistake_is_named(name: str, label: str) -> None:
+    """With errors of four standard deviations of the prior, to make it harder."""
+    plan, problem = measured(name, 3, 2.0)
+    assert named(plan, problem, MISTAKES[label])
+
+
+def test_honest_campaigns_raise_no_suspicion() -> None:
+    """200 campaigns with few or many rows, parameters off by half to ten times their range."""
+    alarms, count = [], 0
+    machines = {
+        "triglide": 40,
+        "triglide-nonredundant": 40,
+        "biglide": 40,
+        "scissors": 40,
+        "delta4": 30,
+        "hexapod7": 10,
+    }
+    for name, campaigns in machines.items():
+        for seed in range(campaigns):
+            size, rows = (0.5, 2.0, 4.0, 10.0)[seed % 4], 5 + seed
+            found = hints(measured(name, 100 + seed, size, rows)[1])
+            count += 1
+            alarms += [(name, seed, h.message) for h in found]
+    assert count == 200 and alarms == []
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda t: t.stem)
+def test_no_hint_on_any_shipped_table(table: Path) -> None:
+    machines = [m for m in MACHINES.glob("*.yaml") if table.name.startswith(m.stem) and ".csv" not in m.name]
+    loaded = load_machine(str(max(machines, key=lambda m: len(m.stem))))
+    data = load_measurements(loaded, (str(table),))
+    problem = problem_of(loaded.model, data)
+    assert measurement_hints(loaded, problem, problem.model.nominal, data) == () == copied_rows(problem, data)
+
+
+# --- other instruments ------------------------------------------------------------------------
+
+BALLBAR = """
+parameters: {bx: 30 mm, by: -700 mm, bz: -900 mm}
+ground: {ball: [bx, by, bz]}
+sensors: {tracker: null, ballbar: {kind: distance, at: platform, offset: [5, 6, -70], to: ball, sigma: 1 um}}
+"""
+TOUCH = """
+parameters: {pz: {nominal: -560 mm, range: 1 mm}}
+frames: {bed: {at: [0, 0, pz]}}
+sensors:
+  tracker: null
+  probe: {kind: touch, at: platform, offset: [0, 0, -50], on: bed, sigma: 5 um}
+  side: {kind: touch, at: platform, offset: [0, 10, -50], on: bed, sigma: 5 um}
+"""
+
+
+def read_by(text: str, seed: int, size: float = 0.5) -> Problem:
+    """Readings of other instruments on the delta, at 40 of its poses."""
+    machine, rng = model(overlay("delta4", text)), np.random.default_rng(seed)
+    positions = shipped("delta4").positions[:40]
+    free = np.array([p.identify for p in machine.parameters])
+    values = machine.nominal + rng.normal(size=len(free)) * machine.ranges * size * free
+    sigma = np.array([c.sigma for c in machine.channels])
+    readings = predict(machine, values, Rows.at(positions)).values
+    readings = readings + sigma * rng.normal(size=readings.shape)
+    known = np.ones(readings.shape, dtype=bool)
+    return Problem(machine, Rows.at(positions), readings, sigma * known, np.zeros(positions.shape), known)
+
+
+@pytest.mark.parametrize("label", ["drives rotated", "drive turned", "drive in m", "rows one late", "rows two late"])
+def test_mistakes_that_one_distance_shows(label: str) -> None:
+    """No pose was measured: the drives are predicted again with columns changed."""
+    mistake = MISTAKES[label]
+    (hint,) = hints(spoiled(read_by(BALLBAR, 1), mistake))
+    assert hint.kind == mistake.kind
+
+
+@pytest.mark.parametrize("size", [0.5, 2.0])
+def test_honest_distances_and_touches(size: float) -> None:
+    for seed in range(5):
+        assert hints(read_by(BALLBAR, seed, size)) == ()
+        touched = read_by(TOUCH, seed, size)
+        nothing = np.random.default_rng(seed).normal(size=touched.readings.shape) * 5e-6
+        poses = touched.rows.readings - (touched.readings.mean(axis=1, keepdims=True))  # lowered until it touches
+        assert hints(replace(touched, readings=nothing, rows=Rows.at(poses))) == ()
+
+
+def fitted(change: Callable[[Array], Array]) -> tuple[str, ...]:
+    """Hints on the delta's table, seen by a tracker that stands anywhere, after a change of its readings (N, 3)."""
+    loaded = load_machine(str(MACHINES / "delta4.yaml"))
+    data = load_measurements(loaded, (str(MACHINES / "delta4.csv"),))
+    machine = model(overlay("delta4", "sensors: {tracker: {frame: fitted}}"))
+    about = np.array([[0.0, -1.0, 0.0], [0.6, 0.0, -0.8], [0.8, 0.0, 0.6]])
+    problem = problem_of(machine, replace(data, readings=change(data.readings @ about.T + [2.5, -1.2, 0.7])))
+    return tuple(h.message for h in hints(problem))
+
+
+def test_instruments_that_stand_anywhere() -> None:
+    assert fitted(np.copy) == ()
+    for change in (times(1, -1), exchanged):
+        (message,) = fitted(change)
+        assert message.startswith("`x`, `y`, `z` look mirrored: one axis turned in sign, or two columns swapped")
+    assert fitted(times(2, 1e-3))[0].startswith("`z` looks 1000 times too small (is it in m, not mm?)")
+    assert fitted(later(1))[0].startswith("the readings look shifted by one row")
+
+
+# --- in files ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_rotated_drives_are_told_before_the_fit_ends_badly() -> None:
+    text = Path(TRIGLIDE).with_suffix(".csv").read_text()
+    Path("m.csv").write_text(text.replace("q1 [mm],q2 [mm],q3 [mm]", "q3 [mm],q1 [mm],q2 [mm]"))
+    done = run("calibrate", TRIGLIDE, "m.csv")
+    told, *_ = done.err.splitlines()
+    assert "more is left than sigma explains" in done.err.partition(told)[2]
+    assert told.startswith("warning: `q1`, `q2` and `q3` look rotated by one (`q1` has the readings of `q2`, ")
+    assert told.endswith("when put right") and "residual rms" in told
+    assert run("check", TRIGLIDE, "m.csv").code == 1
+
+
+def test_a_reading_that_was_left_out_is_told_with_its_lines() -> None:
+    head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    moved = [a[:5] + b[5:] for a, b in pairwise(cells[30:])]  # the 31st reading is missing
+    Path("m.csv").write_text("\n".join([head, *lines[:30], *(",".join(row) for row in moved)]))
+    told = run("check", SCISSORS, "m.csv").err
+    assert "the readings look shifted by one row from m.csv:33 (32) to m.csv:80 (79): residual of `" in told
+    assert "when each row takes the readings of the row before" in told
+
+
+def test_copies_are_told_and_are_no_fault() -> None:
+    head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()
+    Path("m.csv").write_text("\n".join([head, *lines, f"again,{lines[6].partition(',')[2]}"]))
+    words = "1 row is a copy of another, the same to the last digit (m.csv:8 (7) and m.csv:82 (again))"
+    done = run("check", SCISSORS, "m.csv", "--json")
+    assert done.code == 0 and done.json["measurements"]["warnings"][0].startswith(words)
+    assert f"warning: {words}" in done.err and f"warning: {words}" in run("calibrate", SCISSORS, "m.csv").err
+
+
+def test_repetitions_that_agree_by_rounding_are_no_copies() -> None:
+    """Ten repetitions of eight poses, written to 1 um where sigma is 0.5 um: many agree."""
+    loaded = load_machine(SCISSORS)
+    plan, rng = shipped("scissors"), np.random.default_rng(2)
+    poses = np.repeat(np.arange(0, 80, 10), 10)
+    true = plan.take(poses).measured(plan.model.nominal, rng)
+    coarse = replace(true, readings=np.round(true.readings, 6))
+    Path("m.csv").write_text(csv_text(coarse))
+    data = load_measurements(loaded, ("m.csv",))
+    assert len(np.unique(coarse.readings, axis=0)) < len(poses)
+    assert copied_rows(problem_of(loaded.model, data), data) == ()
+
+
+def csv_text(problem: Problem) -> str:
+    names = [a.name for a in problem.model.actuators] + [c.name for c in problem.model.channels]
+    rows = np.hstack([problem.rows.readings, problem.readings]) * 1e3
+    return "\n".join([",".join(f"{n} [mm]" for n in names), *(",".join(f"{v:.6f}" for v in row) for row in rows)])
