@@ -15,7 +15,7 @@ import numpy as np
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise, whitened_residual
+from pkmcal_cli.calibration.residual import linearise, whitened_residual
 from pkmcal_cli.rotation import Array
 
 Loss = Literal["squares", "huber", "tukey"]
@@ -73,9 +73,9 @@ def weights_of(loss: Loss, deviation: Array) -> Array:
     return np.maximum((1 - (np.minimum(size, _TUKEY) / _TUKEY) ** 2) ** 2, _LEAST)
 
 
-def identify_robustly(problem: Problem, selected: tuple[str, ...], start: Array, loss: Loss) -> RobustFit:
-    """Identify with a robust loss, from values (P,). Raises RowsFailed."""
-    fit, weighted = identify(problem, selected, start), problem
+def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
+    """Identify with a robust loss, from a fit by least squares."""
+    fit, weighted, selected = first, problem, first.selected
     scale = np.ones(problem.readings.shape[1])
     for stage in ("huber", "tukey") if loss == "tukey" else ("huber",):
         weight = np.ones_like(problem.readings)
@@ -87,8 +87,7 @@ def identify_robustly(problem: Problem, selected: tuple[str, ...], start: Array,
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
             if change < _SETTLED:
                 break
-    before = evaluate(problem, start, selected)
-    fit = replace(fit, before=before, found=replace(fit.found, spread=_spread(loss, problem, fit, scale)))
+    fit = replace(fit, before=first.before, found=replace(fit.found, spread=_spread(loss, problem, fit, scale)))
     return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss)
 
 

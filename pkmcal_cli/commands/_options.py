@@ -38,4 +38,7 @@ Prior = Annotated[
 Uncertainty = Annotated[
     str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="How 95 % intervals are found.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")]
+Starts = Annotated[
+    int, typer.Option("--starts", min=1, max=200, help="Fits from so many starts within the ranges; do they agree?")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap and of starts.")]

@@ -16,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Quiet,
     Seed,
     Select,
+    Starts,
     Uncertainty,
 )
 
@@ -37,6 +38,7 @@ def calibrate(
     loss: Loss = "squares",
     prior: Prior = "none",
     uncertainty: Uncertainty = "linear",
+    starts: Starts = 1,
     seed: Seed = 0,
     max_rms: Annotated[
         str | None, typer.Option("--max-rms", metavar="VALUE", help='Exit 1 if a position rms is above, e.g. "20 um".')
@@ -51,7 +53,7 @@ def calibrate(
     """
     from pkmcal_cli.workflow.calibrate import CalibrationRequest, Treatment, run_calibration
 
-    how = Treatment(loss, prior, uncertainty, seed)
+    how = Treatment(loss, prior, uncertainty, seed, starts)
     request = CalibrationRequest(
         machine, tuple(measurements), output, select, holdout, parameters, how, max_rms, as_json, quiet, force
     )

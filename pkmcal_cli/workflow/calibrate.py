@@ -13,7 +13,7 @@ import numpy as np
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
-from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.intervals import (
     Intervals,
     Method,
@@ -26,6 +26,7 @@ from pkmcal_cli.calibration.problem import Problem, problem_of
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
+from pkmcal_cli.calibration.starts import identify_from
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream, write_text
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
@@ -53,6 +54,7 @@ class Treatment:
     prior: str = "none"
     uncertainty: str = "linear"
     seed: int = 0
+    starts: int = 1
 
     def check(self) -> None:
         """Raises UsageError for words that are none."""
@@ -104,7 +106,7 @@ def run_calibration(request: CalibrationRequest) -> int:
     for hint in (*_unused_channels(s.problem), *hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
-    found = _fit(s)
+    found = _fit(s, to)
     fit, intervals = found.fit, _intervals(s, found)
     held_out, inputs = _held_out(s, fit)
     report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, intervals, _places(s))
@@ -184,14 +186,18 @@ def _inputs(s: _Setting) -> dict[str, str]:
     return dict(s.loaded.machine.files) | s.start.inputs | dict(zip(s.measured.files, s.measured.sha256, strict=True))
 
 
-def _fit(s: _Setting) -> RobustFit:
+def _fit(s: _Setting, to: Reporter) -> RobustFit:
     problem, loss = s.problem, s.request.how.loss
     if s.request.how.prior == "ranges":
         problem = replace(problem, prior=prior_of_ranges(problem.model, s.selected))
+    how = s.request.how
     try:
+        first, agreement = identify_from(problem, s.selected, s.start.values, how.starts, how.seed)
+        if agreement is not None:
+            to.say(agreement.text)
         if loss != "squares":
-            return identify_robustly(problem, s.selected, s.start.values, loss)  # type: ignore[arg-type]
-        return plain_fit(problem, identify(problem, s.selected, s.start.values))
+            return identify_robustly(problem, first, loss)  # type: ignore[arg-type]
+        return plain_fit(problem, first)
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
 
