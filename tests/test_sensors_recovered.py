@@ -1,0 +1,77 @@
+"""Every sensor, alone and mixed, recovers planted errors and its own unknowns, with the right uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from tests.sensor_campaigns import UNITS, Case, deviations, recovered
+from tests.sensor_cases_mixed import MIXED
+from tests.sensor_cases_planar import PLANAR
+from tests.sensor_cases_spatial import SPATIAL
+
+COVERED = ("grid_in_unknown_frame", "ballbar_unknown_ball_in_space", "tracker_ballbar_and_bench")
+CASES = {case.name: case for case in (*PLANAR, *SPATIAL, *MIXED)}
+
+
+def check_fit(result: Mapping[str, Any]) -> None:
+    """Converged, with a chi-square that noise alone explains."""
+    dof = result["degrees_of_freedom"]
+    low, high = chi2.ppf([0.0005, 0.9995], dof) / dof
+    assert result["status"] == "converged" and low < result["chi2_per_dof"] < high
+    assert result["uncertainty"]["widened"] == 1 or result["chi2_per_dof"] > 1.2
+
+
+def check_values(result: Mapping[str, Any], true: Mapping[str, float]) -> None:
+    """Every determined parameter within four standard uncertainties, which are smaller than its range."""
+    found = {p["name"]: p for p in result["parameters"]}
+    off = deviations(result, true)
+    assert {n: d for n, d in off.items() if not abs(d) < 4} == {}
+    assert all(0 < found[n]["std"] < found[n]["range"] for n in off)
+
+
+def check_sums(result: Mapping[str, Any], true: Mapping[str, float]) -> None:
+    """Sums of parameters that are determined where they are not apart."""
+    unit = {p["name"]: UNITS[p["unit"]] for p in result["parameters"]}
+    for held in result["undetermined"]:
+        for total in held["determined"]:
+            value = sum(c * true[n] / unit[n] for n, c in total["coefficients"].items())
+            assert abs(total["value"] - value) < 4 * total["std"], total
+
+
+PER_SESSION = pytest.mark.xfail(strict=True, reason="starts and derivatives of parameters of single sessions")
+MARKED = [
+    pytest.param(case, id=name, marks=[PER_SESSION] if any("[" in n for n in case.nuisance) else [])
+    for name, case in CASES.items()
+]
+
+
+@pytest.mark.parametrize("case", MARKED)
+def test_planted_errors_come_back(case: Case, tmp_path: Path) -> None:
+    result, true = recovered(case, 1, tmp_path)
+    assert {p["name"] for p in result["parameters"]} == {*case.free, *case.nuisance}
+    check_fit(result)
+    check_values(result, true)
+    check_sums(result, true)
+    unknown = {p["name"] for p in result["parameters"] if p["std"] is None}
+    assert not unknown & set(case.nuisance), "what belongs to the instrument is determined"
+    assert len(unknown) < len(case.free)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COVERED)
+def test_intervals_cover(name: str, tmp_path: Path) -> None:
+    """Forty machines from the prior, forty noises: 95 % intervals hold 90 to 99 % of the true values."""
+    case, inside = CASES[name], []
+    for seed in range(40):
+        result, true = recovered(case, seed, tmp_path / str(seed))
+        for p in result["parameters"]:
+            if p["interval"] is not None:
+                low, high = (end * UNITS[p["unit"]] for end in p["interval"])
+                inside.append(low <= true[p["name"]] <= high)
+    assert 0.90 <= np.mean(inside) <= 0.99, np.mean(inside)
