@@ -100,7 +100,7 @@ def test_a_fit_that_does_not_converge_is_a_negative_verdict(monkeypatch: pytest.
 
     from pkmcal_cli.calibration.identify import identify
 
-    monkeypatch.setattr("pkmcal_cli.workflow.calibrate.identify", partial(identify, iterations=1))
+    monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", partial(identify, iterations=1))
     done, result = calibrated(SCISSORS, str(MACHINES / "scissors.csv"), "-o", "p.yaml")
     assert done.code == 1 and result["status"] == "not_converged"
     assert "NOT CONVERGED" in done.err and result["heldout"]["reason"] == "the fit has not succeeded (not_converged)"

@@ -86,15 +86,19 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
+    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", folder / "p.yaml", "-q", "--force").code == 0
     pin, belts = MACHINES / "delta4.yaml", MACHINES / "belt-router"
     return {
         "check": [["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"]],
-        "simulate": [[TRIGLIDE, "far.csv", "-o", "out.csv"]],
+        "simulate": [
+            [TRIGLIDE, "far.csv", "-o", "out.csv"],
+            [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
+        ],
         "sensitivity": [[TRIGLIDE]],
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"],
-            [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"],
+            [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
         ],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],

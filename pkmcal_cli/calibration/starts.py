@@ -36,6 +36,8 @@ class Agreement:
     @property
     def text(self) -> str:
         """In words."""
+        if not self.agree:
+            return f"none of {self.starts} starts ends in a fit"
         parts = [f"{self.agree} of {self.starts} starts end in the best fit (within {self.spread:.2g} std)"]
         parts += [f"{self.worse} in a worse one"] if self.worse else []
         parts += [f"{self.failed} in none"] if self.failed else []
@@ -65,7 +67,7 @@ def identify_from(
         if failure is not None and first is None:
             raise failure
         assert first is not None
-        return first, Agreement(len(ends), 0, 0, len(ends), float("nan"))
+        return first, Agreement(len(ends), 0, 0, len(ends), 0.0)
     best = min(good, key=lambda e: e.chi2)
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)

@@ -51,7 +51,8 @@ def calibrate(
 
     Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
     """
-    from pkmcal_cli.workflow.calibrate import CalibrationRequest, Treatment, run_calibration
+    from pkmcal_cli.calibration.fitted import Treatment
+    from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
     how = Treatment(loss, prior, uncertainty, seed, starts)
     request = CalibrationRequest(

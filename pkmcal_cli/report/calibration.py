@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fitted import Fitted
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import combinations
-from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.replicates import replicate_noise
-from pkmcal_cli.calibration.robust import RobustFit
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import Correlations, ParameterEntry, dump_parameters
@@ -42,14 +42,14 @@ class CalibrationReport:
         self,
         machine: Machine,
         problem: Problem,
-        found: RobustFit,
+        found: Fitted,
         held_out: HeldOut | str,
-        intervals: Intervals,
         place: Callable[[int], Place],
     ) -> None:
-        fit = found.fit
+        fit, intervals = found.robust.fit, found.intervals
+        self.found = found
         self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
-        self.audit, self.intervals = Audit(problem.model, found, place), intervals
+        self.audit, self.intervals = Audit(problem.model, found.robust, place), intervals
         self.rows = parameter_rows(self.model, fit, intervals)
         self.before = error_figures(problem, fit.before)
         self.after = error_figures(problem, fit.after)
@@ -74,6 +74,9 @@ class CalibrationReport:
                 "remark": self.intervals.remark or None,
             },
             "outliers": self.audit.json(),
+            "datum": None if self.found.datum is None else list(self.found.datum.held),
+            "gauge": [] if self.found.datum is None else list(self.found.datum.gauge.motions),
+            "starts": None if self.found.agreement is None else asdict(self.found.agreement),
             "replicates": [noise.json() for noise in self.replicates],
             "heldout": self._heldout_json(),
             "condition_number": finite(found.condition_number),

@@ -11,11 +11,13 @@ from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.words import count
 
 _MORE = "they scatter more than stated in {}: sigma is too small, or poses do not repeat (reversal, drift)"
+_FEWEST = 4  # degrees of freedom from which on an estimate of noise is worth a line
 _LESS = "they scatter less than stated in {}: sigma is too large, or not only noise, or readings were averaged"
 
 
 def show_replicates(to: Reporter, noises: Sequence[ReplicateNoise]) -> None:
-    """One line for all channels, and one for those whose stated sigma does not fit."""
+    """One line for channels with repeated poses enough, and one for those whose stated sigma does not fit."""
+    noises = [n for n in noises if n.degrees_of_freedom >= _FEWEST]
     if noises:
         to.say(f"repeated poses: noise of {'; '.join(_words(n) for n in noises)}")
     for large, words in ((True, _MORE), (False, _LESS)):

@@ -6,27 +6,18 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
+from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fitted import Fitted, Treatment, fitted
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.calibration.intervals import (
-    Intervals,
-    Method,
-    bootstrap_intervals,
-    linear_intervals,
-    profile_intervals,
-)
-from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem, problem_of
-from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
-from pkmcal_cli.calibration.starts import identify_from
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.files import check_target, is_stream, write_text
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
@@ -44,25 +35,6 @@ from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hint
 _FOLDS = "5"
 _NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
 _DIGITS = 9
-
-
-@dataclass(frozen=True)
-class Treatment:
-    """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap."""
-
-    loss: str = "squares"
-    prior: str = "none"
-    uncertainty: str = "linear"
-    seed: int = 0
-    starts: int = 1
-
-    def check(self) -> None:
-        """Raises UsageError for words that are none."""
-        known = {"loss": get_args(Loss), "prior": ("none", "ranges"), "uncertainty": get_args(Method)}
-        for option, words in known.items():
-            given = getattr(self, option)
-            if given not in words:
-                raise UsageError(f"--{option}: `{given}` is none", hint=did_you_mean(given, words, ", ".join(words)))
 
 
 @dataclass(frozen=True)
@@ -93,6 +65,7 @@ class _Setting:
     selected: tuple[str, ...]
     start: Start
     limit: float | None
+    datum: Datum | None = None
 
 
 def run_calibration(request: CalibrationRequest) -> int:
@@ -107,9 +80,9 @@ def run_calibration(request: CalibrationRequest) -> int:
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
     found = _fit(s, to)
-    fit, intervals = found.fit, _intervals(s, found)
+    fit = found.robust.fit
     held_out, inputs = _held_out(s, fit)
-    report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, intervals, _places(s))
+    report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, _places(s))
     report.show(to)
     if request.output is not None:
         inputs = _inputs(s) | inputs
@@ -157,7 +130,7 @@ def _determined(s: _Setting, to: Reporter) -> _Setting:
         raise BadInput([Fault("under-determined", settled.refusal, Location(s.loaded.model.name), settled.remedy)])
     for line in settled.notes:
         to.say(line)
-    return replace(s, selected=settled.selected)
+    return replace(s, selected=settled.selected, datum=settled.datum)
 
 
 def _check_holdout(scheme: str | None) -> None:
@@ -186,31 +159,14 @@ def _inputs(s: _Setting) -> dict[str, str]:
     return dict(s.loaded.machine.files) | s.start.inputs | dict(zip(s.measured.files, s.measured.sha256, strict=True))
 
 
-def _fit(s: _Setting, to: Reporter) -> RobustFit:
-    problem, loss = s.problem, s.request.how.loss
-    if s.request.how.prior == "ranges":
-        problem = replace(problem, prior=prior_of_ranges(problem.model, s.selected))
-    how = s.request.how
+def _fit(s: _Setting, to: Reporter) -> Fitted:
     try:
-        first, agreement = identify_from(problem, s.selected, s.start.values, how.starts, how.seed)
-        if agreement is not None:
-            to.say(agreement.text)
-        if loss != "squares":
-            return identify_robustly(problem, first, loss)  # type: ignore[arg-type]
-        return plain_fit(problem, first)
+        found = fitted(s.problem, s.selected, s.start.values, s.request.how, np.asarray(s.measured.session))
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
-
-
-def _intervals(s: _Setting, found: RobustFit) -> Intervals:
-    """Intervals of the selected parameters, as they are asked for."""
-    fit, how = found.fit, s.request.how
-    index = np.array([s.problem.model.names.index(n) for n in fit.selected], dtype=np.intp)
-    if fit.status != "converged" or how.uncertainty == "linear":
-        return linear_intervals(fit, index)
-    if how.uncertainty == "profile":
-        return profile_intervals(found.problem, fit, index)
-    return bootstrap_intervals(found.problem, fit, index, np.asarray(s.measured.session), how.seed)
+    if found.agreement is not None:
+        to.say(found.agreement.text)
+    return replace(found, datum=s.datum)
 
 
 def _places(s: _Setting) -> Callable[[int], Place]:

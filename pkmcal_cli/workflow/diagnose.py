@@ -24,7 +24,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.calibrate import unsolved
-from pkmcal_cli.workflow.hints import absurd_rows, measurement_hints, nothing_measured
+from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
 MOST_ALPHA = 0.2
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
@@ -75,7 +75,8 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
         to.warn(f"warning: {gap}")
     for fault in loaded.warnings:
         to.warn(fault.text())
-    for hint in measurement_hints(loaded, problem, found.model.nominal):
+    hints = measurement_hints(loaded, problem, found.model.nominal, measured)
+    for hint in (*hints, *copied_rows(problem, measured)):
         to.warn(f"warning: {hint}")
     if derived := derived_directions(measured, [a.name for a in loaded.model.actuators]):
         to.notes([f"direction of {', '.join(derived)}: from the order of the rows"])
