@@ -20,6 +20,7 @@ _SPATIAL = ("scale", "turn about x", "turn about y", "turn about z", "shift alon
 _PLANAR = ("scale", "turn about z", "shift along x", "shift along y")
 _SAME = 1e-4  # of the largest singular value: fields agree
 _FELT = 1e-3  # of what the ranges do to the base: what moves it less does not move it
+_CLEARLY, _HARDLY = 0.3, 1e-3  # share of what holding a parameter fixes that others do not
 _SHARE = 0.05  # a motion is named by the generators that have more than this share of it
 
 
@@ -164,15 +165,19 @@ def datum_of(model: Model, values: Array, found: Directions) -> Datum | None:
 
 
 def _independent(rows: dict[str, Array]) -> list[str]:
-    """Names in their order whose rows are independent of those before."""
+    """Names in their order whose rows are independent of those before: clearly, or at all where that is not enough.
+
+    Two coordinates of one point are nearly dependent: held together they would fix its distance as well.
+    """
     chosen: list[str] = []
     basis: list[NDArray[np.float64]] = []
-    for name, row in rows.items():
-        rest = row.astype(float)
-        for known in basis:
-            rest = rest - (known @ rest) * known
-        length = float(np.sqrt(rest @ rest))
-        if length > 1e-3 * float(np.sqrt(row @ row)):
-            chosen.append(name)
-            basis.append(rest / length)
+    for least in (_CLEARLY, _HARDLY):
+        for name in (n for n in rows if n not in chosen):
+            rest = rows[name].astype(float)
+            for known in basis:
+                rest = rest - (known @ rest) * known
+            length = float(np.sqrt(rest @ rest))
+            if length > least * float(np.sqrt(rows[name] @ rows[name])):
+                chosen.append(name)
+                basis.append(rest / length)
     return chosen

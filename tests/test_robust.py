@@ -1,0 +1,197 @@
+"""Bad rows: found, weighed down, audited; intervals by profile and bootstrap; priors; fits from far away."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.intervals import bootstrap_intervals, linear_intervals, profile_intervals
+from pkmcal_cli.calibration.prior import prior_of_ranges
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.robust import identify_robustly, plain_fit, weights_of
+from pkmcal_cli.calibration.starts import identify_from
+from pkmcal_cli.rotation import Array
+from tests.campaigns import Plan, by_engine, shipped
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, SCISSORS, run
+from tests.support import MACHINES
+
+SECOND = HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")
+
+
+@cache
+def campaign(name: str, seed: int = 0) -> tuple[Plan, Array, Problem]:
+    plan = by_engine(shipped(name))
+    rng = np.random.default_rng(seed)
+    true = plan.drawn(rng)
+    return plan, true, plan.measured(true, rng)
+
+
+def spoilt(problem: Problem, sigma: float, rows: list[int]) -> Problem:
+    """Gross errors of 20 to 2000 standard uncertainties in the first channel."""
+    readings = problem.readings.copy()
+    readings[rows, 0] += sigma * np.geomspace(20, 2000, len(rows)) * np.resize([1, -1], len(rows))
+    return replace(problem, readings=readings)
+
+
+def in_std(plan: Plan, fit: Fit, true: Array) -> Array:
+    return np.asarray((fit.values - true)[plan.index] / fit.std)
+
+
+@pytest.mark.parametrize("loss", ["huber", "tukey"])
+@pytest.mark.parametrize("name", ["scissors", "delta4"])
+def test_bad_rows_do_not_bend_a_robust_fit(name: str, loss: str) -> None:
+    plan, true, problem = campaign(name)
+    rows = [3, 17, 40, 61]
+    bad = spoilt(problem, float(plan.sigma[0]), rows)
+    first = identify(bad, plan.selected)
+    assert np.nanmax(np.abs(in_std(plan, first, true))) > 8, "least squares are bent"
+    found = identify_robustly(bad, first, loss)  # type: ignore[arg-type]
+    assert np.nanmax(np.abs(in_std(plan, found.fit, true))) < 4
+    assert {d.row for d in found.doubtful if abs(d.deviation) > 6} == set(rows)
+    assert {d.channel for d in found.doubtful if abs(d.deviation) > 6} == {0}
+
+
+def test_the_audit_says_what_a_row_moves() -> None:
+    """Leave the row out, or let it stay: the parameter that is told moves by what is told, to first order."""
+    plan, _, problem = campaign("scissors")
+    bad = spoilt(problem, float(plan.sigma[0]), [17])
+    fit = identify(bad, plan.selected)
+    told = plain_fit(bad, fit).doubtful[0]
+    assert told.row == 17
+    without = identify(bad.take(np.delete(np.arange(len(bad)), 17)), plan.selected)
+    y_too = identify(replace(bad, measured=without_cell(bad, 17, 0)), plan.selected)
+    k = plan.selected.index(told.moved[0])
+    step = (fit.values - y_too.values)[plan.index][k] / np.sqrt(np.diag(y_too.covariance))[k]
+    assert told.moved[1] == pytest.approx(step, rel=0.1) and without.status == "converged"
+
+
+def without_cell(problem: Problem, row: int, channel: int) -> Array:
+    measured = problem.measured.copy()
+    measured[row, channel] = False
+    return measured
+
+
+def test_weights_are_those_of_the_books() -> None:
+    assert weights_of("huber", np.array([0.0, 1.0, 2.69])) == pytest.approx([1, 1, 0.5])
+    assert weights_of("tukey", np.array([0.0, 4.685 / 2, 5.0])) == pytest.approx([1, 0.5625, 0], abs=1e-6)
+
+
+def test_the_bad_row_of_the_hangprinter_is_named() -> None:
+    """Index 17 of 2022-04-12, line 19 of the file: 12 mm off."""
+    done = run(
+        "calibrate", HANGPRINTER, SECOND, "--select", "auto,R_*", "--holdout", "none", "--loss", "tukey", "--json"
+    )
+    assert done.code == 0, done.err
+    assert {o["line"] for o in done.json["outliers"][:3]} == {19}
+    assert done.json["outliers"][0]["weight"] < 1e-6
+
+
+def test_gross_errors_are_told_without_a_robust_loss_too(tmp_path: pytest.TempPathFactory) -> None:
+    lines = (MACHINES / "scissors.csv").read_text(encoding="utf-8").splitlines()
+    row = lines[20].split(",")
+    row[-1] = f"{float(row[-1]) + 0.4}"
+    lines[20] = ",".join(row)
+    table = tmp_path / "bad.csv"  # type: ignore[operator]
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    done = run("calibrate", SCISSORS, table, "--holdout", "none")
+    assert "1 value off by far: `--loss tukey` does not let them bend the fit" in done.err
+    assert "bad.csv:21" in done.err and "uncertainties are widened" in done.err
+
+
+def test_a_profile_of_a_nearly_linear_problem_is_that_of_the_covariance() -> None:
+    plan, _, problem = campaign("scissors")
+    fit, index = identify(problem, plan.selected), np.array(plan.index)
+    linear, profile = linear_intervals(fit, index), profile_intervals(problem, fit, index)
+    assert profile.low_high == pytest.approx(linear.low_high, abs=0.02 * float(np.nanmax(linear.std)) * 2)
+    assert profile.remark == ""
+
+
+def test_an_end_of_a_profile_is_where_chi_square_has_grown() -> None:
+    """Hold the parameter at the told end, fit the others anew: chi-square grows by 1.96 squared."""
+    plan, _, problem = campaign("hangprinter")
+    fit, index = identify(problem, plan.selected), np.array(plan.index)
+    assert not fit.found.held.any()
+    ends = profile_intervals(problem, fit, index).low_high
+    for k in (2, 11):
+        for end in ends[k]:
+            values = fit.values.copy()
+            values[index[k]] = end
+            others = tuple(n for n in plan.selected if n != plan.selected[k])
+            assert identify(problem, others, values).chi2 - fit.chi2 == pytest.approx(1.96**2, rel=0.01)
+
+
+def test_a_bootstrap_needs_no_sigma() -> None:
+    """Stated three times too small: the covariance is three times too sure, the bootstrap is not."""
+    plan, _, problem = campaign("scissors")
+    index, session = np.array(plan.index), np.zeros(len(problem), dtype=np.intp)
+    right = identify(problem, plan.selected)
+    doubtful = replace(problem, sigma=problem.sigma / 3)
+    fit = identify(doubtful, plan.selected)
+    assert not right.found.held.any()
+    boot = bootstrap_intervals(doubtful, fit, index, session, 0)
+    assert fit.std == pytest.approx(right.std / 3, rel=0.01)
+    assert np.median(boot.std / right.std) == pytest.approx(1.0, abs=0.15)
+    assert np.median(fit.widened.std / right.std) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_prior_is_half_the_range() -> None:
+    """Nothing measured of the lengths but what ranges say: the estimate is nominal, its uncertainty half the range."""
+    plan, _, problem = campaign("triglide")
+    blind = replace(problem, sigma=np.full(problem.sigma.shape, 1e3))
+    fit = identify(replace(blind, prior=prior_of_ranges(plan.model, plan.selected)), plan.selected)
+    assert fit.std == pytest.approx(plan.ranges / 2, rel=1e-6) and not fit.found.null.any()
+    assert fit.values[plan.index] == pytest.approx(plan.model.nominal[plan.index], abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_anchors_a_hundred_millimetres_off_converge(seed: int) -> None:
+    """The prior's range says so, too: what ranges do not allow is not looked for."""
+    from tests.test_holdout import table
+
+    problem, _ = table("hangprinter_2021-12-16.csv", machine="hangprinter")
+    names = (*(n for n in problem.model.names if n[0] in "ABCD"), "R_low", "R_high")
+    wide = tuple(replace(p, range=0.1) if p.name[0] in "ABCD" else p for p in problem.model.parameters)
+    far = replace(problem, model=replace(problem.model, parameters=wide))
+    start = problem.model.nominal
+    index = [k for k, n in enumerate(problem.model.names) if n[0] in "ABCD"]
+    start[index] += np.random.default_rng(seed).uniform(-0.1, 0.1, len(index))
+    best = identify(far, names)
+    found, agreement = identify_from(far, names, start, 1, seed)
+    assert found.status == "converged" and agreement is None
+    assert found.chi2 == pytest.approx(best.chi2, rel=1e-6)
+
+
+def test_starts_agree_and_are_counted() -> None:
+    plan, _, problem = campaign("scissors")
+    fit, agreement = identify_from(problem, plan.selected, plan.model.nominal, 6, 1)
+    assert agreement is not None and agreement.starts >= 6
+    assert agreement.agree == agreement.starts and agreement.spread < 1e-3
+    assert fit.chi2 == pytest.approx(identify(problem, plan.selected).chi2, rel=1e-9)
+
+
+def test_a_start_that_fails_is_helped_and_hopeless_data_are_told() -> None:
+    """Cranks and lengths 20 mm and 5 degrees off; then rods that cannot reach at all."""
+    plan = by_engine_of_five_bar()
+    for seed in (3, 11):
+        start = plan.model.nominal
+        rng = np.random.default_rng(seed)
+        for k, p in enumerate(plan.model.parameters):
+            start[k] += rng.uniform(-1, 1) * (0.02 if p.dimension == "length" else np.radians(5))
+        fit, _ = identify_from(plan, plan.model.names, start, 1, seed)
+        assert fit.status == "converged" and fit.chi2_per_dof < 1.5
+
+
+@cache
+def by_engine_of_five_bar() -> Problem:
+    from pkmcal_cli.calibration.problem import problem_of
+    from pkmcal_cli.loading import load_machine, load_measurements
+
+    loaded = load_machine(str(MACHINES / "five-bar.yaml"))
+    problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "five-bar.csv")]))
+    wide = tuple(replace(p, range=0.02 if p.dimension == "length" else np.radians(5)) for p in problem.model.parameters)
+    return replace(problem, model=replace(problem.model, parameters=wide))
