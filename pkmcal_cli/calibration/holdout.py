@@ -43,7 +43,7 @@ def fold_labels(scheme: str, problem: Problem, measurements: Measurements) -> tu
         if len(np.unique(labels)) < 2:
             raise ValueError("all rows lie in one cell")
         return labels, f"by workspace cell, {len(np.unique(labels))} cells"
-    groups = replicate_groups(problem)
+    groups = problem.clusters.together(replicate_groups(problem))
     folds = int(scheme)
     if folds < 2 or folds > groups.max(initial=0) + 1:
         raise ValueError(f"{folds} folds need at least two and at most as many as distinct poses")

@@ -159,11 +159,7 @@ def _from_steps(fit: Fit, index: Array, steps: Array, blocks: int) -> Intervals:
 def _blocks(problem: Problem, session: Array) -> NDArray[np.intp]:
     """Number of the block of each row (N,): the same pose in the same session; rows that are joined stay together."""
     keys = np.stack([replicate_groups(problem), session], axis=1)
-    label = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
-    for cluster in problem.clusters.groups:
-        for members in cluster if cluster.shape[1] > 1 else ():
-            label[np.isin(label, label[members])] = label[members[0]]
-    return np.asarray(np.unique(label, return_inverse=True)[1].ravel())
+    return problem.clusters.together(np.unique(keys, axis=0, return_inverse=True)[1].ravel())
 
 
 def _unshrunk(rest: Array, q: Array, label: NDArray[np.intp], count: int) -> Array:

@@ -39,6 +39,17 @@ class Clusters:
         members = np.split(order, np.cumsum(sizes)[:-1])
         return cls(tuple(np.array([m for m in members if len(m) == k]) for k in np.unique(sizes)))
 
+    def together(self, label: Index) -> Index:
+        """Labels of rows (N,), those of rows that are joined made one; numbered from 0 in order of appearance."""
+        label = label.copy()
+        for cluster in self.groups:
+            for members in cluster if cluster.shape[1] > 1 else ():
+                label[np.isin(label, label[members])] = label[members[0]]
+        _, first, number = np.unique(label, return_index=True, return_inverse=True)
+        order = np.empty(len(first), dtype=np.intp)
+        order[np.argsort(first)] = np.arange(len(first))
+        return np.asarray(order[number.ravel()])
+
 
 @dataclass(frozen=True)
 class Slopes:
