@@ -86,7 +86,8 @@ def load_parameters(model: Model, path: str | None) -> Start:
     for name, value in read.values.items():
         values[model.names.index(name)] = value
     doubt = () if read.status in (None, "converged") else (f"warning: {path}: the fit ended as `{read.status}`",)
-    return Start(values, {read.file: read.sha256}, doubt, read.covariance)
+    left = (f"note: {path}: values of other sessions are not used: {', '.join(read.others)}",) if read.others else ()
+    return Start(values, {read.file: read.sha256}, (*doubt, *left), read.covariance)
 
 
 def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:

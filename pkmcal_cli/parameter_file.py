@@ -106,7 +106,7 @@ def _number(value: float) -> str:
 class ParameterFile:
     """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum.
 
-    covariance: names and matrix (p, p), SI; None where the file has none.
+    covariance: names and matrix (p, p), SI; None where the file has none. others: values of sessions that are not here.
     """
 
     file: str
@@ -114,6 +114,7 @@ class ParameterFile:
     status: str | None
     sha256: str
     covariance: tuple[tuple[str, ...], Array] | None = None
+    others: tuple[str, ...] = ()
 
 
 def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> ParameterFile:
@@ -133,8 +134,11 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> Paramete
         hint = "a parameter file has a map `parameters:`; `pkmcal calibrate -o FILE` writes one"
         raise BadInput([tree.fault("parameters", "no map `parameters` in this file", (), hint)])
     _unknown_keys(tree, source.root, (), _SECTIONS, faults)
-    values = {}
+    values, others = {}, []
     for name, node in section.value.items():
+        if name not in known and _of_a_session(name, parameters):
+            others.append(name)
+            continue
         if name not in known:
             what = f"the machine has no parameter `{name}`"
             remedy = did_you_mean(name, known, "take it out; is this file of another machine?")
@@ -148,7 +152,14 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> Paramete
     status = head.child("status") if head is not None else None
     covariance = _covariance(source.root.child("correlations"), known)
     ended = None if status is None else str(status.value)
-    return ParameterFile(source.file, values, ended, source.sha256, covariance)
+    return ParameterFile(source.file, values, ended, source.sha256, covariance, tuple(others))
+
+
+def _of_a_session(name: str, parameters: Sequence[ModelParameter]) -> bool:
+    """Whether a parameter is the instance, for a session that is not here, of one that every session has."""
+    shared = name.partition("[")[0]
+    mine = {p.name for p in parameters if p.per_session} | {p.shared_name for p in parameters if p.session}
+    return name.endswith("]") and shared in mine
 
 
 def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) -> tuple[tuple[str, ...], Array] | None:
@@ -158,14 +169,17 @@ def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) ->
     raw = node.plain() if node is not None else None
     if not isinstance(raw, dict) or not {"names", "std", "matrix"} <= raw.keys():
         return None
-    names = tuple(str(n) for n in raw["names"])
+    every = tuple(str(n) for n in raw["names"])
+    keep = [k for k, n in enumerate(every) if n in known]
+    names = tuple(every[k] for k in keep)
     try:
         scale = np.array([parse_unit(known[n].unit or "1").scale for n in names])
         std, matrix = np.array(raw["std"], dtype=float), np.array(raw["matrix"], dtype=float)
     except (KeyError, TypeError, ValueError):
         return None
-    if std.shape != (len(names),) or matrix.shape != (len(names), len(names)):
+    if std.shape != (len(every),) or matrix.shape != (len(every), len(every)):
         return None
+    std, matrix = std[keep], matrix[np.ix_(keep, keep)]
     return names, matrix * np.outer(std * scale, std * scale)
 
 

@@ -44,14 +44,7 @@ def check_sums(result: Mapping[str, Any], true: Mapping[str, float]) -> None:
             assert abs(total["value"] - value) < 4 * total["std"], total
 
 
-PER_SESSION = pytest.mark.xfail(strict=True, reason="starts and derivatives of parameters of single sessions")
-MARKED = [
-    pytest.param(case, id=name, marks=[PER_SESSION] if any("[" in n for n in case.nuisance) else [])
-    for name, case in CASES.items()
-]
-
-
-@pytest.mark.parametrize("case", MARKED)
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 def test_planted_errors_come_back(case: Case, tmp_path: Path) -> None:
     result, true = recovered(case, 1, tmp_path)
     assert {p["name"] for p in result["parameters"]} == {*case.free, *case.nuisance}

@@ -29,7 +29,9 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
         return model
     predicted = predict(model, nominal, rows).values
     for effect in fitted:
-        for name, value in _pose(model, effect, predicted, readings).items():
+        mine = rows.columns.get(f"session.{effect.session}")
+        seen = readings if mine is None else np.where(mine[:, None] > 0, readings, np.nan)
+        for name, value in _pose(model, effect, predicted, seen).items():
             nominal[model.names.index(name)] = value
     return model.with_nominal(nominal)
 
@@ -48,7 +50,7 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
     vector = log(full[None])[0]
     given = {f"t{c}": float(v) for c, v in zip("xyz", shift, strict=False)}
     given |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}
-    by_short = {name.rpartition(".")[2]: name for name in effect.parameters}
+    by_short = {name.rpartition(".")[2].partition("[")[0]: name for name in effect.parameters}
     return {by_short[short]: value for short, value in given.items() if short in by_short}
 
 

@@ -137,10 +137,11 @@ def stated_sigma(model: Model, readings: Array) -> Array:
     """
     out = np.tile([c.sigma for c in model.channels], (len(readings), 1)).reshape(readings.shape)
     for sensor in model.sensors:
-        growth = np.array([model.channels[k].sigma_per_length for k in sensor.channels])
+        mine = [k for k in sensor.channels if model.channels[k].quantity != "orientation"]
+        growth = np.array([model.channels[k].sigma_per_length for k in mine])
         if growth.any():
-            far = np.sqrt(np.nansum(readings[:, sensor.channels] ** 2, axis=1, keepdims=True))
-            out[:, sensor.channels] = np.hypot(out[:, sensor.channels], growth * far)
+            far = np.sqrt(np.nansum(readings[:, mine] ** 2, axis=1, keepdims=True))
+            out[:, mine] = np.hypot(out[:, mine], growth * far)
     return out
 
 

@@ -31,7 +31,7 @@ class Settled:
 
 
 def settle(problem: Problem, values: Array, selected: tuple[str, ...]) -> Settled:
-    """What the data can be asked for at parameter values (P,), if all rows can be predicted there."""
+    """What the data can be asked for at parameter values (P,), if most rows can be predicted there."""
     found = _directions(problem, values, selected)
     if found is None:
         return Settled(selected, None)
@@ -49,12 +49,17 @@ def settle(problem: Problem, values: Array, selected: tuple[str, ...]) -> Settle
 
 
 def _directions(problem: Problem, values: Array, selected: tuple[str, ...]) -> Directions | None:
-    """Null and weak directions; None where rows cannot be predicted, which the fit sees to."""
-    evaluation = evaluate(problem, values, selected)
-    if not selected or not problem.count or not evaluation.solved:
+    """Null and weak directions; None where most rows cannot be predicted, which the fit sees to."""
+    if not selected or not problem.count:
         return None
+    evaluation = evaluate(problem, values, selected)
+    rows = np.nonzero(evaluation.prediction.solved)[0]
+    part = problem if len(rows) == len(problem) else problem.take(rows)
+    if len(rows) < len(problem) / 2 or (problem.measured.any(axis=0) & ~part.measured.any(axis=0)).any():
+        return None  # the others may be those that say where the base is
+    solved = evaluation if part is problem else evaluate(part, values, selected)
     ranges = np.array([problem.model.parameters[problem.model.names.index(n)].range for n in selected])
-    return directions(linearise(problem, evaluation).jacobian, selected, ranges)
+    return directions(linearise(part, solved).jacobian, selected, ranges)
 
 
 def _counts(problem: Problem, found: Directions, datum: Datum | None) -> str:

@@ -248,6 +248,7 @@ Sigma = Annotated[Quantity, Measure(LENGTH, (ANGLE,), sign="+")]
 _MEASURED = (ANGLE, FORCE, TORQUE, STIFFNESS, ROTATIONAL_STIFFNESS, MASS, NUMBER)
 SensorValue = Annotated[Quantity, Measure(LENGTH, _MEASURED)]
 SensorSigma = Annotated[Quantity, Measure(LENGTH, _MEASURED, sign="+")]
+Growth = Annotated[Quantity, Measure(NUMBER, sign="0+")]
 SensorScale = Annotated[Quantity, Measure(NUMBER, (FORCE, TORQUE, LENGTH, ANGLE))]
 
 # --- tuples of them ------------------------------------------------------------------------

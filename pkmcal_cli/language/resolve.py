@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pkmcal_cli.errors import FaultList
+from pkmcal_cli.language.bench_sense import check_bench
 from pkmcal_cli.language.binding import Binder, Slip, article
 from pkmcal_cli.language.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.language.effect_entries import EffectResolver
@@ -68,6 +69,7 @@ class Resolver:
             update={"ranges": ranges, "parameters": {}, "effects": {}},
         )
         made: Machine = replaced(rest, lambda path, draft: bound[path])
+        check_bench(made, parameters, self.source, self.faults)
         turning = frozenset(name for name, a in self.machine.actuators.items() if a.turns is not None)
         effects = EffectResolver(self.units, turning, self.source, self.faults).run(self.machine.effects)
         return filled(made.model_copy(update={"parameters": parameters, "effects": effects}))

@@ -12,6 +12,7 @@ from pkmcal_cli.language.fields import (
     Axis,
     Direction,
     Entity,
+    Growth,
     Number,
     Point,
     SensorScale,
@@ -35,12 +36,10 @@ def _names(raw: Any) -> Any:
     """One name, or a list of names."""
     if isinstance(raw, str):
         return (raw,)
-    if isinstance(raw, list) and raw and all(isinstance(each, str) for each in raw):
+    if isinstance(raw, list | tuple) and raw and all(isinstance(each, str) for each in raw):
         if len(set(raw)) < len(raw):
             raise fault("value", "a point is listed twice")
         return tuple(raw)
-    if isinstance(raw, tuple):
-        return raw
     raise fault("type", f"a point is wanted here, not {kind_of(raw)}", "at: platform")
 
 
@@ -114,7 +113,7 @@ class Sensor(Entity):
     column: str = Field(default="", description="Column of its reading where it reads one; default its name")
     unit: SensorUnit | None = Field(default=None, description="Unit of the column; `1`: plain numbers")
     sigma: SigmaByChannel = Field(description="A value, or by channel: {x: ..., position: ..., orientation: ...}")
-    sigma_per_length: Number | None = Field(
+    sigma_per_length: Growth | None = Field(
         default=None,
         description="Growth of sigma with the distance from the instrument's origin, or the length: 6 um/m",
     )

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 from pkmcal_cli.errors import did_you_mean
-from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, reading_unit
+from pkmcal_cli.language.binding import article
+from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, measured_dimension, reading_unit
 from pkmcal_cli.language.dimensions import NUMBER
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.quantities import Draft
 from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.yaml_tree import Path
 
@@ -34,8 +36,40 @@ def check_sensor(machine: Machine, path: Path, sensor: Sensor, fault: Callable[.
         fault("only a sensor of kind tcp sees several points", (*path, "at"), "at: POINT")
     if sensor.unit is not None and reading_unit(machine, sensor).dimension == NUMBER and sensor.scale is None:
         fault("plain numbers need `scale`, what is measured per unit", (*path, "unit"), "scale: 120 N")
+    _check_geometry(planar, path, sensor, fault)
+    _check_unit(machine, path, sensor, fault)
     _check_sigma(path, sensor, fault)
     _check_correlation(path, sensor, fault)
+
+
+def _constant(value: Any) -> float | None:
+    """The number of a draft that names no parameter, else None."""
+    return value.number if isinstance(value, Draft) and value.tree is None else None
+
+
+def _check_geometry(planar: bool, path: Path, sensor: Sensor, fault: Callable[..., Any]) -> None:
+    if sensor.to is not None and sensor.to in sensor.at:
+        fault(f"it measures from `{sensor.to}` to itself", (*path, "to"), "to: another point")
+    if sensor.axis is not None and planar:
+        fault("in the plane angles are about z", (*path, "axis"), "delete it", at_key=True)
+    elif isinstance(sensor.axis, tuple) and all(_constant(part) == 0.0 for part in sensor.axis):
+        fault("an axis of length 0", (*path, "axis"), "axis: z")
+    if _constant(sensor.scale) == 0.0:
+        fault("a scale of 0 measures nothing", (*path, "scale"), "scale: 1")
+    if sensor.column and any(sensor.reads.values()):
+        fault("its column is named twice", (*path, "column"), "delete `column`, `reads` names it", at_key=True)
+    if kind_of_sensor(sensor).quantity == "bench" and isinstance(sensor.of, Draft) and not sensor.of.names:
+        fault("a constant is known without measuring", (*path, "of"), "of: a parameter, or an expression of some")
+
+
+def _check_unit(machine: Machine, path: Path, sensor: Sensor, fault: Callable[..., Any]) -> None:
+    """A unit of what is measured, or any with a scale."""
+    if sensor.unit is None:
+        return
+    measured, unit = measured_dimension(machine, sensor), reading_unit(machine, sensor)
+    if unit.dimension not in (measured, NUMBER) and sensor.scale is None:
+        hint = f"a unit of {measured}, or `scale`, what is measured per {unit.text}"
+        fault(f"{unit.text} is a unit of {unit.dimension}, but it measures {article(measured)}", (*path, "unit"), hint)
 
 
 def _check_keys(path: Path, sensor: Sensor, fault: Callable[..., Any]) -> None:
@@ -77,3 +111,6 @@ def _check_correlation(path: Path, sensor: Sensor, fault: Callable[..., Any]) ->
         if key not in known:
             hint = did_you_mean(key, known, f"one of {', '.join(known)}" if known else "it needs two channels")
             fault(f"`{key}` is no pair of channels", (*path, "correlation", key), hint, at_key=True)
+        share = _constant(sensor.correlation[key])
+        if share is not None and not -1 < share < 1:
+            fault("a correlation lies between -1 and 1", (*path, "correlation", key), "for example 0.3")

@@ -99,10 +99,10 @@ def _check_tables(
         return {"n_rows": None}, list(error.faults), error.total
     to.notes(measured.notes)
     problem = problem_of(loaded.model, measured)
-    prediction = evaluate(problem, loaded.model.nominal).prediction
+    prediction = evaluate(problem, problem.model.nominal).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    told = measurement_hints(loaded, problem, loaded.model.nominal, measured)
+    told = measurement_hints(loaded, problem, problem.model.nominal, measured)
     hints = [Fault("plausibility", text) for text in told]
     copied = copied_rows(problem, measured)
     for text in copied:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.calibration.problem import stated_sigma
 from pkmcal_cli.errors import UsageError
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.model import Model
@@ -28,6 +29,7 @@ class Noise:
     drives: Array
     silent: Sequence[str]  # channels of declared noise that declare none
     generator: np.random.Generator
+    model: Model | None = None  # whose statements hold, of growth with distance and of correlation
 
     @classmethod
     def of(cls, model: Model, text: str, seed: int) -> Noise:
@@ -48,11 +50,22 @@ class Noise:
             if not any(fits) or value < 0:
                 raise UsageError(f"--noise: `{text}` fits no channel", hint=_HINT)
             channels[fits] = value
-        return cls(channels, drives, silent, np.random.default_rng(seed))
+        stated = model if text == "declared" else None
+        return cls(channels, drives, silent, np.random.default_rng(seed), stated)
 
     def draw(self, rows: Rows) -> tuple[Rows, Array]:
-        """Where the drives really stand when they read `rows`, and the channels' noise (N, C)."""
+        """Where the drives really stand when they read `rows`, and the channels' noise (N, C), see `of_channels`."""
         count = len(rows)
         drawn = self.generator.normal(size=(count, len(self.drives) + len(self.channels)))
         moved = drawn[:, : len(self.drives)] * self.drives
-        return rows.moved(moved), drawn[:, len(self.drives) :] * self.channels
+        return rows.moved(moved), drawn[:, len(self.drives) :]
+
+    def of_channels(self, drawn: Array, readings: Array) -> Array:
+        """Noise (N, C) of readings (N, C) from standard normal numbers (N, C): as large, and as alike, as is stated."""
+        if self.model is None:
+            return drawn * self.channels
+        sigma = np.nan_to_num(stated_sigma(self.model, readings))
+        alike = np.eye(len(self.channels))
+        for a, b, share in self.model.correlated:
+            alike[a, b] = alike[b, a] = share
+        return np.asarray(drawn @ np.linalg.cholesky(alike).T * sigma)

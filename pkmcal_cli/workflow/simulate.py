@@ -169,7 +169,7 @@ class _Work:
         tally.fail(block, reasons | block.lost)
         good = np.nonzero(found.solved)[0]
         rows = reachable[good]
-        readings = found.values[good] + disturbed[rows]
+        readings = found.values[good] + self.noise.of_channels(disturbed[rows], found.values[good])
         tally.add(readings)
         ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
         tally.seen += len(block)
