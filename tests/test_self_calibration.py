@@ -1,0 +1,88 @@
+"""Anchors of machines that measure themselves, on readings of an independent simulator, and on real ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests import hangprinter_alone as real
+from tests.self_calibration_cases import CASES, OTHERS, SEEDS, calibrated, disagreement, summary
+from tests.self_calibration_page import renewed
+
+LOST = (("drums", 9), ("heavy", 11))
+"""Cases and seeds in which a row cannot be predicted at the drawing."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_anchors_are_found(name: str) -> None:
+    """To four standard uncertainties (0.05 % of all that are fitted for 90 coordinates have more); chi-square as noise
+    makes it, within four of its standard deviations (there are 40 degrees of freedom and more)."""
+    case = CASES[name]
+    found = calibrated(case, 0)
+    assert found.status == "converged"
+    assert np.abs(found.scores(case)).max() < 4
+    assert len(found.anchors(case)) == len(case.anchors) * len(case.axes) - len(held(name))
+    assert found.chi2_per_dof == pytest.approx(1, abs=4 * np.sqrt(2 / 40))
+
+
+def held(name: str) -> tuple[str, ...]:
+    """What is held of the datum that the case declares."""
+    return {"heavy": ("Ax",)}.get(name, CASES[name].datum)
+
+
+@pytest.mark.parametrize(("name", "other"), [(n, o) for n, others in OTHERS.items() for o in others], ids=str)
+def test_the_choice_of_inputs_does_not_matter(name: str, other: dict[str, float]) -> None:
+    """To first order: 5 % of a standard uncertainty are left for what a known error of the drawing bends."""
+    assert disagreement(name, 0, other) < 0.05
+
+
+@pytest.mark.parametrize(("name", "seed"), LOST)
+def test_the_datum_is_held_though_a_row_fails_at_the_drawing(name: str, seed: int) -> None:
+    case = CASES[name]
+    assert np.isfinite(calibrated(case, seed).scores(case)).all()
+
+
+@pytest.mark.slow
+def test_twenty_seeds_of_every_case() -> None:
+    """99 % of the coordinates are within three standard uncertainties."""
+    every = {name: summary(case, range(SEEDS)) for name, case in CASES.items()}
+    scores = np.concatenate([s.scores for s in every.values()])
+    assert all(s.converged == SEEDS for s in every.values())
+    assert (np.abs(scores) <= 3).mean() >= 0.99
+    for s in every.values():
+        assert s.chi2_per_dof.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / 40 / SEEDS))
+
+
+def test_tables_are_put_between_their_markers() -> None:
+    page = "a\n<!-- few -->\nold\n<!-- end -->\nb\n<!-- cases -->\n<!-- end -->\n"
+    assert renewed(page, {"few": "new\n"}) == page.replace("old", "new")
+
+
+# the real machine -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("session", [real.SESSIONS[0], pytest.param(real.SESSIONS[1], marks=pytest.mark.slow)])
+def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
+    """Within three standard uncertainties: twelve numbers, of which at most two may be above 1.5."""
+    result = real.alone(session)
+    assert result["status"] == "converged"
+    assert tuple(result["datum"]) == real.DATUM
+    score = np.abs([row[-1] for row in real.apart(session).values()])
+    assert len(score) == 11
+    assert score.max() < 3
+    assert np.sort(score)[-3] < 1.5
+
+
+def test_nine_known_positions_predict_the_other_thirty_two() -> None:
+    """6.1 mm; eight positions do so within 10 %, whichever they are."""
+    known, rms, good = real.withheld(0)
+    assert known == 9
+    assert good < rms <= 6.1
+    assert max(real.withheld(first)[1] for first in (1, 4)) < 1.1 * 6.1
+
+
+@pytest.mark.slow
+def test_the_bad_row_is_the_first_outlier() -> None:
+    outliers = real.by_camera(real.SESSIONS[1], "tukey")["outliers"]
+    assert outliers[0]["line"] == real.BAD_LINE
+    assert abs(outliers[0]["deviation"]) > 1.5 * abs(outliers[1]["deviation"])
