@@ -92,7 +92,8 @@ class Chain:
         asked = [shared[name] for name in request.parameters]
         parts = []
         for session, numbers in zip(model.sessions or ("",), model.by_session(values), strict=True):
-            full = model.layout.slots.jacobian(numbers, [name for name, _ in asked])
+            names = list(dict.fromkeys(name for name, _ in asked))  # instances of one parameter share a column
+            full = model.layout.slots.jacobian(numbers, names)[:, [names.index(name) for name, _ in asked]]
             parts.append(full * np.array([mine in ("", session) for _, mine in asked], dtype=float))
         every = np.stack(parts)
         used = np.nonzero(every.any(axis=(0, 2)))[0]
