@@ -16,7 +16,7 @@ from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import drive_travels
 from pkmcal_cli.rotation import Array
 
-KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "length")
+KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "bench", "length")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
         squares = _of_points(problem, evaluation, kind)
         if len(squares):
             out[kind] = _figures(kind, squares, "length" if kind == "position" else "angle")
-    for kind in ("distance", "angle", "drive", "force"):
+    for kind in ("distance", "angle", "drive", "force", "bench"):
         columns = [k for k, c in enumerate(channels) if c.quantity == kind]
         columns = [k for k in columns if channels[k].dimension == channels[columns[0]].dimension]
         on = problem.measured[:, columns]

@@ -50,7 +50,8 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
     vector = log(full[None])[0]
     given = {f"t{c}": float(v) for c, v in zip("xyz", shift, strict=False)}
     given |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}
-    by_short = {name.rpartition(".")[2].partition("[")[0]: name for name in effect.parameters}
+    tail = f"[{effect.session}]"
+    by_short = {name.removesuffix(tail).rpartition(".")[2]: name for name in effect.parameters}
     return {by_short[short]: value for short, value in given.items() if short in by_short}
 
 

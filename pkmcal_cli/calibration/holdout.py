@@ -90,11 +90,23 @@ def cross_validate(problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme:
         trained = identify(problem.take(outside), fit.selected, start=fit.before.values)
         failed += trained.status != "converged"
         part = problem.take(inside)
-        predicted = evaluate(part, trained.values)
+        own = _unknown_to(problem.take(outside), part)
+        values = identify(part, own, trained.values).values if own else trained.values
+        predicted = evaluate(part, values)
         residual[inside] = predicted.residual
         lengths.append((part, predicted))
     after = pooled([error_figures(p, e) for p, e in lengths])
     return HeldOut(error_figures(problem, fit.before), after, scheme, len(folds), failed)
+
+
+def _unknown_to(trained: Problem, part: Problem) -> tuple[str, ...]:
+    """What sessions of held-out rows have for themselves, when no row of these sessions was fitted."""
+    names = part.model.sessions
+    if not names:
+        return ()
+    there = {names[k] for k in np.unique(part.rows.session_numbers(names))}
+    fitted = {names[k] for k in np.unique(trained.rows.session_numbers(names))}
+    return tuple(p.name for p in part.model.parameters if p.session in there - fitted)
 
 
 def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
@@ -102,7 +114,8 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
 
     model: that of the fit, whose sessions may be others.
     """
-    own = tuple(p.name for p in problem.model.parameters if p.session and p.session not in model.sessions)
+    parameters = problem.model.parameters
+    own = tuple(p.name for p in parameters if p.per_session or (p.session and p.session not in model.sessions))
     figures = []
     for values, reachable in ((fit.before.values, False), (fit.values, True)):
         known = dict(zip(model.names, values, strict=True))

@@ -98,7 +98,7 @@ FRAMES = Literal["machine", "fitted", "fitted per session"]
 
 
 class Sensor(Entity):
-    """An instrument; `sigma` is its stated standard uncertainty. Which keys go with a kind: `docs/sensors.md`."""
+    """An instrument; `sigma` is its stated standard uncertainty. Which keys go with which kind: README.md."""
 
     kind: KindOfSensor = Field(default="tcp", description="What it measures")
     at: Points = Field(default=(), description="Body, body's point or node that is measured; tcp: or a list of them")

@@ -31,7 +31,11 @@ def check_sensor(machine: Machine, path: Path, sensor: Sensor, fault: Callable[.
         if planar and channel not in PLANAR:
             fault(f"there is no `{channel}` in the plane", (*path, "reads"), "one of `x`, `y`, `rz`")
         elif kind.channels != ("",) and channel not in kind.channels:
-            fault(f"a sensor of kind {kind.keyword} does not read `{channel}`", (*path, "reads"), "reads: [z]")
+            fault(
+                f"a sensor of kind {kind.keyword} does not read `{channel}`",
+                (*path, "reads"),
+                f"reads: [{kind.normal[planar] or kind.channels[0]}]",
+            )
     if len(sensor.at) > 1 and sensor.kind != "tcp":
         fault("only a sensor of kind tcp sees several points", (*path, "at"), "at: POINT")
     if sensor.unit is not None and reading_unit(machine, sensor).dimension == NUMBER and sensor.scale is None:

@@ -46,7 +46,12 @@ class Audit:
         name, size = d.moved
         changes = f"{name} by {size:+.2g} std" if name else ""
         weight = f"{d.weight:.2g}"
-        return str(self.place(d.row)), channel.name, off, f"{d.deviation:+.1f}", weight, f"{d.leverage:.2f}", changes
+        return self._where(d), channel.name, off, f"{d.deviation:+.1f}", weight, f"{d.leverage:.2f}", changes
+
+    def _where(self, d: Doubtful) -> str:
+        """The row; what was measured once stands in the machine file."""
+        once = self.model.channels[d.channel].quantity == "bench"
+        return self.model.name if once else str(self.place(d.row))
 
     def residual(self, d: Doubtful) -> float:
         """Measured less predicted, SI."""
@@ -57,11 +62,13 @@ class Audit:
         out = []
         for d in self.found.doubtful:
             place, channel = self.place(d.row), self.model.channels[d.channel]
+            if channel.quantity == "bench":
+                place = Place(self.model.name, 0, "")
             unit = parse_unit(channel.unit)
             out.append(
                 {
                     "file": place.file,
-                    "line": place.line,
+                    "line": place.line or None,
                     "id": place.id or None,
                     "channel": channel.name,
                     "residual": self.residual(d) / unit.scale,

@@ -106,7 +106,8 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         check_target(request.output, force=request.force)
         no_input(request.output, [request.machine, *request.measurements])
     loaded = load_machine(request.machine)
-    selection(loaded.model, request.select)
+    if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
+        selection(loaded.model, request.select)
     measured = load_measurements(loaded, request.measurements)
     problem = problem_of(loaded.model, measured)
     selected = selection(problem.model, request.select)
