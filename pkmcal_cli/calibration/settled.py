@@ -32,7 +32,7 @@ class Settled:
 
 def settle(problem: Problem, values: Array, selected: tuple[str, ...]) -> Settled:
     """What the data can be asked for at parameter values (P,), if most rows can be predicted there."""
-    found = _directions(problem, values, selected)
+    found, whole = _directions(problem, values, selected)
     if found is None:
         return Settled(selected, None)
     datum = datum_of(problem.model, values, found)
@@ -42,24 +42,24 @@ def settle(problem: Problem, values: Array, selected: tuple[str, ...]) -> Settle
         left = ", ".join(datum.gauge.motions)
         what = f"these data do not say where the base is ({left}); {_counts(problem, found, datum)}"
         return Settled(rest, datum, what, f"state what defines the base: `datum: [{', '.join(datum.proposed)}]`")
-    if problem.count < len(rest):
+    if problem.count < len(rest) and whole:  # else the fit tells which rows cannot be predicted
         what = f"too few equations: {_counts(problem, found, datum)}; not seen: {_listed(found)}"
         return Settled(rest, datum, what, "measure more, or identify less (`--select`)")
     return Settled(rest, datum)
 
 
-def _directions(problem: Problem, values: Array, selected: tuple[str, ...]) -> Directions | None:
-    """Null and weak directions; None where most rows cannot be predicted, which the fit sees to."""
+def _directions(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[Directions | None, bool]:
+    """Null and weak directions, None where most rows cannot be predicted; whether all can."""
     if not selected or not problem.count:
-        return None
+        return None, False
     evaluation = evaluate(problem, values, selected)
     rows = np.nonzero(evaluation.prediction.solved)[0]
     part = problem if len(rows) == len(problem) else problem.take(rows)
     if len(rows) < len(problem) / 2 or (problem.measured.any(axis=0) & ~part.measured.any(axis=0)).any():
-        return None  # the others may be those that say where the base is
+        return None, False  # the others may be those that say where the base is
     solved = evaluation if part is problem else evaluate(part, values, selected)
     ranges = np.array([problem.model.parameters[problem.model.names.index(n)].range for n in selected])
-    return directions(linearise(part, solved).jacobian, selected, ranges)
+    return directions(linearise(part, solved).jacobian, selected, ranges), part is problem
 
 
 def _counts(problem: Problem, found: Directions, datum: Datum | None) -> str:
