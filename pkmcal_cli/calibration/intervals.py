@@ -62,10 +62,12 @@ def profile_intervals(
     """Where chi-square has grown by 1.96 squared; directions that are held stay as their ranges say."""
     prior = _joined(problem.prior, fit, index)
     given = replace(problem, prior=prior)
-    std = fit.std
     low_high = np.full((len(fit.selected), 2), np.nan)
+    std, spread, lost = fit.std, fit.found.spread, []
+    if fit.found.held.any():  # with what ranges say, the best fit lies elsewhere
+        fit = identify(given, fit.selected, fit.values, shift=fit.shift)
+        fit = replace(fit, found=replace(fit.found, spread=spread))
     best = linearise(given, fit.last).chi2
-    lost = []
     for k, name in enumerate(fit.selected):
         if not np.isfinite(std[k]):
             continue

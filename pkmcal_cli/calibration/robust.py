@@ -103,7 +103,7 @@ def _deviations(problem: Problem, fit: Fit) -> tuple[Array, Array]:
 def _spread(loss: Loss, problem: Problem, fit: Fit, scale: Array) -> float:
     """What the variances of the weighted fit must be multiplied by (Huber 1981, 7.6: the sandwich, averaged).
 
-    mean(psi^2) / (mean(psi') mean(w)), of all values that have not been left out.
+    mean(w) mean(psi^2) / mean(psi')^2 times the square of the scale, of all values that have not been left out.
     """
     white, _ = _deviations(problem, fit)
     on = problem.measured
