@@ -34,6 +34,8 @@ from pkmcal_cli.report.parameters import (
 from pkmcal_cli.report.replicates import show_replicates
 from pkmcal_cli.words import count
 
+_FAR = 5.0  # ranges off nominal from which on a value is worth a word
+
 
 class CalibrationReport:
     """One calibration, ready to be shown."""
@@ -128,6 +130,9 @@ class CalibrationReport:
         if weak:
             held = f"{count(weak, 'weak combination')} held"
             to.say(f"{held}; the ranges are in the uncertainties (see `pkmcal observability`)")
+        if far := [f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in selected if _far(r)]:
+            hint = "a wrong unit, a missing effect, or the wrong one of several minima (`--starts 10` looks for others)"
+            to.warn(f"warning: many ranges off nominal: {', '.join(far)}: {hint}")
         to.say()
         self._show_errors(to)
         self.audit.show(to)
@@ -201,6 +206,11 @@ class CalibrationReport:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified) for r in self.rows]
         return dump_parameters(entries, _correlations(self.model, self.fit), provenance)
+
+
+def _far(row: ParameterRow) -> bool:
+    """Whether a value is further off than anybody believed."""
+    return abs(row.value - row.nominal) > _FAR * row.range
 
 
 def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
