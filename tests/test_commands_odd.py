@@ -76,7 +76,7 @@ def test_outputs_that_cannot_be_written(target: str) -> None:
     Path("folder").mkdir()
     Path("there.yaml").write_text("")
     Path("t.csv").write_text(TABLES["measured"])
-    for command in (["simulate", TRIGLIDE, "t.csv"], ["calibrate", TRIGLIDE, "t.csv"], ["schema"]):
+    for command in (["simulate", TRIGLIDE, "t.csv"], ["calibrate", TRIGLIDE, "t.csv", "--select", "l1,l2"], ["schema"]):
         done = clean(run(*command, "-o", target))
         assert done.code == 4 and "error[output]" in done.err and done.out == ""
 

@@ -151,7 +151,7 @@ def test_verdicts_and_exit_codes(
     def hurried(problem: Problem, selected: tuple[str, ...], start: Array | None = None) -> object:
         return identify(problem, selected, start, iterations=1)
 
-    monkeypatch.setattr("pkmcal_cli.workflow.calibrate.identify", hurried)
+    monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", hurried)
     assert run(command) == 1
     assert json.loads(capsys.readouterr().out)["status"] == "not_converged"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import poisson
+from scipy.special import pdtrc
 
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.language.unit_text import parse_unit
@@ -28,7 +28,7 @@ def copies(problem: Problem) -> list[tuple[int, ...]]:
     if not found:
         return []
     expected = _pairs(pose) * _coincidence(problem, read)
-    if poisson.sf(found - 1, expected) > _CHANCE:
+    if found < 1 or float(pdtrc(found - 1, expected)) > _CHANCE:
         return []
     order = np.argsort(whole, kind="stable")
     groups = np.split(rows[order], np.nonzero(np.diff(whole[order]))[0] + 1)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtr, chdtrc
 
 from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.fit import Fit
@@ -92,7 +92,7 @@ def _noise(
     mean = np.bincount(place, residual) / size
     rest = (residual - mean[place])[many]
     low, high = (_weighed(place[many], residual[many], s[many], len(numbers)) for s in (sigma, spread))
-    p = 2 * min(float(chi2.cdf(low, freedom)), float(chi2.sf(high, freedom)))
+    p = 2 * min(float(chdtr(freedom, low)), float(chdtrc(freedom, high)))
     std = float(np.sqrt((rest**2).sum() / freedom))
     return int((size > 1).sum()), freedom, std, float(np.sqrt(np.mean(sigma[many] ** 2))), min(1.0, p)
 
