@@ -9,7 +9,6 @@ Newton; it needs no sigma and no independence within blocks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,7 +19,7 @@ from scipy.special import stdtrit
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.prior import Prior, prior_of_held
+from pkmcal_cli.calibration.prior import prior_of_held
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.rotation import Array
@@ -56,15 +55,14 @@ def linear_intervals(fit: Fit, index: Array) -> Intervals:
 # --- profile ---------------------------------------------------------------------------------------------------------
 
 
-def profile_intervals(
-    problem: Problem, fit: Fit, index: Array, progress: Callable[[int], None] | None = None
-) -> Intervals:
+def profile_intervals(problem: Problem, fit: Fit, index: Array) -> Intervals:
     """Where chi-square has grown by 1.96 squared; directions that are held stay as their ranges say."""
-    prior = _joined(problem.prior, fit, index)
-    given = replace(problem, prior=prior)
+    given = problem
+    if problem.prior is None and fit.found.held.any():  # a prior of its own leaves no direction to be held
+        given = replace(problem, prior=prior_of_held(fit.found, fit.values[index]))
     low_high = np.full((len(fit.selected), 2), np.nan)
     std, spread, lost = fit.std, fit.found.spread, []
-    if fit.found.held.any():  # with what ranges say, the best fit lies elsewhere
+    if given is not problem:  # with what ranges say, the best fit lies elsewhere
         fit = identify(given, fit.selected, fit.values, shift=fit.shift)
         fit = replace(fit, found=replace(fit.found, spread=spread))
     best = linearise(given, fit.last).chi2
@@ -77,23 +75,8 @@ def profile_intervals(
             if np.isnan(end):
                 lost.append(name)
             low_high[k, side] = end
-        if progress is not None:
-            progress(k + 1)
     remark = f"no end of the profile was found for {', '.join(dict.fromkeys(lost))}" if lost else ""
     return Intervals("profile", low_high, (low_high[:, 1] - low_high[:, 0]) / (2 * COVER), remark)
-
-
-def _joined(prior: Prior | None, fit: Fit, index: Array) -> Prior | None:
-    """What is known already, and that what is held stays near where it is held."""
-    if not fit.found.held.any():
-        return prior
-    held = prior_of_held(fit.found, fit.values[index])
-    if prior is None:
-        return held
-    names = fit.selected
-    rows = np.vstack([prior.columns(names), held.rows])
-    centre = np.array([prior.centre[prior.names.index(n)] if n in prior.names else 0.0 for n in names])
-    return Prior(names, np.vstack([rows[: len(prior.rows)], held.rows]), np.where(centre == 0.0, held.centre, centre))
 
 
 def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> float:
@@ -101,7 +84,7 @@ def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> fl
     others = tuple(n for n in fit.selected if n != name)
     place = problem.model.names.index(name)
     aim = COVER * float(np.sqrt(fit.found.spread))
-    start, step, before = fit.values, COVER * std * 1.0, (0.0, 0.0)
+    start, step, before = fit.values, COVER * std, (0.0, 0.0)
     for _ in range(_TRIALS):
         values = start.copy()
         values[place] = fit.values[place] + step
