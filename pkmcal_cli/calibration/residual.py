@@ -60,13 +60,23 @@ def evaluate(
 
 def residuals(problem: Problem, predicted: Array) -> Array:
     """Measured minus predicted (N, C), zero where not measured; turns compared by the shorter way."""
-    measured = problem.readings.copy()
-    turning = [k for k, c in enumerate(problem.model.channels) if c.quantity == "orientation"]
-    if len(turning) == 3:
-        measured[:, turning] = _nearest_turn(measured[:, turning], predicted[:, turning])
-    elif problem.model.layout.planar:
-        measured[:, turning] -= 2 * np.pi * np.round((measured[:, turning] - predicted[:, turning]) / (2 * np.pi))
+    model, measured = problem.model, problem.readings.copy()
+    for sensor in model.sensors:
+        turning = [channel for channel, _ in sensor.turns]
+        if len(turning) == 3:
+            measured[:, turning] = _nearest_turn(measured[:, turning], predicted[:, turning])
+        elif model.layout.planar:
+            measured[:, turning] = _nearest(measured[:, turning], predicted[:, turning], 2 * np.pi)
+        if sensor.kind.quantity == "angle":
+            scale = float(model.layout.slots.constants[sensor.given["scale"].slots[0]])  # rad per unit of the reading
+            mine = sensor.channels
+            measured[:, mine] = _nearest(measured[:, mine], predicted[:, mine], 2 * np.pi / scale)
     return np.where(problem.measured, np.nan_to_num(measured) - predicted, 0.0)
+
+
+def _nearest(measured: Array, predicted: Array, turn: float) -> Array:
+    """Readings less as many turns as bring them nearest to the prediction."""
+    return np.asarray(measured - turn * np.round((measured - predicted) / turn))
 
 
 def _nearest_turn(measured: Array, predicted: Array) -> Array:
