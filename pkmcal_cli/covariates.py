@@ -34,7 +34,7 @@ def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
 def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     """Rows with `dir.ACTUATOR` for every drive; a given direction stays, an empty or missing one is derived."""
     columns = dict(rows.columns)
-    derived = directions(rows.readings, _sessions(rows))
+    derived = directions(rows.readings, rows.session)
     for a, name in enumerate(names):
         given = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
         columns[f"dir.{name}"] = np.where(np.isnan(given), derived[:, a], given)
@@ -61,12 +61,6 @@ def resting(model: Model) -> str:
 def _resting(model: Model) -> dict[str, tuple[str, float, str]]:
     needs = {need for e in model.effects for need in e.effect.needs}
     return {need: rest for need, rest in _REST.items() if need in needs}
-
-
-def _sessions(rows: Rows) -> NDArray[np.int64]:
-    """Number (N,) of the session of each row."""
-    flags = [column for name, column in rows.columns.items() if name.startswith("session.")]
-    return np.argmax(np.nan_to_num(flags), axis=0) if flags else np.zeros(len(rows), dtype=np.int64)
 
 
 def directions(readings: Array, session: NDArray[np.int64]) -> Array:

@@ -120,6 +120,11 @@ class Model:
         """Half-widths (P,), SI."""
         return np.array([p.range for p in self.parameters])
 
+    @property
+    def gains(self) -> Array:
+        """Travel per reading of each drive (A,), without sign, at nominal parameters."""
+        return np.abs(self.layout.slots.constants[[a.gain_slot for a in self.actuators]])
+
     def by_name(self, values: Array) -> Mapping[str, float]:
         """Values (P,) as a mapping; those of the first session also by their shared names."""
         return self.by_session(values)[0]

@@ -116,3 +116,11 @@ def log_jacobian(theta: Array) -> Array:
     c = np.where(small, 1 / 12 + angle2 / 720, 1 / safe - (1 + np.cos(a)) / (2 * a * np.sin(a)))
     k = skew(theta)
     return np.asarray(np.eye(3) - 0.5 * k + c[..., None, None] * (k @ k))
+
+
+def best_rotation(here: Array, there: Array) -> Array:
+    """The rotation (d, d) that brings centred points `here` (n, d) closest to `there` (Kabsch 1976); never a mirror."""
+    left, _, right = np.linalg.svd(here.T @ there)
+    mirror = np.ones(here.shape[1])
+    mirror[-1] = np.sign(np.linalg.det(left @ right))
+    return np.asarray(right.T @ np.diag(mirror) @ left.T)

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.frame_start import _rotation
-from pkmcal_cli.rotation import exp
+from pkmcal_cli.rotation import best_rotation, exp
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
 
 TURN, SHIFT = np.radians(137.0), np.array([2500.0, -1200.0, 700.0])  # mm
@@ -61,7 +60,7 @@ def test_points_of_a_plane_are_turned_not_mirrored() -> None:
         axis = rng.normal(size=(1, 3))
         (turn,) = exp(axis)
         here = np.column_stack([rng.normal(size=(8, 2)), np.zeros(8)])
-        found = _rotation(here, here @ turn.T + 1e-6 * rng.normal(size=(8, 3)))
+        found = best_rotation(here, here @ turn.T + 1e-6 * rng.normal(size=(8, 3)))
         assert found == pytest.approx(turn, abs=1e-4)
 
 

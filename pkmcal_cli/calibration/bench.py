@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.calibration.identifiability import Directions, combinations
+from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
 from pkmcal_cli.model import Model
-from pkmcal_cli.rotation import Array
 
 _SHARE = 5.0  # a part of its range to which a length can be measured by hand
 
@@ -49,22 +48,14 @@ def _proposal(model: Model, found: Directions, name: str, others: tuple[str, ...
         return None
     sigma = _rounded(float(found.ranges[k]) / _SHARE)
     row = np.zeros(len(found.names))
-    row[k] = found.ranges[k] / sigma
+    row[k] = 1.0 / sigma
     before = found.std_of_data()
-    after = _std(np.vstack([found.singular_values[:, None] * found.vectors, row])) * found.ranges
+    jacobian = found.singular_values[:, None] * found.vectors / found.ranges
+    after = directions(np.vstack([jacobian, row]), found.names, found.ranges).std_of_data()
     ordered = [name, *(n for n in others if n != name)]
     index = [found.names.index(n) for n in ordered]
     gains = tuple((n, _finite(before[i]), _finite(after[i])) for n, i in zip(ordered, index, strict=True))
     return BenchProposal(name, sigma, gains)
-
-
-def _std(scaled: Array) -> Array:
-    """Standard uncertainties (p,) in ranges of a scaled Jacobian (n, p); nan where not seen."""
-    _, s, vt = np.linalg.svd(scaled, full_matrices=False)
-    seen = s > 0.01
-    out = np.sqrt((1.0 / np.where(seen, s, np.inf) ** 2) @ vt**2)
-    out[(vt[~seen] ** 2).sum(axis=0) > 1e-6] = np.nan
-    return np.asarray(out)
 
 
 def _finite(value: float) -> float:

@@ -19,8 +19,8 @@ class Fit:
     """Result of an identification.
 
     values (P,): all parameters, SI; selected: names identified; found: directions at the solution; chi2 and dof of
-    the weighted residuals; status
-    "converged", "not_converged" or "nothing_identifiable"; at_bound: names of selected parameters on a bound.
+    the weighted residuals; status "converged", "not_converged" or "nothing_identifiable"; at_bound: names of
+    selected parameters on a bound.
     """
 
     values: Array

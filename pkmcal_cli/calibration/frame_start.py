@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array, log
+from pkmcal_cli.rotation import Array, best_rotation, log
 from pkmcal_cli.sockets import PlacedEffect
 from pkmcal_cli.views import PlacedSensor
 
@@ -43,7 +43,7 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
     here, there = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     if len(here) < _FEWEST:
         return {}
-    turn = _rotation(here - here.mean(axis=0), there - there.mean(axis=0))
+    turn = best_rotation(here - here.mean(axis=0), there - there.mean(axis=0))
     shift = there.mean(axis=0) - turn @ here.mean(axis=0)
     full = np.eye(3)
     full[:axes, :axes] = turn
@@ -62,14 +62,6 @@ def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) 
         return np.zeros((0, axes)), np.zeros((0, axes))
     known = np.isfinite(readings[:, channels]).all(axis=1) & np.isfinite(predicted[:, channels]).all(axis=1)
     return predicted[known][:, channels], readings[known][:, channels]
-
-
-def _rotation(here: Array, there: Array) -> Array:
-    """The rotation (d, d) that brings centred points `here` (n, d) closest to `there`."""
-    left, _, right = np.linalg.svd(here.T @ there)
-    mirror = np.ones(here.shape[1])
-    mirror[-1] = np.sign(np.linalg.det(left @ right))
-    return np.asarray(right.T @ np.diag(mirror) @ left.T)
 
 
 def at_frames(given: Array, declared: Model, placed: Model) -> Array:

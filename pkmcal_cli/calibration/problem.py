@@ -55,6 +55,11 @@ class Problem:
         held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled and not d.redundant]
         return np.asarray(self.rows.readings[:, held])
 
+    @property
+    def reading_sigma(self) -> Array:
+        """Standard uncertainty of the drive readings (N, A) from that of their travel."""
+        return np.asarray(self.drive_sigma / self.model.gains)
+
     @cached_property
     def clusters(self) -> Clusters:
         """Rows that measurements join."""

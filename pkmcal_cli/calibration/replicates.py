@@ -112,8 +112,7 @@ def _residual(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     found = evaluate(problem, fit.values, (), fit.after.state)
     slopes = found.prediction.by_drive
     assert slopes is not None
-    gain = np.array([abs(problem.model.layout.slots.constants[a.gain_slot]) for a in problem.model.actuators])
-    error = np.nan_to_num(slopes) * (problem.drive_sigma / gain)[:, None, :]
+    error = np.nan_to_num(slopes) * problem.reading_sigma[:, None, :]
     return found.residual, np.asarray((error**2).sum(axis=2))
 
 

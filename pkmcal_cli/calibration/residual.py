@@ -8,12 +8,13 @@ machine are taken as inputs.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.whitening import Index, Slopes, whiten
+from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.prediction import Prediction, Request, predict
 from pkmcal_cli.rotation import Array
@@ -133,17 +134,12 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     found = evaluation.prediction
     assert found.by_drive is not None and found.jacobian is not None
     free = 1.0 / (1.0 + damping)
-    sigma = _reading_sigma(problem) * np.sqrt(free)  # (N, A)
-    slopes = Slopes(np.nan_to_num(found.by_drive), found.by_partner, problem.rows.partner)
     residual = np.zeros(problem.readings.shape)
     jacobian = np.zeros(found.jacobian.shape)
     moved = np.where(problem.measured[:, :, None], found.jacobian, 0.0)
     drives = []
-    for part in whiten(problem.clusters, slopes, problem.noise, sigma, problem.measured):
-        m, k = part.cluster.shape
-        back = part.slopes @ (free * evaluation.shift)[part.cluster].reshape(m, -1, 1)
-        rest = evaluation.residual[part.cluster].reshape(m, -1, 1) + back
-        residual[part.cluster] = (part.weights @ rest).reshape(m, k, -1)
+    for part, rest in _whitened(problem, evaluation, free):
+        residual[part.cluster] = rest
         jacobian[part.cluster] = part.apply(moved)
         drives.append((part.cluster, part.drives))
     root = None if problem.weight is None else np.sqrt(problem.weight)
@@ -202,26 +198,26 @@ def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
 
 def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     """Residuals (N, C) in standard uncertainties, of an evaluation with derivatives by drives; without weights."""
-    found = evaluation.prediction
-    assert found.by_drive is not None
-    slopes = Slopes(np.nan_to_num(found.by_drive), found.by_partner, problem.rows.partner)
     out = np.zeros(problem.readings.shape)
-    for part in whiten(problem.clusters, slopes, problem.noise, _reading_sigma(problem), problem.measured):
-        m, k = part.cluster.shape
-        back = part.slopes @ evaluation.shift[part.cluster].reshape(m, -1, 1)
-        rest = evaluation.residual[part.cluster].reshape(m, -1, 1) + back
-        out[part.cluster] = (part.weights @ rest).reshape(m, k, -1)
+    for part, rest in _whitened(problem, evaluation, 1.0):
+        out[part.cluster] = rest
     return out
 
 
+def _whitened(problem: Problem, evaluation: Evaluation, free: float) -> Iterator[tuple[Whitened, Array]]:
+    """Weights of all clusters of rows, and residuals W (r + G shift), (M, k, C); `free`: share of S_q that is left."""
+    found = evaluation.prediction
+    assert found.by_drive is not None
+    slopes = Slopes(np.nan_to_num(found.by_drive), found.by_partner, problem.rows.partner)
+    sigma = problem.reading_sigma * np.sqrt(free)  # (N, A)
+    for part in whiten(problem.clusters, slopes, problem.noise, sigma, problem.measured):
+        m, k = part.cluster.shape
+        back = part.slopes @ (free * evaluation.shift)[part.cluster].reshape(m, -1, 1)
+        rest = evaluation.residual[part.cluster].reshape(m, -1, 1) + back
+        yield part, (part.weights @ rest).reshape(m, k, -1)
+
+
 def _drive_chi_square(problem: Problem, evaluation: Evaluation) -> float:
-    sigma = _reading_sigma(problem)
+    sigma = problem.reading_sigma
     drive = np.where(sigma > 0, evaluation.shift / np.where(sigma > 0, sigma, 1.0), 0.0)
     return float((drive**2).sum())
-
-
-def _reading_sigma(problem: Problem) -> Array:
-    """Standard uncertainty of the drive readings (N, A) from that of their travel."""
-    slots = problem.model.layout.slots.constants
-    gain = np.array([abs(slots[a.gain_slot]) for a in problem.model.actuators])
-    return np.asarray(problem.drive_sigma / gain)

@@ -17,7 +17,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.rotation import Array
 
 _SAME_CHI2 = 1e-3  # of chi-square, or of one, within which ends are the same
-_SAME_PLACE = 0.1  # standard uncertainties
 ON_FAILURE = 8  # starts that are tried when the first one fails
 
 

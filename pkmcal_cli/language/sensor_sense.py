@@ -15,7 +15,6 @@ from pkmcal_cli.language.quantities import Draft
 from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.yaml_tree import Path
 
-_COMMON = ("kind", "sigma")
 _EXAMPLES = {
     "at": "at: platform", "to": "to: POINT", "on": "on: FRAME", "drive": "drive: q1", "of": "of: l1",
     "reading": "reading: 288.1 mm", "reads": "reads: [x, y]", "frame": "frame: machine, or fitted",

@@ -46,10 +46,16 @@ class Rows:
         place[np.arange(len(self))[rows]] = np.arange(len(self.readings[rows]))
         return np.asarray(place[self.partner[rows]])
 
+    @property
+    def session(self) -> NDArray[np.intp]:
+        """Number (N,) of the session of each row, in the order of the columns; 0 without any."""
+        names = [n.removeprefix("session.") for n in self.columns if n.startswith("session.")]
+        return self.session_numbers(names)
+
     def session_numbers(self, names: Sequence[str]) -> NDArray[np.intp]:
         """Which of some sessions each row belongs to, (N,); 0 for rows of none."""
-        flags = [self.columns.get(f"session.{name}", np.zeros(len(self))) for name in names]
-        return np.asarray(np.argmax(flags, axis=0)) if flags else np.zeros(len(self), dtype=np.intp)
+        flags = np.nan_to_num([self.columns.get(f"session.{name}", np.zeros(len(self))) for name in names])
+        return np.asarray(np.argmax(flags, axis=0)) if names else np.zeros(len(self), dtype=np.intp)
 
     def moved(self, shift: Array) -> Rows:
         """The same with the drive readings moved by `shift` (N, A)."""

@@ -111,17 +111,7 @@ class CalibrationReport:
         to.table(
             "Parameters",
             ("name", "nominal", "identified", *self._interval_head, "range", "remark"),
-            [
-                (
-                    r.name,
-                    f"{r.nominal:.8g}",
-                    uncertain(r.value, r.std, r.unit),
-                    *self._ends(r),
-                    r.spread,
-                    r.reason or "",
-                )
-                for r in selected
-            ],
+            [self._row(r) for r in selected],
         )
         for c in combinations(self.fit.found):
             if c.kind == "null":

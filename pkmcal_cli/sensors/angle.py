@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.rotation import exp
-from pkmcal_cli.sensors.base import SensorKind
+from pkmcal_cli.sensors.base import SensorKind, as_read
 
 
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
     line = np.einsum("nji,nj->ni", exp(seen["turn"]), seen["other"] - seen["place"])
     along, across = (np.einsum("ni,ni->n", seen["basis"][:, part], line) for part in (slice(0, 3), slice(3, 6)))
-    return [(_angle(along, across) - seen["zero"][:, 0]) / seen["scale"][:, 0]]
+    return [as_read(_angle(along, across), seen)]
 
 
 def _angle(x: Any, y: Any) -> Any:

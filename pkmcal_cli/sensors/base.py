@@ -78,6 +78,11 @@ def read(kind: SensorKind, seen: Mapping[Any, Array]) -> Array:
     return np.stack([np.asarray(part) for part in kind.law(seen)], axis=1)
 
 
+def as_read(measured: Any, seen: Mapping[Any, Any]) -> Any:
+    """The reading (N,) of what is measured (N,): measured = zero + scale * reading."""
+    return (measured - seen["zero"][:, 0]) / seen["scale"][:, 0]
+
+
 _STEP = 1e-40
 
 

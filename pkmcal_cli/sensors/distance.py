@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.rotation import dot
-from pkmcal_cli.sensors.base import SensorKind
+from pkmcal_cli.sensors.base import SensorKind, as_read
 
 
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
     between = seen["other"] - seen["place"]
-    return [(np.sqrt(dot(between, between)) - seen["zero"][:, 0]) / seen["scale"][:, 0]]
+    return [as_read(np.sqrt(dot(between, between)), seen)]
 
 
 DISTANCE = SensorKind(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pkmcal_cli.sensors.base import SensorKind
+from pkmcal_cli.sensors.base import SensorKind, as_read
 
 FORCE = SensorKind(
     "force",
@@ -12,5 +12,5 @@ FORCE = SensorKind(
     ("column", "zero", "scale", "unit"),
     ("force", "zero", "scale"),
     "force",
-    lambda seen: [(seen["force"][:, 0] - seen["zero"][:, 0]) / seen["scale"][:, 0]],
+    lambda seen: [as_read(seen["force"][:, 0], seen)],
 )

@@ -85,22 +85,6 @@ class _Table:
         return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"
 
 
-def find_gross_faults(
-    measured: FloatArray,
-    predicted: FloatArray,
-    names: Sequence[str],
-    units: Sequence[str] | None = None,
-    usual: FloatArray | None = None,
-) -> tuple[Hint, ...]:
-    """Columns (N, C) that explain the prediction (N, C) far better when exchanged, scaled or turned in sign.
-
-    Both in SI, NaN where there is no value (such rows do not count); `units` are those of the file, for the
-    words and so that only columns of one dimension are taken for each other. `usual` (C,): rms that errors of
-    parameters and noise cause; residuals not far above it need no explanation, nor do predictions that hardly move.
-    """
-    return explain_columns(measured, predicted, names, units, usual).hints
-
-
 def explain_columns(
     measured: FloatArray,
     predicted: FloatArray,
@@ -108,7 +92,12 @@ def explain_columns(
     units: Sequence[str] | None = None,
     usual: FloatArray | None = None,
 ) -> Explanation:
-    """What `find_gross_faults` finds, and the table as it is when the hints are followed."""
+    """Columns (N, C) that explain the prediction (N, C) far better when exchanged, scaled or turned in sign.
+
+    Both in SI, NaN where there is no value (such rows do not count); `units` are those of the file, for the
+    words and so that only columns of one dimension are taken for each other. `usual` (C,): rms that errors of
+    parameters and noise cause; residuals not far above it need no explanation, nor do predictions that hardly move.
+    """
     scale = [parse_unit(unit) for unit in units] if units is not None else [UNITS["1"]] * len(names)
     expected = np.zeros(len(names)) if usual is None else usual
     table = _Table(measured, predicted, tuple(names), tuple(scale), expected)

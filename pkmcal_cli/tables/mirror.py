@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pkmcal_cli.language.units import parse_unit
+from pkmcal_cli.rotation import best_rotation
 from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FACTORS, FloatArray, Hint, evidence, times, unit_words
 
 Points = Sequence[Sequence[int]]
@@ -40,10 +41,7 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points) ->
 def _motion(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Rotation (d, d) and shift (d,) that bring points `here` (n, d) closest to `there`."""
     a, b = here.mean(axis=0), there.mean(axis=0)
-    left, _, right = np.linalg.svd((here - a).T @ (there - b))
-    mirror = np.ones(here.shape[1])
-    mirror[-1] = np.sign(np.linalg.det(left @ right))
-    turn = right.T @ np.diag(mirror) @ left.T
+    turn = best_rotation(here - a, there - b)
     return turn, b - turn @ a
 
 

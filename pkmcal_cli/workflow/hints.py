@@ -52,7 +52,7 @@ def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
 
 
 def measurement_hints(
-    loaded: LoadedMachine, problem: Problem, values: Array, measured: Measurements | None = None
+    loaded: LoadedMachine, problem: Problem, values: Array, measured: Measurements
 ) -> tuple[str, ...]:
     """Messages with evidence; predictions at the starting values. `measured`: the table, for the places of rows."""
     model = loaded.model
@@ -60,15 +60,9 @@ def measurement_hints(
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
     declared = {p.name for p in model.parameters if p.identify}
     asked = [p.name for p in problem.model.parameters if p.shared_name in declared]
-    flags = [column for name, column in problem.rows.columns.items() if name.startswith("session.")]
-    sessions = np.argmax(np.nan_to_num(flags), axis=0) if flags else np.zeros(len(problem), dtype=np.intp)
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
-    hints += gross_faults(problem, values, asked, sessions, lambda row: _place(measured, row))
+    hints += gross_faults(problem, values, asked, problem.rows.session, lambda row: str(place_of(measured, row)))
     return tuple(h.message for h in hints)
-
-
-def _place(measured: Measurements | None, row: int) -> str:
-    return f"row {row + 1}" if measured is None else str(place_of(measured, row))
 
 
 def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
@@ -76,7 +70,7 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     groups = copies(problem)
     if not groups:
         return ()
-    shown = [" and ".join(_place(measured, row) for row in group) for group in groups[:_SHOWN]]
+    shown = [" and ".join(str(place_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
     more = f", and {len(groups) - _SHOWN} more" if len(groups) > _SHOWN else ""
     extra = sum(len(group) - 1 for group in groups)
     what = f"{count(extra, 'row')} {'is a copy' if extra == 1 else 'are copies'} of another"

@@ -37,12 +37,10 @@ class Noise:
         channels, drives = np.zeros(len(model.channels)), np.zeros(len(model.actuators))
         silent: list[str] = []
         if text == "declared":
-            slots = model.layout.slots.constants
             sigma = np.array([c.sigma for c in model.channels])
             silent = [c.name for c, s in zip(model.channels, sigma, strict=True) if np.isnan(s)]
             channels = np.nan_to_num(sigma)
-            gains = np.array([abs(slots[a.gain_slot]) for a in model.actuators])
-            drives = np.nan_to_num([a.sigma for a in model.actuators]) / gains
+            drives = np.nan_to_num([a.sigma for a in model.actuators]) / model.gains
             drives[[d.force_controlled for d in model.layout.drives]] = 0.0  # their readings are channels
         elif text != "none":
             value, unit = amount("--noise", text)
