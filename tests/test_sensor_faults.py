@@ -108,6 +108,13 @@ def test_one_alone(text: str, tmp_path: Path) -> None:
     assert any(what in f["message"] and remedy in (f["help"] or "") and f["line"] == 3 for f in done.json["faults"])
 
 
+@pytest.mark.parametrize("sigma", ["1 um", "1 urad", "1 N"])
+def test_a_misspelt_kind_is_one_fault(sigma: str, tmp_path: Path) -> None:
+    """What it measures is not known then, so nothing is said of its sigma."""
+    done = run("check", machine(tmp_path, sensors(f"a: {{kind: spam, at: platform, sigma: {sigma}}}")), "--json", "-q")
+    assert [f["message"] for f in clean(done).json["faults"]] == ["there is no sensor of kind `spam`"]
+
+
 @pytest.mark.parametrize("text", SENSELESS.values(), ids=SENSELESS.keys())
 def test_what_makes_no_sense(text: str, tmp_path: Path) -> None:
     done = clean(run("check", machine(tmp_path, sensors(text)), "--json", "-q"))

@@ -88,7 +88,9 @@ def _of_sensor(machine: Machine, path: Path, units: FileUnits) -> Wanted | None:
     kind = kind_of_sensor(sensor)
     if kind.quantity in ("position", "orientation"):
         channel = str(path[3]) if len(path) > 3 else ""
-        every = sensor.reads if channel == "" else (channel,)
+        every = tuple(sensor.reads) if channel == "" else (channel,)
+        if not every:
+            return None  # what it measures is not known: `reads` is missing, or its kind is misspelt
         turning = all(each in (*ORIENTATION, "orientation") for each in every)
         return Wanted((ANGLE if turning else LENGTH,))
     if kind.quantity == "bench":
