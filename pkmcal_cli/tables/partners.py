@@ -12,6 +12,7 @@ from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location, did_you_mea
 from pkmcal_cli.language.channels import channels_of, kind_of_sensor
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.words import count
 
 _NEAR = 10_000  # names among which a similar one is looked for
 
@@ -40,20 +41,32 @@ def _joined(found: Measurements, machine: Machine) -> NDArray[np.bool_]:
 
 def _faults(found: Measurements, joined: NDArray[np.bool_]) -> Iterator[Fault]:
     partners = found.labels.get("to", ("",) * len(found))
-    if not any(partners) and not joined.any():
-        return
-    counts = Counter(zip(found.file_index.tolist(), found.ids, strict=True))
-    for row, name in enumerate(partners):
-        file = int(found.file_index[row])
-        where = Location(found.files[file], int(found.line[row]))
-        count = counts[file, name] if name else 1
-        if not name and joined[row]:
-            hint = "`to`: the `id` of the other row"
-            yield Fault("csv-partner", "a distance between two rows, but `to` names no other row", where, hint)
-        elif name and name == found.ids[row]:
-            yield Fault("csv-partner", f"`to` names `{name}`, this row itself", where, "the `id` of the other row")
-        elif count != 1:
-            known = [i for other, i in list(counts)[:_NEAR] if other == file and i]
-            hint = "give every row its own `id`" if count else did_you_mean(name, known) or "is the `id` missing?"
-            what = f"`to` names `{name}`, " + (f"the `id` of {count} rows" if count else "no row's `id`")
-            yield Fault("csv-partner", what, where, hint)
+    named = np.array([bool(name) for name in partners])
+    bare = sorted({*found.file_index[joined].tolist()} - {*found.file_index[named].tolist()})
+    for file in bare:  # nothing in the column, or no column: one fault, not one per row
+        what = f"a distance between two rows in {count(int(joined[found.file_index == file].sum()), 'row')}"
+        where = Location(found.files[file], 1)
+        yield Fault("csv-partner", f"{what}, but no row has a `to`", where, "column `to`: the `id` of the other row")
+    ids = Counter(zip(found.file_index.tolist(), found.ids, strict=True))
+    for row in np.flatnonzero(named | (joined & ~np.isin(found.file_index, bare))).tolist():
+        fault = _wrong_partner(found, row, partners[row], ids)
+        if fault:
+            yield fault
+
+
+def _wrong_partner(found: Measurements, row: int, name: str, ids: Counter[tuple[int, str]]) -> Fault | None:
+    """What is wrong with the name of the partner of one row; None if it is the `id` of one other row."""
+    file = int(found.file_index[row])
+    where = Location(found.files[file], int(found.line[row]))
+    times = ids[file, name]
+    if not name:
+        hint = "`to`: the `id` of the other row"
+        return Fault("csv-partner", "a distance between two rows, but `to` names no other row", where, hint)
+    if name == found.ids[row]:
+        return Fault("csv-partner", f"`to` names `{name}`, this row itself", where, "the `id` of the other row")
+    if times == 1:
+        return None
+    known = [i for other, i in list(ids)[:_NEAR] if other == file and i]
+    hint = "give every row its own `id`" if times else did_you_mean(name, known) or "is the `id` missing?"
+    what = f"`to` names `{name}`, " + (f"the `id` of {times} rows" if times else "no row's `id`")
+    return Fault("csv-partner", what, where, hint)
