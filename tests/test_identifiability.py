@@ -15,6 +15,7 @@ import pytest
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import (
     combinations,
+    directions,
 )
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.observability import observability
@@ -148,6 +149,16 @@ def test_one_more_pose_determines_them() -> None:
     fit = identify(measured(machine, q, {"l1": 4e-5, "xb1r": -7e-5}), ("l1", "xb1r"))
     assert not fit.found.null.any()
     assert np.isfinite(fit.std).all()
+
+
+@pytest.mark.parametrize(("trace", "lost"), [(1e-4, False), (1e-2, True)])
+def test_traces_below_noise_leave_a_parameter_determined(trace: float, lost: bool) -> None:
+    """b is known to 1e-3 of its range; a, not seen, moves it by `trace` of its range for each range of its own."""
+    jacobian = 1e3 * np.array([[-trace, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    found = directions(jacobian, ("a", "b", "c"), np.ones(3))
+    assert found.undetermined().tolist() == [True, lost, False]
+    variance = 1e-6 + (trace / 2) ** 2  # noise, and a known to half its range
+    assert found.determined_covariance()[1, 1] == pytest.approx(variance, rel=1e-3)
 
 
 # a delta with heights only --------------------------------------------------------------------------------------------

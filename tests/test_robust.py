@@ -1,4 +1,4 @@
-"""Bad rows: found, weighed down, audited; intervals by profile and bootstrap; priors; fits from far away."""
+"""Bad rows: found, weighed down, audited; intervals by profile and bootstrap; priors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from pkmcal_cli.calibration.intervals import bootstrap_intervals, linear_interva
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import identify_robustly, plain_fit, weights_of
-from pkmcal_cli.calibration.starts import identify_from
 from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, SCISSORS, run
@@ -146,52 +145,3 @@ def test_a_prior_is_half_the_range() -> None:
     fit = identify(replace(blind, prior=prior_of_ranges(plan.model, plan.selected)), plan.selected)
     assert fit.std == pytest.approx(plan.ranges / 2, rel=1e-6) and not fit.found.null.any()
     assert fit.values[plan.index] == pytest.approx(plan.model.nominal[plan.index], abs=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_anchors_a_hundred_millimetres_off_converge(seed: int) -> None:
-    """The prior's range says so, too: what ranges do not allow is not looked for."""
-    from tests.test_holdout import table
-
-    problem, _ = table("hangprinter_2021-12-16.csv", machine="hangprinter")
-    names = (*(n for n in problem.model.names if n[0] in "ABCD"), "R_low", "R_high")
-    wide = tuple(replace(p, range=0.1) if p.name[0] in "ABCD" else p for p in problem.model.parameters)
-    far = replace(problem, model=replace(problem.model, parameters=wide))
-    start = problem.model.nominal
-    index = [k for k, n in enumerate(problem.model.names) if n[0] in "ABCD"]
-    start[index] += np.random.default_rng(seed).uniform(-0.1, 0.1, len(index))
-    best = identify(far, names)
-    found, agreement = identify_from(far, names, start, 1, seed)
-    assert found.status == "converged" and agreement is None
-    assert found.chi2 == pytest.approx(best.chi2, rel=1e-6)
-
-
-def test_starts_agree_and_are_counted() -> None:
-    plan, _, problem = campaign("scissors")
-    fit, agreement = identify_from(problem, plan.selected, plan.model.nominal, 6, 1)
-    assert agreement is not None and agreement.starts >= 6
-    assert agreement.agree == agreement.starts and agreement.spread < 1e-3
-    assert fit.chi2 == pytest.approx(identify(problem, plan.selected).chi2, rel=1e-9)
-
-
-def test_a_start_that_fails_is_helped_and_hopeless_data_are_told() -> None:
-    """Cranks and lengths 20 mm and 5 degrees off; then rods that cannot reach at all."""
-    plan = by_engine_of_five_bar()
-    for seed in (3, 11):
-        start = plan.model.nominal
-        rng = np.random.default_rng(seed)
-        for k, p in enumerate(plan.model.parameters):
-            start[k] += rng.uniform(-1, 1) * (0.02 if p.dimension == "length" else np.radians(5))
-        fit, _ = identify_from(plan, plan.model.names, start, 1, seed)
-        assert fit.status == "converged" and fit.chi2_per_dof < 1.5
-
-
-@cache
-def by_engine_of_five_bar() -> Problem:
-    from pkmcal_cli.calibration.problem import problem_of
-    from pkmcal_cli.loading import load_machine, load_measurements
-
-    loaded = load_machine(str(MACHINES / "five-bar.yaml"))
-    problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "five-bar.csv")]))
-    wide = tuple(replace(p, range=0.02 if p.dimension == "length" else np.radians(5)) for p in problem.model.parameters)
-    return replace(problem, model=replace(problem.model, parameters=wide))

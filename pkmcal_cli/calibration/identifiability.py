@@ -22,8 +22,8 @@ NULL = 1e-10  # of the largest singular value
 UNSEEN = 0.01  # whitened, per range
 WEAK = 2.0  # range = 2 standard deviations of the prior
 _SHOWN = 0.005  # smaller coefficients are not worth a word
-_SHARE = 1e-6  # a parameter takes part in a null direction when its component, of a largest 1, exceeds this
-_TRACE = 0.1  # ... and in one that is seen a little: smaller components add their prior to the uncertainty instead
+_SHARE = 1e-6  # a parameter takes part in a null direction when its component, of a largest 1, exceeds this,
+_TRACE = 0.1  # and in one that is seen a little, this: smaller components add their prior to the uncertainty instead
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,9 @@ class Directions:
     def null_vectors(self) -> Array:
         """Null directions (k, p) in sparse form, each with largest component 1."""
         exact = self.singular_values <= NULL * self.singular_values[:1]
-        parts = ((self.null & exact, _SHARE), (self.null & ~exact, _TRACE))
+        own = np.sqrt(self._variance(self.null) @ self.vectors**2)  # (p,) in ranges, by what is seen
+        share = np.clip(own, _SHARE, _TRACE)  # what a whole range moves by less than noise does is not said
+        parts = ((self.null & exact, share), (self.null & ~exact, np.full(len(own), _TRACE)))
         return np.vstack([sparse_basis(self.vectors[rows], trace) for rows, trace in parts])
 
     def undetermined(self) -> NDArray[np.bool_]:
@@ -79,16 +81,18 @@ class Directions:
 
     def std_of_data(self) -> Array:
         """Standard uncertainties (p,), SI, by the data alone, weak directions moved too; nan where undetermined."""
-        with np.errstate(divide="ignore"):
-            variance = np.where(self.null, 0.0, 1.0 / self.singular_values**2)
-        out = np.sqrt(variance @ self.vectors**2) * self.ranges
+        out = np.sqrt(self._variance(self.null) @ self.vectors**2) * self.ranges
         out[self.undetermined()] = np.nan
         return np.asarray(out)
 
+    def _variance(self, without: NDArray[np.bool_]) -> Array:
+        """Variances (p,) of the directions by the data, in ranges squared; 0 for some."""
+        with np.errstate(divide="ignore"):
+            return np.where(without, 0.0, 1.0 / self.singular_values**2)
+
     def determined_covariance(self) -> Array:
         """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
-        with np.errstate(divide="ignore"):
-            variance = np.where(self.held, WEAK**-2, self.spread / self.singular_values**2)
+        variance = np.where(self.held, WEAK**-2, self.spread * self._variance(self.held))
         return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 
@@ -149,10 +153,10 @@ def combinations(found: Directions) -> tuple[Combination, ...]:
     return tuple(out)
 
 
-def sparse_basis(basis: Array, trace: float = _SHARE) -> Array:
+def sparse_basis(basis: Array, trace: float | Array = _SHARE) -> Array:
     """A basis (k, p) of the same space in reduced echelon form with pivots, each row scaled to largest 1.
 
-    Components up to `trace` are set to zero.
+    Components up to `trace`, a number or (p,), are set to zero.
     """
     if not len(basis):
         return basis

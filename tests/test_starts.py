@@ -1,0 +1,119 @@
+"""Fits from far away, several minima: what further starts find, and what is said of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.starts import identify_from
+from tests.campaigns import by_engine, shipped
+from tests.command import SCISSORS, run
+from tests.support import MACHINES
+
+BALL = """
+extends: {scissors}
+parameters: {{bx: {{nominal: {x}, range: 50}}, by: {{nominal: {y}, range: 150}}}}
+ground: {{ball: [bx, by]}}
+sensors: {{ballbar: {{kind: distance, at: platform, to: ball, sigma: 2 um}}}}
+"""
+
+
+def swept(folder: Path, height: float) -> tuple[Path, Path]:
+    """A ballbar on the Scissors, swept along the x axis, up and down by `height` mm.
+
+    The ball is at (0, 60) mm; the machine file that is returned has it at (20, -60) mm, on the wrong side.
+    """
+    true, drawn, poses, table = (folder / n for n in ("true.yaml", "drawn.yaml", "poses.csv", "table.csv"))
+    true.write_text(BALL.format(scissors=SCISSORS, x=0, y=60), encoding="utf-8")
+    drawn.write_text(BALL.format(scissors=SCISSORS, x=20, y=-60), encoding="utf-8")
+    rows = [f"{x:.1f},{height * np.cos(x / 10):.6f}" for x in np.linspace(-200, 200, 41)]
+    poses.write_text("x [mm],y [mm]\n" + "\n".join(rows), encoding="utf-8")
+    done = run("simulate", true, poses, "-o", table, "--noise", "declared", "-q")
+    assert done.code == 0, done.err
+    return drawn, table
+
+
+def test_a_false_minimum_is_left_without_being_asked(tmp_path: Path) -> None:
+    """On the wrong side of the axis a sweep of 3 mm does not fit by hundreds of standard uncertainties."""
+    machine, table = swept(tmp_path, 3.0)
+    done = run("calibrate", machine, table, "--select", "bx,by", "--json", "--holdout", "none")
+    found = {p["name"]: p for p in done.json["parameters"]}
+    assert done.code == 0 and done.json["starts"]["worse"] > 0 and done.json["chi2_per_dof"] < 2
+    for name, true in (("bx", 0.0), ("by", 60.0)):
+        assert abs(found[name]["value"] - true) < 4 * found[name]["std"]
+
+
+def test_two_minima_that_are_as_good_are_told(tmp_path: Path) -> None:
+    """From the axis itself nobody can say on which side the ball is."""
+    machine, table = swept(tmp_path, 0.0)
+    done = run("calibrate", machine, table, "--select", "bx,by", "--json", "--holdout", "none", "--starts", "10")
+    assert done.json["starts"]["agree"] > 0 and done.json["starts"]["rivals"] > 0
+    assert "these data do not say which is right" in done.err
+
+
+def test_what_is_not_seen_stays_where_it_was(tmp_path: Path) -> None:
+    """Further starts differ in what data do not see; that is no disagreement, and not a reason to move it."""
+    machine, table = swept(tmp_path, 3.0)
+    machine.write_text(machine.read_text(encoding="utf-8").replace("nominal: -60", "nominal: 30"), encoding="utf-8")
+    args = ("calibrate", machine, table, "--select", "bx,by,k*", "--json", "--holdout", "none")
+    one, many = run(*args).json, run(*args, "--starts", "8").json
+    assert one["undetermined"] and one["starts"] is None
+    assert [p["value"] for p in one["parameters"]] == [p["value"] for p in many["parameters"]]
+    assert many["starts"]["agree"] >= 4 and many["starts"]["rivals"] == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_anchors_a_hundred_millimetres_off_converge(seed: int) -> None:
+    """The prior's range says so, too: what ranges do not allow is not looked for."""
+    from tests.test_holdout import table
+
+    problem, _ = table("hangprinter_2021-12-16.csv", machine="hangprinter")
+    names = (*(n for n in problem.model.names if n[0] in "ABCD"), "R_low", "R_high")
+    wide = tuple(replace(p, range=0.1) if p.name[0] in "ABCD" else p for p in problem.model.parameters)
+    far = replace(problem, model=replace(problem.model, parameters=wide))
+    start = problem.model.nominal
+    index = [k for k, n in enumerate(problem.model.names) if n[0] in "ABCD"]
+    start[index] += np.random.default_rng(seed).uniform(-0.1, 0.1, len(index))
+    best = identify(far, names)
+    found, agreement = identify_from(far, names, start, 1, seed)
+    assert found.status == "converged" and agreement is None
+    assert found.chi2 == pytest.approx(best.chi2, rel=1e-6)
+
+
+def test_starts_agree_and_are_counted() -> None:
+    plan = by_engine(shipped("scissors"))
+    rng = np.random.default_rng(0)
+    problem = plan.measured(plan.drawn(rng), rng)
+    fit, agreement = identify_from(problem, plan.selected, plan.model.nominal, 6, 1)
+    assert agreement is not None and agreement.starts >= 6
+    assert agreement.agree == agreement.starts and agreement.spread < 1e-3
+    assert fit.chi2 == pytest.approx(identify(problem, plan.selected).chi2, rel=1e-9)
+
+
+def test_a_start_that_fails_is_helped_and_hopeless_data_are_told() -> None:
+    """Cranks and lengths 20 mm and 5 degrees off; then rods that cannot reach at all."""
+    plan = by_engine_of_five_bar()
+    for seed in (3, 11):
+        start = plan.model.nominal
+        rng = np.random.default_rng(seed)
+        for k, p in enumerate(plan.model.parameters):
+            start[k] += rng.uniform(-1, 1) * (0.02 if p.dimension == "length" else np.radians(5))
+        fit, _ = identify_from(plan, plan.model.names, start, 1, seed)
+        assert fit.status == "converged" and fit.chi2_per_dof < 1.5
+
+
+@cache
+def by_engine_of_five_bar() -> Problem:
+    from pkmcal_cli.calibration.problem import problem_of
+    from pkmcal_cli.loading import load_machine, load_measurements
+
+    loaded = load_machine(str(MACHINES / "five-bar.yaml"))
+    problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "five-bar.csv")]))
+    wide = tuple(replace(p, range=0.02 if p.dimension == "length" else np.radians(5)) for p in problem.model.parameters)
+    return replace(problem, model=replace(problem.model, parameters=wide))
