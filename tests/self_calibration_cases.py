@@ -135,6 +135,10 @@ OTHERS: dict[str, tuple[dict[str, float], ...]] = {
 """Other lines that may be taken as force-controlled. A pull stretches these stiff lines by 0.1 % of sigma."""
 
 
+MIRRORED = ("ceiling", {"C": 60.0})
+"""From the drawing this one ends at a mirror image; further starts, half a minute, find the right one."""
+
+
 def disagreement(name: str, seed: int, forced: Mapping[str, float]) -> float:
     """Largest difference of an anchor's coordinate between two choices of inputs, in its standard uncertainty."""
     case = CASES[name]

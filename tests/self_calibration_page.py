@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tests import hangprinter_alone as real
-from tests.self_calibration_cases import CASES, OTHERS, Case, Summary, disagreement, summary
+from tests.self_calibration_cases import CASES, MIRRORED, OTHERS, Case, Summary, disagreement, summary
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "self-calibration.md"
 
@@ -55,8 +55,7 @@ def inputs() -> str:
     """Other lines in force control."""
     rows = [
         [name, ", ".join(CASES[name].forced), ", ".join(other), f"{disagreement(name, 0, other):.4f}"]
-        for name, others in OTHERS.items()
-        for other in others
+        for name, other in [*((n, o) for n, others in OTHERS.items() for o in others), MIRRORED]
     ]
     return _table("case | in force control | instead | largest difference, std", rows)
 

@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.bootstrap import _freedom, _roots, _times, bootstrap_intervals
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.intervals import bootstrap_intervals, linear_intervals, profile_intervals
+from pkmcal_cli.calibration.intervals import linear_intervals, profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import identify_robustly, plain_fit, weights_of
@@ -136,6 +137,22 @@ def test_a_bootstrap_needs_no_sigma() -> None:
     assert fit.std == pytest.approx(right.std / 3, rel=0.01)
     assert np.median(boot.std / right.std) == pytest.approx(1.0, abs=0.15)
     assert np.median(fit.widened.std / right.std) == pytest.approx(1.0, abs=0.15)
+
+
+def test_degrees_of_freedom_of_a_variance_by_blocks() -> None:
+    """Those by the formula, and the variance itself, against twenty thousand drawn residuals; blocks of any leverage."""
+    rng = np.random.default_rng(0)
+    label = np.minimum(np.repeat(np.arange(14), 3), 12)[:40]
+    q, _ = np.linalg.qr(rng.normal(size=(40, 5)) * np.exp(rng.normal(size=(40, 1))))
+    by_score = rng.normal(size=(3, 5))
+    roots = _roots(q, label, 13)
+    errors = rng.normal(size=(20_000, 40))
+    scores = _times(roots, (errors - errors @ q @ q.T).T)[:, :, None] * q[:, None]
+    summed = np.stack([scores[label == g].sum(axis=0) for g in range(13)])  # (G, R, d)
+    variance = ((summed @ by_score.T) ** 2).sum(axis=0)  # (R, p)
+    assert variance.mean(axis=0) == pytest.approx((by_score**2).sum(axis=1), rel=0.02)
+    freedom = 2 * variance.mean(axis=0) ** 2 / variance.var(axis=0)
+    assert _freedom(q, roots, by_score) == pytest.approx(freedom, rel=0.05)
 
 
 def test_a_prior_is_half_the_range() -> None:

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.intervals import Intervals, bootstrap_intervals, linear_intervals, profile_intervals
+from pkmcal_cli.calibration.intervals import Intervals, linear_intervals, profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit

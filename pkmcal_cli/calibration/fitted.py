@@ -7,11 +7,11 @@ from typing import get_args
 
 import numpy as np
 
+from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.intervals import (
     Intervals,
     Method,
-    bootstrap_intervals,
     linear_intervals,
     profile_intervals,
 )

@@ -1,10 +1,8 @@
-"""Intervals of 95 %: from the covariance, from the profile of chi-square, or from a bootstrap of blocks.
+"""Intervals of 95 %: from the covariance, or from the profile of chi-square.
 
 Profile: a parameter is held at values further and further off, the others fitted again, until chi-square has grown by
 the square of 1.96 (times the excess of chi-square); both sides for themselves, so that a bent problem has lopsided
-intervals. Bootstrap: the residuals of a block (one pose in one session) are multiplied by a common random sign, the
-wild bootstrap (Wu 1986, Liu 1988; for clusters Cameron, Gelbach, Miller 2008), and fitted by one step of Gauss and
-Newton; it needs no sigma and no independence within blocks.
+intervals.
 """
 
 from __future__ import annotations
@@ -13,11 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.prior import prior_of_held
 from pkmcal_cli.calibration.problem import Problem
@@ -26,10 +21,8 @@ from pkmcal_cli.rotation import Array
 
 Method = Literal["linear", "profile", "bootstrap"]
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
-_REPEATS = 1000
 _TRIALS = 12
 _NEAR = 1e-3  # of COVER
-_FEWEST_BLOCKS = 12
 
 
 @dataclass(frozen=True)
@@ -50,9 +43,6 @@ def linear_intervals(fit: Fit, index: Array) -> Intervals:
     std = fit.std if len(fit.selected) else np.zeros(0)
     values = fit.values[index]
     return Intervals("linear", np.stack([values - COVER * std, values + COVER * std], axis=1), std)
-
-
-# --- profile ---------------------------------------------------------------------------------------------------------
 
 
 def profile_intervals(problem: Problem, fit: Fit, index: Array) -> Intervals:
@@ -102,57 +92,3 @@ def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> fl
         if step * std <= 0:
             return float("nan")
     return float("nan")
-
-
-# --- bootstrap -------------------------------------------------------------------------------------------------------
-
-
-def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array, seed: int) -> Intervals:
-    """By signs drawn for blocks: rows of one pose in one session (N,)."""
-    near = linearise(problem, fit.last)
-    block = _blocks(problem, session)
-    count = int(block.max(initial=-1)) + 1
-    found = fit.found
-    seen = found.vectors[~found.held]
-    jacobian = near.jacobian * found.ranges @ seen.T  # (n, d)
-    q, upper = np.linalg.qr(jacobian)
-    rest = near.residual - q @ (q.T @ near.residual)
-    channels = problem.readings.shape[1]
-    label = np.concatenate([np.repeat(block, channels), np.full(near.known, -1)])
-    rest = _unshrunk(rest, q, label, count)
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_REPEATS, count + 1))
-    drawn = (signs[:, label] * rest) @ q  # (R, d)
-    steps = np.linalg.solve(upper, drawn.T).T @ seen * found.ranges  # (R, p)
-    prior = np.random.default_rng([seed, 1]).normal(size=(_REPEATS, int(found.held.sum()))) / 2.0
-    steps = steps + prior @ found.vectors[found.held] * found.ranges
-    return _from_steps(fit, index, steps, count)
-
-
-def _from_steps(fit: Fit, index: Array, steps: Array, blocks: int) -> Intervals:
-    """Standard uncertainties and intervals of drawn steps (R, p), widened where blocks are few."""
-    std = steps.std(axis=0)
-    std[fit.found.undetermined()] = np.nan
-    freedom = max(blocks - int((~fit.found.held).sum()), 1)
-    factor = float(stdtrit(freedom, 0.975)) / COVER
-    low, high = np.quantile(steps, [0.025, 0.975], axis=0)
-    half = np.stack([low, high], axis=1) * factor
-    half[np.isnan(std)] = np.nan
-    remark = "" if freedom >= _FEWEST_BLOCKS else f"only {blocks} blocks: the bootstrap is rough"
-    return Intervals("bootstrap", fit.values[index][:, None] + half, std, remark)
-
-
-def _blocks(problem: Problem, session: Array) -> NDArray[np.intp]:
-    """Number of the block of each row (N,): the same pose in the same session; rows that are joined stay together."""
-    keys = np.stack([replicate_groups(problem), session], axis=1)
-    return problem.clusters.together(np.unique(keys, axis=0, return_inverse=True)[1].ravel())
-
-
-def _unshrunk(rest: Array, q: Array, label: NDArray[np.intp], count: int) -> Array:
-    """Residuals of each block as large as errors are: (I - H)^(-1/2) of the block (Bell and McCaffrey 2002, CR2)."""
-    out = rest.copy()
-    for k in range(count):
-        mine = np.nonzero(label == k)[0]
-        value, vector = np.linalg.eigh(np.eye(len(mine)) - q[mine] @ q[mine].T)
-        root = np.where(value > 1e-6, 1.0 / np.sqrt(np.maximum(value, 1e-6)), 0.0)
-        out[mine] = vector @ (root * (vector.T @ rest[mine]))
-    return out
