@@ -140,7 +140,7 @@ def test_a_bootstrap_needs_no_sigma() -> None:
 
 
 def test_degrees_of_freedom_of_a_variance_by_blocks() -> None:
-    """Those by the formula, and the variance itself, against twenty thousand drawn residuals; blocks of any leverage."""
+    """The formula, and the variance itself, against twenty thousand drawn residuals; blocks of any leverage."""
     rng = np.random.default_rng(0)
     label = np.minimum(np.repeat(np.arange(14), 3), 12)[:40]
     q, _ = np.linalg.qr(rng.normal(size=(40, 5)) * np.exp(rng.normal(size=(40, 1))))
