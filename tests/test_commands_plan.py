@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.command import HANGPRINTER, HANGPRINTER_DATA, SCISSORS, SHOPFLOOR, Done, clean, column, run
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, column, run
 from tests.support import model
 
 GRID = ("--grid", "x=-200:200:5,y=-200:200:5")
@@ -90,6 +90,22 @@ def test_points_improve_their_figure_within_the_limits(options: tuple[str, str])
 def limits() -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     found = np.array([a.limits for a in model("scissors").actuators]) * 1e3
     return found[:, 0] - 1e-9, found[:, 1] + 1e-9
+
+
+def test_rows_stay_joined_in_the_table_to_run(tmp_path: Path) -> None:
+    """The same distances are read in the order of the plan, its datum pose being one end of one of them."""
+    machine, table = (str(MACHINES / f"belt-router.{end}") for end in ("yaml", "csv"))
+    for seed in ("0", "4"):
+        file = tmp_path / f"{seed}.csv"
+        assert clean(run("plan", machine, table, "-o", file, "--seed", seed)).code == 0
+        read = []
+        for poses in (table, file):
+            target = tmp_path / "read.csv"
+            assert clean(run("simulate", machine, poses, "-o", target, "--force")).code == 0
+            tape = column(target, "tape")
+            read.append(np.sort(tape[np.isfinite(tape)]))
+        assert read[0].shape == (12,)
+        np.testing.assert_allclose(read[1], read[0], rtol=0, atol=1e-5)  # mm; the plan has nine digits
 
 
 def test_chosen_points_are_better_than_more_of_the_same() -> None:

@@ -214,7 +214,7 @@ def remark(counts: Counts) -> str:
     below = LOWEST - (3 * np.sqrt(0.95 * 0.05 / counts.campaigns) if counts.campaigns < 500 else 0.0)
     words = [] if AVERAGE[0] - room <= inside.mean() <= AVERAGE[1] + room else ["average"]
     words += ["lowest"] if inside.min() < below else []
-    words += [f"{100 * counts.missing:.0f} % without an end"] if counts.missing > 0 else []
+    words += [f"{100 * counts.missing:.1f} % without an end"] if counts.missing > 0 else []
     return "misses: " + ", ".join(words) if words else ""
 
 

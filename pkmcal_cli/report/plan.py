@@ -80,7 +80,9 @@ class PlanReport:
 
     def _gain(self, name: str, before: float, after: float) -> str:
         unit = parameter_unit(self.model, name)
-        first, last = (f"{x / unit.scale:.2g}" if math.isfinite(x) else "not seen" for x in (before, after))
+        first, last = (
+            f"{float(f'{x / unit.scale:.2g}'):g}" if math.isfinite(x) else "not seen" for x in (before, after)
+        )
         return f"{name} {first} -> {last} {unit.text}"
 
     def _json(self, v: Visibility) -> dict[str, Any]:

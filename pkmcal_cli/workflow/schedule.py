@@ -17,7 +17,7 @@ def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, t
     """Write a table of poses in the order of measurement; returns the number of its rows. Raises OutputError.
 
     Rows in random order; each approached from a random side (`dir.ACTUATOR`; rows after the first `planned` keep
-    theirs), beginning at `approach.ACTUATOR`; the first pose again every 20 rows.
+    theirs), beginning at `approach.ACTUATOR`; the first pose again every 20 rows. What joins rows is kept (`to`).
     """
     model, rng = loaded.model, np.random.default_rng(seed)
     held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled]
@@ -32,12 +32,22 @@ def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, t
     index = np.array([row for row, _ in order])
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
     units = [model.actuators[a].unit for a in held]
-    headers: list[tuple[str, str | None]] = [("id", None)]
+    partners = _partners(rows, order, ids)
+    headers: list[tuple[str, str | None]] = [("id", None)] + [("to", None)] * bool(partners)
     headers += [(loaded.machine.actuators[n].column or n, u) for n, u in zip(names, units, strict=True)]
     headers += [(f"dir.{n}", None) for n in names] + [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
     with open_writer(target, headers, digits=9, force=force) as writer:
-        writer.write([ids, *readings[index].T, *side[index].T, *begin[index].T])
+        writer.write([ids, *partners, *readings[index].T, *side[index].T, *begin[index].T])
     return len(ids)
+
+
+def _partners(rows: Rows, order: list[tuple[int, bool]], ids: list[str]) -> list[list[str]]:
+    """A column with the `id` of the row that each is joined to; no column where none is. The datum is joined once."""
+    if rows.partner is None or not (rows.partner >= 0).any():
+        return []
+    first = {row: k for k, (row, _) in reversed(list(enumerate(order)))}
+    joined = [int(rows.partner[row]) if first[row] == k else -1 for k, (row, _) in enumerate(order)]
+    return [["" if partner < 0 else ids[first[partner]] for partner in joined]]
 
 
 def _with_datum(order: list[int]) -> list[tuple[int, bool]]:
