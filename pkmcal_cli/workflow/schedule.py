@@ -33,7 +33,7 @@ def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, t
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
     units = [model.actuators[a].unit for a in held]
     partners = _partners(rows, order, ids)
-    headers: list[tuple[str, str | None]] = [("id", None)] + [("to", None)] * bool(partners)
+    headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in partners]]
     headers += [(loaded.machine.actuators[n].column or n, u) for n, u in zip(names, units, strict=True)]
     headers += [(f"dir.{n}", None) for n in names] + [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
     with open_writer(target, headers, digits=9, force=force) as writer:
