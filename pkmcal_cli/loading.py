@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.rotation import Array
+from pkmcal_cli.words import count
 
 if TYPE_CHECKING:
     from pkmcal_cli.tables.measurement_set import Measurements
@@ -94,4 +95,16 @@ def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measuremen
     """Measured rows of one or several files. Raises BadInput."""
     from pkmcal_cli.tables.measurements import read_measurements
 
-    return read_measurements(list(paths), loaded.machine, "measured")
+    found = read_measurements(list(paths), loaded.machine, "measured")
+    return replace(found, notes=(*found.notes, *_without_sigma(found, loaded.model)))
+
+
+def _without_sigma(found: Measurements, model: Model) -> list[str]:
+    """Channels that were read, but nobody says how surely."""
+    stated = dict(zip((c.name for c in model.channels), (c.sigma for c in model.channels), strict=True))
+    lost = np.isfinite(found.readings) & ~np.isfinite(found.sigma) & ~np.isfinite([stated[n] for n in found.channels])
+    return [
+        f"`{name}` not used in {count(int(n), 'row')}: neither the machine nor the table states a sigma"
+        for name, n in zip(found.channels, lost.sum(axis=0), strict=True)
+        if n
+    ]

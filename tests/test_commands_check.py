@@ -204,3 +204,16 @@ def test_rows_with_a_partner_are_not_taken_silently(tmp_path: Path) -> None:
     table.write_text("id,q1,q2,q3,x,y,to\na,116.33,603.67,946.83,360,275,\nb,117,603,947,360,275,a\n")
     done = run("check", TRIGLIDE, table)
     assert "`to` names another row in 1 of 2 rows, but no sensor of kind span is declared: not used" in done.err
+
+
+def test_what_nobody_says_how_surely_it_was_read(tmp_path: Path) -> None:
+    """A passive drive is not one more actuator; without a sigma its encoder is not used, which is told."""
+    file, table = tmp_path / "m.yaml", MACHINES / "scissors.csv"
+    text = f"extends: {MACHINES / 'scissors.yaml'}\nactuators: {{q3: {{control: passive}}}}\n"
+    file.write_text(text, encoding="utf-8")
+    done = run("check", file, table, "--json")
+    assert (done.json["actuators"], done.json["passive"], done.json["degree_of_redundancy"]) == (3, 1, 1)
+    said = "`q3` not used in 80 rows: neither the machine nor the table states a sigma"
+    assert said in done.err and said in run("calibrate", file, table).err
+    file.write_text(text.replace("passive", "passive, sigma: 1 um"), encoding="utf-8")
+    assert said not in run("calibrate", file, table).err

@@ -178,12 +178,7 @@ def changed(table: Path, name: str, new: str, row: int | None) -> Path:
         ("to", "nowhere", 2, "`to` names `nowhere`, no row's `id`"),
         ("to", "", 2, "a distance between two rows, but `to` names no other row"),
         ("id", "p7", 3, "`to` names `p7`, the `id` of 2 rows"),
-        (
-            "to",
-            "other",
-            None,
-            "m.csv:1: error[csv-partner]: a distance between two rows in 30 rows, but no row has a `to`",
-        ),
+        ("to", "other", None, "error[csv-partner]: a distance between two rows in 30 rows, but no row has a `to`"),
         ("wire", "wire [rad]", None, "rad is a unit of angle, but this is a length"),
         ("encoder", "encoder [mm]", None, "mm is a unit of length, but this is an angle"),
         ("current", "current [N]", None, "N is a unit of force, but this is a plain number"),

@@ -17,6 +17,7 @@ _ELEMENTS = ("beams", "bars", "ropes", "joints")
 def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
     """Counts and parameters."""
     found, model = compiled.mobility, compiled.model
+    passive = sum(a.control == "passive" for a in machine.actuators.values())
     return {
         "machine": machine.files[0][0],
         "space": machine.space,
@@ -26,8 +27,9 @@ def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
         "unknowns": model.exact.unknowns,
         "constraints": model.exact.constraints,
         "degrees_of_freedom": found.degrees_of_freedom,
-        "actuators": found.actuators,
-        "degree_of_redundancy": found.redundancy,
+        "actuators": found.actuators - passive,
+        "passive": passive,
+        "degree_of_redundancy": found.redundancy - passive,
         "self_stress": found.self_stress,
         "free_motions": list(found.free_motions),
         "gaps": [{"element": g.element, "strain": g.strain, "value": g.value} for g in compiled.gaps[:_GAPS]],
@@ -54,7 +56,8 @@ def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str
     redundant = f"{count(redundancy, 'time')} redundant" if redundancy > 0 else "not redundant"
     stress = f"; {count(r['self_stress'], 'self-stress')} that no drive causes" if r["self_stress"] else ""
     freedom = count(r["degrees_of_freedom"], "degree") + " of freedom"
-    to.say(f"{freedom}, {count(r['actuators'], 'actuator')}: {redundant}{stress}")
+    passive = f", {count(r['passive'], 'passive drive')}" if r["passive"] else ""
+    to.say(f"{freedom}, {count(r['actuators'], 'actuator')}: {redundant}{passive}{stress}")
     system = f"{count(r['unknowns'], 'unknown')}, {count(r['constraints'], 'constraint')}"
     to.say(f"{system}; channels {', '.join(r['channels']) or 'none'}")
     for motion in r["free_motions"]:
@@ -65,13 +68,13 @@ def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str
     ]
     to.table("Parameters", ("name", "nominal", "range", "unit", "remark"), rows)
     model = compiled.model
-    drives = [
-        (a.name, f"{parse_unit(a.unit).from_si(float(q)) + 0.0:.6g}", a.unit, _role(d.redundant, d.force_controlled))
-        for a, d, q in zip(model.actuators, model.layout.drives, model.drawn_readings, strict=True)
-    ]
+    drives = []
+    for a, d, reading in zip(model.actuators, model.layout.drives, model.drawn_readings, strict=True):
+        shown = f"{parse_unit(a.unit).from_si(float(reading)) + 0.0:.6g}"
+        drives.append((a.name, shown, a.unit, _role(d.redundant, machine.actuators[a.name].control)))
     to.table("Actuators at the drawing", ("name", "reading", "unit", "remark"), drives)
 
 
-def _role(redundant: bool, forced: bool) -> str:
-    words = ["redundant"] if redundant else []
-    return ", ".join([*words, "force-controlled"] if forced else words)
+def _role(redundant: bool, control: str) -> str:
+    words = {"position": [], "force": ["force-controlled"], "passive": ["passive"]}[control]
+    return ", ".join(["redundant", *words] if redundant and control != "passive" else words)
