@@ -3,7 +3,8 @@
 The residuals of a block (one pose in one session) are multiplied by a common random sign (Wu 1986, Liu 1988; for
 clusters Cameron, Gelbach, Miller 2008), and fitted by one step of Gauss and Newton. Few blocks, or blocks of great
 leverage, know a variance badly: intervals are those of Student's t with the degrees of freedom that the variance of
-each parameter has (Bell and McCaffrey 2002).
+each parameter has (Bell and McCaffrey 2002). Noise of which there is one draw only (a length measured on the bench, a
+prior) has the standard uncertainty that is stated.
 """
 
 from __future__ import annotations
@@ -29,22 +30,32 @@ _FEWEST = 12  # degrees of freedom of a variance
 def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array, seed: int) -> Intervals:
     """By signs drawn for blocks: rows of one pose in one session (N,); index (p,) of the selected parameters."""
     near, found = linearise(problem, fit.last), fit.found
-    blocks = _blocks(problem, session)
-    count = int(blocks.max(initial=-1)) + 1
-    known = np.full(near.known, -1)  # what is known besides: a block by itself
-    label = np.concatenate([np.repeat(blocks, problem.readings.shape[1]), known])
+    label = _labels(problem, _blocks(problem, session), near.known)
+    count = int(label.max(initial=-1)) + 1
     seen = found.vectors[~found.held] * found.ranges  # (d, p)
     q, upper = np.linalg.qr(near.jacobian @ seen.T)
     by_score = np.linalg.solve(upper, seen).T if len(seen) else np.zeros((len(index), 0))  # (p, d)
     roots = _roots(q, label, count)
     rest = _times(roots, near.residual - q @ (q.T @ near.residual))
-    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(_REPEATS, count + 1))
-    steps = (signs[:, label] * rest) @ q @ by_score.T  # (R, p)
-    data = steps.std(axis=0)  # without what is held
-    prior = np.random.default_rng([seed, 1]).normal(size=(_REPEATS, int(found.held.sum()))) / 2.0
-    steps = steps + prior @ found.vectors[found.held] * found.ranges
+    rng, drawn = np.random.default_rng(seed), label >= 0
+    signs = rng.choice([-1.0, 1.0], size=(_REPEATS, count))
+    by_blocks = (signs[:, label[drawn]] * rest[drawn]) @ q[drawn] @ by_score.T  # (R, p)
+    once = rng.normal(size=(_REPEATS, int((~drawn).sum()))) @ q[~drawn] @ by_score.T
+    held = rng.normal(size=(_REPEATS, int(found.held.sum()))) / 2.0 @ found.vectors[found.held] * found.ranges
+    steps, data = by_blocks + once + held, by_blocks.std(axis=0)
     share = np.divide(steps.std(axis=0), data, out=np.full(len(data), np.inf), where=data > 0)
     return _from_steps(fit, index, steps, _freedom(q, roots, by_score) * share**4)
+
+
+def _labels(problem: Problem, blocks: Index, known: int) -> Index:
+    """Block of each residual (n,); -1 for those whose noise is as stated, as they are alone of their kind.
+
+    These are what was measured once, on the bench, and what is known besides the rows, `known` residuals.
+    """
+    channels = problem.model.channels
+    label = np.repeat(blocks[:, None], len(channels), axis=1)
+    label[:, [not np.isnan(c.once) for c in channels]] = -1
+    return np.concatenate([label.ravel(), np.full(known, -1)])
 
 
 def _from_steps(fit: Fit, index: Array, steps: Array, freedom: Array) -> Intervals:
