@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot
 
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import length_residuals
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.problem import problem_of
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.loading import load_machine, load_measurements
 

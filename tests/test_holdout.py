@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.holdout import (
     cross_validate,
@@ -18,7 +19,7 @@ from pkmcal_cli.calibration.holdout import (
     validate,
 )
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine

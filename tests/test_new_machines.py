@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.observability import observability
-from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model

@@ -8,14 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
-from pkmcal_cli.covariates import with_covariates, with_directions
 from pkmcal_cli.model import Model, tcp_model
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.tables.measurement_set import Measurements
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,8 @@ class Problem:
     """A model and what was measured: readings (N, C), their sigma (N, C) and that of the drives as travel (N, A).
 
     `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses. `prior`: what is known
-    besides; `weight` (N, C): of the whitened readings, by a robust fit, None for 1.
+    besides; `weight` (N, C): of the whitened readings, by a robust fit, None for 1; `copies`: groups of rows that are
+    the same to the last digit, of which the first alone is measured.
     """
 
     model: Model
@@ -34,6 +32,7 @@ class Problem:
     measured: NDArray[np.bool_]
     prior: Prior | None = None
     weight: Array | None = None
+    copies: tuple[tuple[int, ...], ...] = ()
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -91,6 +90,7 @@ class Problem:
             drive_sigma=self.drive_sigma[rows],
             measured=self.measured[rows],
             weight=None if self.weight is None else self.weight[rows],
+            copies=(),
         )
         return usable(taken)
 
@@ -109,30 +109,6 @@ def usable(problem: Problem) -> Problem:
         alone = np.ones(len(problem), dtype=bool) if problem.rows.partner is None else problem.rows.partner < 0
         measured[np.ix_(alone, joining)] = False
     return replace(problem, readings=readings, measured=measured)
-
-
-def problem_of(model: Model, measurements: Measurements) -> Problem:
-    """Measurements bound to a model; a channel's sigma is the table's where it has one, else the machine's."""
-    model = model.for_sessions(measurements.sessions)
-    drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
-    drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
-    readings, given = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
-    rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
-    rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
-    rows = replace(rows, partner=measurements.partners)
-    sigma = stated_sigma(model, readings)
-    sigma = np.where(np.isnan(given), sigma, given)
-    known = ~np.isnan(readings) & ~np.isnan(sigma)
-    model = with_frames(model, rows, np.where(known, readings, np.nan))
-    return usable(Problem(model, rows, readings, sigma, np.nan_to_num(drive_sigma), known))
-
-
-def _by_channel(model: Model, measurements: Measurements, table: Array) -> Array:
-    """Columns of a table (N, K) by the channels of the model, nan where it has none."""
-    out = np.full((len(measurements), len(model.channels)), np.nan)
-    names = [c.name for c in model.channels]
-    out[:, [names.index(name) for name in measurements.channels]] = table
-    return out
 
 
 def stated_sigma(model: Model, readings: Array) -> Array:

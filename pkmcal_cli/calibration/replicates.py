@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtr, chdtrc
 
-from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
@@ -130,7 +129,7 @@ def repeated_poses(problem: Problem) -> NDArray[np.intp]:
     if labels is None:
         return np.full(len(problem), -1, dtype=np.intp)
     out = labels.astype(np.intp)
-    for group in copies(problem):
+    for group in problem.copies:
         out[list(group[1:])] = -1
     alone = np.bincount(out[out >= 0], minlength=out.max(initial=0) + 1) < 2
     return np.where((out >= 0) & ~alone[out], out, -1)

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted import Fitted, Treatment, fitted
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
@@ -76,7 +77,7 @@ def run_calibration(request: CalibrationRequest) -> int:
     for text in (*(f.text() for f in s.loaded.warnings), *s.start.warnings):
         to.warn(text)
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
-    for hint in (*_unused_channels(s.problem), *hints, *copied_rows(s.problem, s.measured)):
+    for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
     found = _fit(s, to)
@@ -146,13 +147,6 @@ def _check_holdout(scheme: str | None) -> None:
 
 def _measured_kinds(problem: Problem) -> set[str]:
     return {c.quantity for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
-
-
-def _unused_channels(problem: Problem) -> list[str]:
-    """Channels that were measured but have no sigma."""
-    lost = ~np.isnan(problem.readings) & ~problem.measured
-    names = [c.name for k, c in enumerate(problem.model.channels) if lost[:, k].any()]
-    return [f"no sigma for {', '.join(names)}: not used where it lacks"] if names else []
 
 
 def _inputs(s: _Setting) -> dict[str, str]:

@@ -86,7 +86,7 @@ def _check_tables(
     """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
     import numpy as np
 
-    from pkmcal_cli.calibration.problem import problem_of
+    from pkmcal_cli.calibration.bound import problem_of
     from pkmcal_cli.calibration.residual import evaluate
     from pkmcal_cli.loading import load_measurements
     from pkmcal_cli.poses import place_of

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.errors import MAX_FAULTS, Fault, Location
@@ -67,7 +66,7 @@ def measurement_hints(
 
 def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     """What is to be said of rows that are copies of others."""
-    groups = copies(problem)
+    groups = problem.copies
     if not groups:
         return ()
     shown = [" and ".join(str(place_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
@@ -75,4 +74,4 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     extra = sum(len(group) - 1 for group in groups)
     what = f"{count(extra, 'row')} {'is a copy' if extra == 1 else 'are copies'} of another"
     same = f"{'; '.join(shown)}{more}"
-    return (f"{what}, the same to the last digit ({same}): a copy tells nothing new, and nothing about noise",)
+    return (f"{what}, the same to the last digit ({same}): a copy tells nothing new, and is not used",)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
 from pkmcal_cli.errors import BadInput, UsageError
 from pkmcal_cli.files import check_target, is_stream, write_text

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pkmcal_cli.calibration.problem import Problem, problem_of
+from pkmcal_cli.calibration.bound import problem_of
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
