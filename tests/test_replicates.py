@@ -71,6 +71,8 @@ def test_copies_and_neighbours_do_not_count() -> None:
         problem.model, Rows.at(np.vstack([problem.rows.readings] * 2)), np.vstack([problem.readings] * 2),
         np.vstack([problem.sigma] * 2), np.vstack([problem.drive_sigma] * 2), np.vstack([problem.measured] * 2),
     )  # fmt: skip
+    doubled = replace(doubled, copies=tuple(copies(doubled)))
+    assert len(doubled.copies) == len(problem)
     assert (repeated_poses(doubled) == -1).all() and (repeated_poses(problem) == -1).all()
     lines = shipped("triglide")
     assert (repeated_poses(lines.problem(lines.simulate(lines.model.nominal))) == -1).all()
