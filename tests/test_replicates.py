@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.replicates import ReplicateNoise, repeated_poses, replicate_noise
