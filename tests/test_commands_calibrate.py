@@ -10,6 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.rotation import Array
 from tests.command import (
     HANGPRINTER,
     HANGPRINTER_DATA,
@@ -96,11 +99,12 @@ def test_nothing_identifiable() -> None:
 
 
 def test_a_fit_that_does_not_converge_is_a_negative_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
-    from functools import partial
-
     from pkmcal_cli.calibration.identify import identify
 
-    monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", partial(identify, iterations=1))
+    def hurried(problem: Problem, selected: tuple[str, ...], start: Array, iterations: int = 1) -> Fit:
+        return identify(problem, selected, start, min(iterations, 1))
+
+    monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", hurried)
     done, result = calibrated(SCISSORS, str(MACHINES / "scissors.csv"), "-o", "p.yaml")
     assert done.code == 1 and result["status"] == "not_converged"
     assert "NOT CONVERGED" in done.err and result["heldout"]["reason"] == "the fit has not succeeded (not_converged)"

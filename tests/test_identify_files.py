@@ -148,8 +148,8 @@ def test_verdicts_and_exit_codes(
     assert nothing["status"] == "nothing_identifiable"
     assert [p["value"] for p in nothing["parameters"]] == pytest.approx([50000], rel=1e-12)
 
-    def hurried(problem: Problem, selected: tuple[str, ...], start: Array | None = None) -> object:
-        return identify(problem, selected, start, iterations=1)
+    def hurried(problem: Problem, selected: tuple[str, ...], start: Array, iterations: int = 1) -> object:
+        return identify(problem, selected, start, min(iterations, 1))
 
     monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", hurried)
     assert run(command) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -25,13 +26,16 @@ from pkmcal_cli.rotation import Array
 
 @dataclass(frozen=True)
 class Treatment:
-    """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap."""
+    """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap.
+
+    starts: how many; 0 is one, and more where it fails.
+    """
 
     loss: str = "squares"
     prior: str = "none"
     uncertainty: str = "linear"
     seed: int = 0
-    starts: int = 1
+    starts: int = 0
 
     def check(self) -> None:
         """Raises UsageError for words that are none."""
@@ -52,11 +56,21 @@ class Fitted:
     datum: Datum | None = None
 
 
-def fitted(problem: Problem, selected: tuple[str, ...], start: Array, how: Treatment, session: Array) -> Fitted:
-    """Calibrate from values (P,); session (N,): number of the session of each row. Raises RowsFailed."""
+def fitted(
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array,
+    how: Treatment,
+    session: Array,
+    tell: Callable[[str], None] | None = None,
+) -> Fitted:
+    """Calibrate from values (P,); session (N,): number of the session of each row. Raises RowsFailed.
+
+    `tell` announces what takes longer.
+    """
     if how.prior == "ranges":
         problem = replace(problem, prior=prior_of_ranges(problem.model, selected))
-    first, agreement = identify_from(problem, selected, start, how.starts, how.seed)
+    first, agreement = identify_from(problem, selected, start, how.starts, how.seed, tell)
     if how.loss == "squares" or first.status != "converged":
         found = plain_fit(problem, first)
     else:

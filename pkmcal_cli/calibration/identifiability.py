@@ -30,7 +30,8 @@ _TRACE = 0.1  # and in one that is seen a little, this: smaller components add t
 class Directions:
     """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak.
 
-    `spread`: what the variances are widened by where the stated sigma does not explain the residuals.
+    `spread`: what the variances of the data are widened by where the stated sigma does not explain the residuals;
+    `known` (k, p): rows, in ranges, that are no data but what is known besides.
     """
 
     names: tuple[str, ...]
@@ -40,6 +41,7 @@ class Directions:
     null: NDArray[np.bool_]
     weak: NDArray[np.bool_]
     spread: float = 1.0
+    known: Array | None = None
 
     @property
     def rank(self) -> int:
@@ -92,13 +94,21 @@ class Directions:
 
     def determined_covariance(self) -> Array:
         """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
-        variance = np.where(self.held, WEAK**-2, self.spread * self._variance(self.held))
-        return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
+        data = self._variance(self.held)
+        variance = np.diag(np.where(self.held, WEAK**-2, self.spread * data))
+        if self.known is not None and self.spread != 1.0:  # data are widened, what is known is not
+            rows = self.known @ self.vectors.T * data
+            variance = variance + (1.0 - self.spread) * rows.T @ rows
+        return np.asarray((self.vectors.T @ variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 
-def directions(jacobian: Array, names: tuple[str, ...], ranges: Array) -> Directions:
-    """Directions of a whitened Jacobian (n, p), SI; zero rows are added where there are fewer rows than parameters."""
+def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, known: int = 0) -> Directions:
+    """Directions of a whitened Jacobian (n, p), SI, its last `known` rows being no data.
+
+    Zero rows are added where there are fewer rows than parameters.
+    """
     scaled = jacobian * ranges
+    besides = scaled[len(scaled) - known :] if known else None
     p = scaled.shape[1]
     if len(scaled) < p:
         scaled = np.vstack([scaled, np.zeros((p - len(scaled), p))])
@@ -109,7 +119,8 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array) -> Direct
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, s, vt = np.linalg.svd(scaled)
     null = (s <= NULL * s[0]) | (s < UNSEEN)
-    return Directions(names, ranges, s, vt, null, ~null & (s < WEAK))
+    weak = ~null & (s < WEAK * (1 - 1e-9))  # what nothing but the ranges know is not weak
+    return Directions(names, ranges, s, vt, null, weak, known=besides)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from pkmcal_cli.rotation import Array
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-5  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
 _LEAD = 30  # steps of a fit of those rows that can be predicted
@@ -71,7 +72,7 @@ def identify(
     `shift`: drive errors (N, A) of an earlier fit, to begin with.
     """
     first = evaluate(problem, problem.model.nominal if start is None else start, selected, shift=shift)
-    if not selected or problem.count == 0:
+    if problem.count == 0 or not (selected or problem.drive_sigma.any()):
         if not first.solved:
             raise RowsFailed(first)
         return _finished(problem, selected, first, first, "nothing_identifiable", 0)
@@ -131,17 +132,17 @@ def _advance(
     full = _step(scale, now.values[scale.index], near, near, 0.0)
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges)
-    if np.abs(full).max(initial=0.0) < _STEP or hoped <= max(_GAIN * near.chi2, blur):
+    if (len(full) and np.abs(full).max() < _STEP) or hoped <= max(_GAIN * near.chi2, blur):
         last = _moved(problem, scale, now, near, full)
         return (last if last.solved else now), 0.0, "converged"
-    light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max())
+    light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max(initial=0.0))
     while True:
         damped, step = near, full
         if damping > 0.0:
             damped = linearise(problem, now, damping)
             step = _step(scale, now.values[scale.index], near, damped, damping * light)
-        if np.abs(step).max() < _STEP:  # no step of any length lowers chi-square: the prediction fails here
-            return now, damping, "not_converged"
+        if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
+            return now, damping, "not_converged"  # no step of any length lowers chi-square: the prediction fails here
         trial = _moved(problem, scale, now, damped, step)
         if trial.solved:
             gained = near.chi2 - chi_square(problem, trial)
@@ -189,6 +190,8 @@ def _step(scale: _Scaled, values: Array, near: Linearised, damped: Linearised, d
     """Minimum-norm step (p,) in range units within bounds and the directions that `near` determines."""
     p, r, jacobian = len(values), damped.residual, damped.jacobian * scale.ranges
     step = np.zeros(p)
+    if not p:
+        return step
     room_down = (scale.low - values) / scale.ranges
     room_up = (scale.high - values) / scale.ranges
     free = np.ones(p, dtype=bool)
@@ -222,7 +225,7 @@ def _finished(
     scale = _Scaled.of(problem, selected)
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
-    found = directions(near.jacobian, selected, scale.ranges)
+    found = directions(near.jacobian, selected, scale.ranges, near.known)
     if not len(selected) or found.held.all():
         status = "nothing_identifiable"
     moved = int((~found.held).sum()) - int(on_bound.sum())

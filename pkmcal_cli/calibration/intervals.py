@@ -51,29 +51,33 @@ def profile_intervals(problem: Problem, fit: Fit, index: Array) -> Intervals:
     if problem.prior is None and fit.found.held.any():  # a prior of its own leaves no direction to be held
         given = replace(problem, prior=prior_of_held(fit.found, fit.values[index]))
     low_high = np.full((len(fit.selected), 2), np.nan)
-    std, spread, lost = fit.std, fit.found.spread, []
+    std, spread = fit.std, fit.found.spread
     if given is not problem:  # with what ranges say, the best fit lies elsewhere
         fit = identify(given, fit.selected, fit.values, shift=fit.shift)
         fit = replace(fit, found=replace(fit.found, spread=spread))
-    best = linearise(given, fit.last).chi2
+    best, wider = linearise(given, fit.last).chi2, _wider(fit)
     for k, name in enumerate(fit.selected):
-        if not np.isfinite(std[k]):
-            continue
-        for side in (0, 1):
-            sign = 2 * side - 1
-            end = _cross(given, fit, name, float(sign * std[k]), best)
-            if np.isnan(end):
-                lost.append(name)
-            low_high[k, side] = end
-    remark = f"no end of the profile was found for {', '.join(dict.fromkeys(lost))}" if lost else ""
+        if np.isfinite(std[k]):
+            ends = [_cross(given, fit, name, sign * float(std[k]), best, wider[k]) for sign in (-1, 1)]
+            low_high[k] = np.clip(ends, *problem.model.parameters[index[k]].bounds)
+    lost = [
+        n for n, ends, s in zip(fit.selected, low_high, std, strict=True) if np.isfinite(s) and np.isnan(ends).any()
+    ]
+    remark = f"no end of the profile was found for {', '.join(lost)}" if lost else ""
     return Intervals("profile", low_high, (low_high[:, 1] - low_high[:, 0]) / (2 * COVER), remark)
 
 
-def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float) -> float:
-    """Where the signed root of the growth of chi-square is 1.96, by the secant rule; nan where it is not found."""
+def _wider(fit: Fit) -> Array:
+    """By how much intervals (p,) are wider than the growth of chi-square says: data are widened, priors are not."""
+    plain = replace(fit.found, spread=1.0).determined_covariance()
+    return np.asarray(np.sqrt(np.diag(fit.found.determined_covariance()) / np.diag(plain)))
+
+
+def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float, wider: float) -> float:
+    """Where the signed root of the growth of chi-square is 1.96 (times `wider`), by the secant rule; nan if nowhere."""
     others = tuple(n for n in fit.selected if n != name)
     place = problem.model.names.index(name)
-    aim = COVER * float(np.sqrt(fit.found.spread))
+    aim = COVER * wider
     start, step, before = fit.values, COVER * std, (0.0, 0.0)
     for _ in range(_TRIALS):
         values = start.copy()

@@ -6,6 +6,7 @@ conditioned) before the data alone decide. Other starts are drawn within the ran
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from pkmcal_cli.rotation import Array
 
 _SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above
+_STEPS = 25  # of further starts; those that end well take fewer than ten
 _DOUBTFUL = 100.0  # per degree of freedom: ten times noise is a missing effect, or the wrong one of several minima
 
 
@@ -48,22 +50,32 @@ class Agreement:
 
 
 def identify_from(
-    problem: Problem, selected: tuple[str, ...], start: Array, count: int, seed: int
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array,
+    count: int,
+    seed: int,
+    tell: Callable[[str], None] | None = None,
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,). Raises RowsFailed where none can be predicted.
 
-    With one start that fails, or explains nothing, further ones are tried all the same.
+    With `count` 0 one start that fails, or explains nothing, is helped by further ones, which `tell` announces.
     """
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        first = identify(problem, selected, start)
-        if count == 1 and first.status != "not_converged" and not first.chi2_per_dof > _DOUBTFUL:
-            return first, None
+        first = _centred(problem, selected, start, identify(problem, selected, start))
     except RowsFailed as error:
         failure = error
-    ends = [first, _led(problem, selected, start)]
-    for values in _scattered(problem, selected, start, max(count, ON_FAILURE) - len(ends), seed):
+    doubtful = first is None or first.status == "not_converged" or first.chi2_per_dof > _DOUBTFUL
+    if first is not None and (count == 1 or (count == 0 and not doubtful)):
+        return first, None
+    if not count and tell is not None:
+        what = "explains little" if first is not None and first.status == "converged" else "fails"
+        tell(f"the fit from the start {what}: {ON_FAILURE - 1} further starts are tried")
+    total = count or ON_FAILURE
+    ends = [first] + ([_led(problem, selected, start)] if total > 1 else [])
+    for values in _scattered(problem, selected, start, total - len(ends), seed):
         ends += [_tried(problem, selected, start, values)]
     good = [e for e in ends if e is not None and e.status == "converged"]
     if not good:
@@ -72,7 +84,7 @@ def identify_from(
         assert first is not None
         return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
     best = min(good, key=lambda e: e.chi2)
-    if first is not None and first in good and _apart(problem, first, best) <= _SAME:
+    if first is not None and first.status == "converged" and _apart(problem, first, best) <= _SAME:
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)
@@ -100,7 +112,7 @@ def _led(problem: Problem, selected: tuple[str, ...], start: Array) -> Fit | Non
     index = [model.names.index(n) for n in selected]
     known = Prior(selected, np.diag(2.0 / model.ranges[index]), start[index])
     try:
-        near = identify(replace(problem, prior=known), selected, start)
+        near = identify(replace(problem, prior=known), selected, start, iterations=_STEPS)
     except RowsFailed:
         return None
     return _tried(problem, selected, start, near.values)
@@ -122,16 +134,31 @@ def _scattered(problem: Problem, selected: tuple[str, ...], start: Array, count:
 
 
 def _tried(problem: Problem, selected: tuple[str, ...], start: Array, values: Array) -> Fit | None:
-    """A fit from values (P,); what data do not see is as at the start, or ends could not be compared."""
-    model = problem.model
-    index = [model.names.index(n) for n in selected]
+    """A fit from values (P,), if it ends soon; what data do not see is as at the start."""
     try:
-        found = identify(problem, selected, values)
-        unseen = found.found.vectors[found.found.held]  # (k, p)
-        if not len(unseen):
-            return found
-        values = found.values.copy()
-        values[index] += unseen.T @ (unseen @ ((start - values)[index] / model.ranges[index])) * model.ranges[index]
-        return identify(problem, selected, values)
+        return _centred(problem, selected, start, identify(problem, selected, values, iterations=_STEPS))
     except RowsFailed:
         return None
+
+
+def _centred(problem: Problem, selected: tuple[str, ...], start: Array, fit: Fit) -> Fit:
+    """The fit with weak directions about nominal, null ones as at the start (P,), whatever they were on the way.
+
+    What the data hardly see is what the ranges say; and ends could not be compared otherwise.
+    """
+    model, held = problem.model, fit.found.held
+    index = [model.names.index(n) for n in selected]
+    nominal = model.nominal[index]
+    if fit.status != "converged" or not held.any() or (fit.before.values[index] == nominal).all():
+        return fit
+    way = (
+        np.where(fit.found.weak[:, None], nominal - fit.values[index], (start - fit.values)[index])
+        / model.ranges[index]
+    )
+    unseen = fit.found.vectors[held]  # (k, p)
+    values = fit.values.copy()
+    values[index] += unseen.T @ (unseen * way[held]).sum(axis=1) * model.ranges[index]
+    try:
+        return replace(identify(problem, selected, values, iterations=_STEPS), before=fit.before)
+    except RowsFailed:
+        return fit

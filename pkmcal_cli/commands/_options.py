@@ -39,6 +39,9 @@ Uncertainty = Annotated[
     str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="How 95 % intervals are found.")
 ]
 Starts = Annotated[
-    int, typer.Option("--starts", min=1, max=200, help="Fits from so many starts within the ranges; do they agree?")
+    int,
+    typer.Option(
+        "--starts", min=0, max=200, help="Fits from so many starts within the ranges; 0: one, more where it fails."
+    ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap and of starts.")]

@@ -38,7 +38,7 @@ def calibrate(
     loss: Loss = "squares",
     prior: Prior = "none",
     uncertainty: Uncertainty = "linear",
-    starts: Starts = 1,
+    starts: Starts = 0,
     seed: Seed = 0,
     max_rms: Annotated[
         str | None, typer.Option("--max-rms", metavar="VALUE", help='Exit 1 if a position rms is above, e.g. "20 um".')

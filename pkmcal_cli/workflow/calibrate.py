@@ -80,7 +80,8 @@ def run_calibration(request: CalibrationRequest) -> int:
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
-    found = _fit(s, to)
+    how = s.request.how
+    found = _fit(s, replace(how, starts=how.starts or 1) if hints else how, to)  # no start mends a wrong column
     fit = found.robust.fit
     held_out, inputs = _held_out(s, fit)
     report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, _places(s))
@@ -154,9 +155,9 @@ def _inputs(s: _Setting) -> dict[str, str]:
     return dict(s.loaded.machine.files) | s.start.inputs | dict(zip(s.measured.files, s.measured.sha256, strict=True))
 
 
-def _fit(s: _Setting, to: Reporter) -> Fitted:
+def _fit(s: _Setting, how: Treatment, to: Reporter) -> Fitted:
     try:
-        found = fitted(s.problem, s.selected, s.start.values, s.request.how, np.asarray(s.measured.session))
+        found = fitted(s.problem, s.selected, s.start.values, how, np.asarray(s.measured.session), to.say)
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
     if found.agreement is not None:
