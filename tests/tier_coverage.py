@@ -64,7 +64,7 @@ def bootstrap(plan: Plan, problem: Problem, seed: int) -> tuple[RobustFit, Inter
     """Signs of the residuals of each pose."""
     found = _squares(problem, plan)
     session = np.zeros(len(problem))
-    return found, bootstrap_intervals(found.problem, found.fit, _places(plan), session, seed)
+    return found, bootstrap_intervals(found.problem, found.fit, _places(plan), session, seed, found.gain)
 
 
 def with_ranges(plan: Plan, problem: Problem, _: int) -> tuple[RobustFit, Intervals]:

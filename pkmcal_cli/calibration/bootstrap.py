@@ -27,8 +27,13 @@ _REPEATS = 1000
 _FEWEST = 12  # degrees of freedom of a variance
 
 
-def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array, seed: int) -> Intervals:
-    """By signs drawn for blocks: rows of one pose in one session (N,); index (p,) of the selected parameters."""
+def bootstrap_intervals(
+    problem: Problem, fit: Fit, index: Array, session: Array, seed: int, gain: float = 1.0
+) -> Intervals:
+    """By signs drawn for blocks: rows of one pose in one session (N,); index (p,) of the selected parameters.
+
+    gain: what steps of a robust fit are longer by, as its weights change.
+    """
     near, found = linearise(problem, fit.last), fit.found
     label = _labels(problem, _blocks(problem, session), near.known)
     count = int(label.max(initial=-1)) + 1
@@ -39,7 +44,7 @@ def bootstrap_intervals(problem: Problem, fit: Fit, index: Array, session: Array
     rest = _times(roots, near.residual - q @ (q.T @ near.residual))
     rng, drawn = np.random.default_rng(seed), label >= 0
     signs = rng.choice([-1.0, 1.0], size=(_REPEATS, count))
-    by_blocks = (signs[:, label[drawn]] * rest[drawn]) @ q[drawn] @ by_score.T  # (R, p)
+    by_blocks = gain * (signs[:, label[drawn]] * rest[drawn]) @ q[drawn] @ by_score.T  # (R, p)
     once = rng.normal(size=(_REPEATS, int((~drawn).sum()))) @ q[~drawn] @ by_score.T
     held = rng.normal(size=(_REPEATS, int(found.held.sum()))) / 2.0 @ found.vectors[found.held] * found.ranges
     steps, data = by_blocks + once + held, by_blocks.std(axis=0)

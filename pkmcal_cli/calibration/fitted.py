@@ -86,4 +86,4 @@ def _intervals(found: RobustFit, how: Treatment, session: Array) -> Intervals:
         return linear_intervals(fit, index)
     if how.uncertainty == "profile":
         return profile_intervals(found.problem, fit, index)
-    return bootstrap_intervals(found.problem, fit, index, session, how.seed)
+    return bootstrap_intervals(found.problem, fit, index, session, how.seed, found.gain)

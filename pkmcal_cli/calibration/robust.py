@@ -7,24 +7,28 @@ absolute deviation.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.special import ndtri
 
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise, whitened_residual
+from pkmcal_cli.calibration.residual import deletion_residuals, whitened_residual
 from pkmcal_cli.rotation import Array
 
 Loss = Literal["squares", "huber", "tukey"]
 _HUBER, _TUKEY = 1.345, 4.685  # 95 % efficiency with normal noise
+_NORMAL_VALUES = 2000
 _NORMAL = 1.4826  # standard deviations per median absolute deviation
 _SETTLED = 1e-3
 _ROUNDS = 30
 _OFF = 3.5  # standard uncertainties from which on a value is told as doubtful
 _LEAST = 1e-8  # weight of a value that is left out
+_FEWEST = 10  # values of a channel by which its scale is judged
 
 
 @dataclass(frozen=True)
@@ -46,13 +50,17 @@ class Doubtful:
 
 @dataclass(frozen=True)
 class RobustFit:
-    """A fit, the problem with its weights, and what was weighed down; scale (C,) of the channels in stated sigmas."""
+    """A fit, the problem with its weights, and what was weighed down; scale (C,) of the channels in stated sigmas.
+
+    gain: step of the parameters over that of a fit with the same weights (they change with the parameters).
+    """
 
     fit: Fit
     problem: Problem
     doubtful: tuple[Doubtful, ...]
     scale: Array
     loss: Loss = "squares"
+    gain: float = 1.0
 
 
 def plain_fit(problem: Problem, fit: Fit) -> RobustFit:
@@ -87,27 +95,34 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
             if change < _SETTLED:
                 break
-    fit = replace(fit, before=first.before, found=replace(fit.found, spread=_spread(loss, problem, fit, scale)))
-    return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss)
+    white, _ = _deviations(problem, fit)
+    spread, gain = _efficiency(loss, (white / scale)[problem.measured])
+    moved = int((~fit.found.held).sum())
+    freedom = max(problem.count - moved, 1) / max(problem.count, 1)
+    size = float((scale**2 * problem.measured.sum(axis=0)).sum() / max(problem.count, 1))
+    least, _ = _efficiency(loss, ndtri((np.arange(_NORMAL_VALUES) + 0.5) / _NORMAL_VALUES))
+    spread = size * max(spread / freedom, least)  # never narrower than the stated sigma says
+    fit = replace(fit, before=first.before, found=replace(fit.found, spread=spread))
+    return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss, gain)
 
 
 def _deviations(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Whitened residuals (N, C) at a fit, and the scale (C,) of each channel, at least 1."""
     white = whitened_residual(problem, fit.last)
     some = np.where(problem.measured, np.abs(white), np.nan)
-    with np.errstate(all="ignore"):
-        typical = np.nan_to_num(np.nanmedian(some, axis=0)) if len(some) else np.ones(some.shape[1])
-    return white, np.maximum(_NORMAL * typical, 1.0)
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        typical = np.nan_to_num(np.nanmedian(some, axis=0))
+    many = problem.measured.sum(axis=0) >= _FEWEST  # fewer say nothing of their own scale
+    return white, np.where(many, np.maximum(_NORMAL * typical, 1.0), 1.0)
 
 
-def _spread(loss: Loss, problem: Problem, fit: Fit, scale: Array) -> float:
-    """What the variances of the weighted fit must be multiplied by (Huber 1981, 7.6: the sandwich, averaged).
+def _efficiency(loss: Loss, z: Array) -> tuple[float, float]:
+    """Of deviations (n,) in scales: what the variances of the weighted fit must be multiplied by, and its steps.
 
-    mean(w) mean(psi^2) / mean(psi')^2 times the square of the scale, of all values that have not been left out.
+    mean(w) mean(psi^2) / mean(psi')^2 (Huber 1981, 7.6: the sandwich, averaged) and mean(w) / mean(psi'), of all values
+    that have not been left out.
     """
-    white, _ = _deviations(problem, fit)
-    on = problem.measured
-    z = (white / scale)[on]
     w = weights_of(loss, z)
     if loss == "huber":
         slope = (np.abs(z) < _HUBER).astype(float)
@@ -115,31 +130,33 @@ def _spread(loss: Loss, problem: Problem, fit: Fit, scale: Array) -> float:
         u = np.minimum((z / _TUKEY) ** 2, 1.0)
         slope = (1 - u) * (1 - 5 * u)
     kept = w > 10 * _LEAST
-    psi2 = float(((w * z) ** 2)[kept].mean())
-    freedom = max(int(kept.sum()) - len(fit.selected), 1) / max(int(kept.sum()), 1)
-    size = float((scale**2 * on.sum(axis=0)).sum() / max(on.sum(), 1))
-    return size * psi2 * float(w[kept].mean()) / float(slope[kept].mean()) ** 2 / freedom
+    if not kept.any() or slope[kept].mean() <= 0:
+        return 1.0, 1.0
+    psi2, bend = float(((w * z) ** 2)[kept].mean()), float(slope[kept].mean())
+    return psi2 * float(w[kept].mean()) / bend**2, float(w[kept].mean()) / bend
 
 
 def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]:
-    """The audit of every value that is off by more than noise, worst first."""
+    """The audit of every value that is off by more than noise, worst first; of each row what tells most."""
     assert weighted.weight is not None
     plain = replace(weighted, weight=None)
-    near, white = linearise(plain, fit.last), whitened_residual(plain, fit.last)
+    off, slopes = deletion_residuals(plain, fit.last)
+    size = np.where(weighted.measured, np.abs(off / scale), 0.0)
     covariance = replace(fit.found, spread=1.0).determined_covariance()
     std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    shape = weighted.readings.shape
-    jacobian = near.jacobian[: weighted.readings.size].reshape(*shape, -1)
     found = []
-    for row, channel in np.argwhere(weighted.measured & (np.abs(white / scale) > _OFF)):
-        a = jacobian[row, channel]
-        gain = covariance @ a
-        inside = weighted.weight[row, channel] == 1.0  # a part of the fit; else what it would be
-        share = float(a @ gain)
-        step = gain * white[row, channel] / (max(1.0 - share, 1e-3) if inside else 1.0 + share) / std
+    for row in np.nonzero((size > _OFF).any(axis=1))[0]:
+        channel = int(size[row].argmax())
+        weight = float(weighted.weight[row][weighted.measured[row]].min())
+        gain = covariance @ slopes[row, channel]
+        share = float(slopes[row, channel] @ gain)
+        if weight == 1.0:  # a part of the fit: what leaving it out would change; else what it would if it stayed
+            factor, leverage = 1.0 / max(1.0 - share, 1e-3), share
+        else:
+            factor, leverage = (1.0 - weight) / (1.0 + (1.0 - weight) * share), share / (1.0 + (1.0 - weight) * share)
+        step = gain * off[row, channel] * factor / std
         worst = int(np.argmax(np.abs(step))) if len(step) else 0
-        leverage = share if inside else share / (1.0 + share)
         moved = (fit.selected[worst], float(step[worst])) if len(step) else ("", 0.0)
-        deviation = float(white[row, channel] / scale[channel])
-        found.append(Doubtful(int(row), int(channel), deviation, float(weighted.weight[row, channel]), leverage, moved))
+        deviation = float(off[row, channel] / scale[channel])
+        found.append(Doubtful(int(row), channel, deviation, weight, leverage, moved))
     return tuple(sorted(found, key=lambda d: -abs(d.deviation)))
