@@ -22,6 +22,7 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.calibration.starts import identify_from
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -242,3 +243,46 @@ def test_a_holdout_that_is_none_is_refused(tmp_path: Path) -> None:
     copy = tmp_path / "copy.csv"
     copy.write_bytes(Path(TRIGLIDE_DATA).read_bytes())
     assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", copy).code == 2
+
+
+# what is held out is the estimate that was asked for ------------------------------------------------------------------
+
+
+def test_folds_are_fitted_as_the_whole(tmp_path: Path) -> None:
+    """Four grossly wrong rows bend a fold's fit by squares, not that with a robust loss."""
+    bad = tmp_path / "bad.csv"
+    lines = [line for line in Path(TRIGLIDE_DATA).read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    place = lines[0].split(",").index("x [mm]")
+    for row in (9, 60, 120, 200):
+        cells = lines[row].split(",")
+        lines[row] = ",".join([*cells[:place], str(float(cells[place]) + 0.5), *cells[place + 1 :]])
+    bad.write_text("\n".join(lines), encoding="utf-8")
+    good = run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none", "--json").json["parameters"]
+    right, held, moved = {p["name"]: p["value"] for p in good}, {}, {}
+    for loss in ("squares", "tukey"):
+        done = run("calibrate", TRIGLIDE, bad, "--holdout", "4", "--json", "--loss", loss)
+        held[loss] = done.json["heldout"]["after"]["position"]
+        moved[loss] = max(abs(p["value"] - right[p["name"]]) / p["std"] for p in done.json["parameters"])
+    assert held["tukey"]["max"] == pytest.approx(0.5, rel=0.05), "wrong rows are off by what they are wrong, and noise"
+    assert abs(held["squares"]["rms"] / held["tukey"]["rms"] - 1) > 1e-4, "another estimate has another error"
+    assert moved["tukey"] < 0.5
+
+
+def test_a_fold_that_cannot_be_predicted_is_counted() -> None:
+    """A row, held out by itself, is beyond reach at the drawing; trained by itself it says nothing of the others."""
+    problem, _ = table("five-bar.csv", machine="five-bar")
+    rng, parameters = np.random.default_rng(0), []
+    for p in problem.model.parameters:
+        far = 0.02 if p.dimension == "length" else np.radians(5)
+        parameters.append(replace(p, nominal=p.nominal + far * rng.uniform(-1, 1), range=far))
+    problem = replace(problem, model=replace(problem.model, parameters=tuple(parameters)))
+    start = problem.model.nominal
+    solved = evaluate(problem, start).prediction.solved
+    assert 0 < (~solved).sum() < 4
+    fit, _ = identify_from(problem, problem.model.names, start, 0, 0)
+    assert fit.status == "converged"
+    held = cross_validate(problem, fit, (~solved).astype(np.intp), "by hand")
+    assert held.folds == 2 and held.after["distance"].count == len(problem)
+    labels = np.where(solved, np.arange(len(problem)) % 3, 3)
+    held = cross_validate(problem, fit, labels, "by hand")
+    assert held.failed == 0 and held.after["distance"].rms < 1e-4  # sigma 10 um; noise of the encoders far out

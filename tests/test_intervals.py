@@ -52,7 +52,7 @@ def test_a_profile_ends_at_a_bound() -> None:
 
 
 def test_what_ranges_know_is_not_widened_with_the_data() -> None:
-    """Sigma stated a third: what data tell is three times less sure, what nothing but the range tells is half the range.
+    """Sigma stated a third: what data tell is three times less sure, what the range alone tells is half the range.
 
     In between it is the variance of the mean with weights as stated, by the law of propagation (GUM 5.2).
     """

@@ -10,6 +10,8 @@ import numpy as np
 
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.intervals import (
     Intervals,
     Method,
@@ -76,6 +78,16 @@ def fitted(
     else:
         found = identify_robustly(problem, first, how.loss)  # type: ignore[arg-type]
     return Fitted(found, _intervals(found, how, session), agreement)
+
+
+def fitted_again(how: Treatment, problem: Problem, selected: tuple[str, ...], start: Array) -> Fit:
+    """The same fit of other rows, from one start. Raises RowsFailed."""
+    if how.prior == "ranges":
+        problem = replace(problem, prior=prior_of_ranges(problem.model, selected))
+    first = identify(problem, selected, start)
+    if how.loss == "squares" or first.status != "converged":
+        return first
+    return identify_robustly(problem, first, how.loss).fit  # type: ignore[arg-type]
 
 
 def _intervals(found: RobustFit, how: Treatment, session: Array) -> Intervals:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.model import Model
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
+
+Refit = Callable[[Problem, tuple[str, ...], Array], Fit]
+"""A fit of some parameters from values (P,). Raises RowsFailed."""
 
 _CELLS = 4  # cells along each axis of the workspace
 ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default
@@ -77,26 +81,63 @@ def _cells(problem: Problem) -> NDArray[np.intp]:
     return np.unique(bins, axis=0, return_inverse=True)[1].ravel().astype(np.intp)
 
 
-def cross_validate(problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme: str) -> HeldOut:
+def cross_validate(
+    problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme: str, again: Refit | None = None
+) -> HeldOut:
     """Refit without each fold, from where the fit began (what a fold does not determine must not come from the
-    held-out rows), predict it, and gather all held-out residuals.
+    held-out rows), predict it, and gather all held-out residuals. `again`: how, by default by least squares.
     """
-    residual = np.zeros_like(fit.after.residual)
-    lengths: list[tuple[Problem, Evaluation]] = []
-    failed = 0
+    before, after, failed, lost = [], [], 0, 0
+    fitted_too: dict[str, None] = {}
     folds = np.unique(labels)
     for fold in folds:
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
-        trained = identify(problem.take(outside), fit.selected, start=fit.before.values)
-        failed += trained.status != "converged"
-        part = problem.take(inside)
+        trained = _refitted(problem.take(outside), fit, again or identify)
+        failed += trained is None or trained.status != "converged"
+        part = _without_bench(problem.take(inside))
+        if trained is None:
+            lost += len(part)
+            continue
         own = _unknown_to(problem.take(outside), part)
-        values = identify(part, own, trained.values).values if own else trained.values
-        predicted = evaluate(part, values)
-        residual[inside] = predicted.residual
-        lengths.append((part, predicted))
-    after = pooled([error_figures(p, e) for p, e in lengths])
-    return HeldOut(error_figures(problem, fit.before), after, scheme, len(folds), failed)
+        fitted_too |= dict.fromkeys(own)
+        found = _predicted(part, trained.values, own)
+        solved = np.nonzero(found.prediction.solved)[0]
+        lost += len(part) - len(solved)
+        if len(solved) < len(part):
+            part = part.take(solved)
+            found = evaluate(part, found.values)
+        after.append(error_figures(part, found))
+        before.append(error_figures(part, evaluate(part, fit.before.values)))
+    words = [scheme] + ([f"{', '.join(fitted_too)} fitted to them"] if fitted_too else [])
+    words += [f"{lost} of {len(problem)} rows could not be predicted"] if lost else []
+    return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed)
+
+
+def _refitted(problem: Problem, fit: Fit, again: Refit) -> Fit | None:
+    """The fit without a fold, from where it began; where that leads nowhere, from where it ended."""
+    found: Fit | None = None
+    for start in (fit.before.values, fit.values):
+        try:
+            found = again(problem, fit.selected, start)
+        except RowsFailed:
+            continue
+        if found.status != "not_converged":
+            break
+    return found
+
+
+def _predicted(part: Problem, values: Array, own: tuple[str, ...]) -> Evaluation:
+    """Held-out rows, predicted; what their sessions have for themselves is fitted to them."""
+    try:
+        return evaluate(part, identify(part, own, values).values if own else values)
+    except RowsFailed as failure:
+        return failure.evaluation
+
+
+def _without_bench(part: Problem) -> Problem:
+    """What was measured once is part of every fit, so it is not held out."""
+    once = np.array([not np.isnan(c.once) for c in part.model.channels], dtype=bool)
+    return replace(part, measured=part.measured & ~once) if once.any() else part
 
 
 def _unknown_to(trained: Problem, part: Problem) -> tuple[str, ...]:
@@ -121,8 +162,8 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
         known = dict(zip(model.names, values, strict=True))
         start = np.array([known.get(n, v) for n, v in zip(problem.model.names, problem.model.nominal, strict=True)])
         fitted = identify(problem, own, start).values if own or reachable else start
-        figures.append(error_figures(problem, evaluate(problem, fitted)))
-    words = f"{scheme}, with {', '.join(own)} fitted to them" if own else scheme
+        figures.append(error_figures(_without_bench(problem), evaluate(problem, fitted)))
+    words = f"{scheme}; {', '.join(own)} fitted to them" if own else scheme
     return HeldOut(figures[0], figures[1], words, 1, 0)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.fitted import Fitted, Treatment, fitted
+from pkmcal_cli.calibration.fitted import Fitted, Treatment, fitted, fitted_again
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -196,7 +197,7 @@ def _held_out(s: _Setting, fit: Fit) -> tuple[HeldOut | str, dict[str, str]]:
         if scheme is None:
             return str(error), {}
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(s.problem, fit, labels, words), {}
+    return cross_validate(s.problem, fit, labels, words, partial(fitted_again, s.request.how)), {}
 
 
 def _validated(s: _Setting, fit: Fit, file: str) -> tuple[HeldOut | str, dict[str, str]]:
