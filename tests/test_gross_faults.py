@@ -217,7 +217,7 @@ def test_instruments_that_stand_anywhere() -> None:
     for change in (times(1, -1), exchanged):
         (message,) = fitted(change)
         assert message.startswith("`x`, `y`, `z` look mirrored: one axis turned in sign, or two columns swapped")
-    assert fitted(times(2, 1e-3))[0].startswith("`z` looks 1000 times too small (is it in m, not mm?)")
+    assert fitted(times(2, 1e-3))[0].startswith("`z` looks 1000 times too small (is it in m, not mm, or in mm, not um?)")
     assert fitted(later(1))[0].startswith("the readings look shifted by one row")
 
 

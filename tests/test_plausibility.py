@@ -67,8 +67,8 @@ def test_small_moves_about_one_place() -> None:
 @pytest.mark.parametrize(
     ("factor", "column", "words"),
     [
-        (1e-3, 0, "`x` looks 1000 times too small (is it in m, not mm?)"),
-        (1e3, 1, "`y` looks 1000 times too large (is it in um, not mm?)"),
+        (1e-3, 0, "`x` looks 1000 times too small (is it in m, not mm, or in mm, not um?)"),
+        (1e3, 1, "`y` looks 1000 times too large (is it in um, not mm, or in mm, not m?)"),
         (np.pi / 180, 2, "`rz` looks 57.3 times too small (is it in rad, not deg?)"),
         (1 / 25.4, 0, "`x` looks 25.4 times too small: residual rms"),
     ],
@@ -137,7 +137,7 @@ def test_one_row_outside() -> None:
     ("change", "words"),
     [
         (lambda a: a * [-1, 1, 1], "with the other sign all are inside"),
-        (lambda a: a * [1e3, 1, 1], "multiplied by 0.001 all are inside (is it in um, not mm?)"),
+        (lambda a: a * [1e3, 1, 1], "multiplied by 0.001 all are inside (is it in um, not mm, or in mm, not m?)"),
         (lambda a: a[:, [1, 0, 2]], "exchanged with `q2` all are inside"),
     ],
 )

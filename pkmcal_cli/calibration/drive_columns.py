@@ -15,7 +15,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.prediction import predict
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FACTORS, Hint, Kind, misfit, times, unit_words
+from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
 
 _ROWS = 16  # rows that are predicted
 _MOST = 80  # changes that are tried
@@ -83,7 +83,8 @@ def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
                 source = plain.copy()
                 source[[i, j]] = [j, i]
                 yield _Change("swapped", (i, j), source, ones)
-        factors = {"sign": (-1.0,), "unit": FACTORS}.get(kind, ())
+        unit = parse_unit(actuators[group[0]].unit)
+        factors = {"sign": (-1.0,), "unit": factors_of(unit)}.get(kind, ())
         for some in dict.fromkeys((tuple(group), *((a,) for a in group))):
             for value in factors:
                 factor = ones.copy()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +16,19 @@ from numpy.typing import NDArray
 from pkmcal_cli.calibration.drive_columns import explain_by_prediction
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, evaluate, residuals
+from pkmcal_cli.calibration.scene import Scene
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.column_faults import explain_columns
 from pkmcal_cli.tables.mirror import brought_back, explain_frame
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, GROSS, Hint, evidence, misfit, rms, spread
+from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
 from pkmcal_cli.tables.row_shift import RowShift, apply_shifts, find_row_shifts
 
 IntArray = NDArray[np.intp]
 
-_ROWS = 200  # a sample of a long table shows a gross mistake as well
 _POSES = 20  # of these, rows for which the inverse model is asked
 _ALIKE = 4.0  # explanations that leave so many times the least do as well
-_HALF = 0.5
 _PART = 0.5  # share of the misfit that hints may leave where no explanation is complete
 _FEWEST = 4  # poses by which drives are judged
 
@@ -56,11 +53,33 @@ def gross_faults(
     parameters: Sequence[str],
     sessions: IntArray,
     place: Callable[[int], str],
+    names: Sequence[str] = (),
 ) -> tuple[Hint, ...]:
     """Suspicions, at parameter values (P,); none where `parameters`, in their ranges, explain the residuals.
 
-    sessions (N,): number of the session of each row; place: words for a row.
+    sessions (N,): number of the session of each row, among `names`; place: words for a row. What is wrong in one
+    session alone is looked for there.
     """
+    whole = _suspected(problem, values, parameters, sessions, place)
+    numbers = np.unique(sessions)
+    if len(numbers) < 2:
+        return whole
+    found = []
+    for number in numbers:
+        rows = np.nonzero(sessions == number)[0]
+        part = problem.take(rows)
+        mine = _suspected(part, values, parameters, sessions[rows], lambda row, rows=rows: place(int(rows[row])))  # type: ignore[misc]
+        words = f"in session `{names[number]}` " if len(names) else ""
+        for h in mine:
+            found.append(replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)))
+    same = {(h.kind, h.names) for h in found} <= {(h.kind, h.names) for h in whole}
+    return whole if same else tuple(found)
+
+
+def _suspected(
+    problem: Problem, values: Array, parameters: Sequence[str], sessions: IntArray, place: Callable[[int], str]
+) -> tuple[Hint, ...]:
+    """Suspicions by all rows of a table."""
     scene = Scene.of(problem, values, tuple(parameters))
     if not scene.gross:
         return ()
@@ -95,110 +114,6 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     told = {(h.kind, h.names) for h in first}
     others = [o for o in others if not told & {(h.kind, h.names) for h in o}]
     return (*first, *(replace(h, message=f"or else {h.message}") for o in others for h in o))
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A sample of the table, predicted at the starting values.
-
-    whole: the whole table; rows (n,): numbers of the sample's rows in it; usual (C,): rms that errors of parameters
-    and noise cause.
-    """
-
-    whole: Problem
-    rows: IntArray
-    sample: Problem
-    evaluation: Evaluation
-    usual: Array
-
-    @classmethod
-    def of(cls, problem: Problem, values: Array, parameters: tuple[str, ...]) -> Scene:
-        """Predict a sample of rows, drawn so that it does not keep step with a grid."""
-        count = len(problem)
-        rows = np.arange(count)
-        if count > _ROWS:
-            rows = np.sort(np.random.default_rng(0).choice(count, _ROWS, replace=False))
-        sample = problem.take(rows)
-        loose = {n for e in problem.model.effects if e.at in problem.model.fitted_frames for n in e.parameters}
-        asked = tuple(n for n in parameters if n not in loose)
-        evaluation = evaluate(sample, values, asked)
-        return cls(problem, rows, sample, evaluation, _usual(sample, evaluation, asked))
-
-    @cached_property
-    def predicted(self) -> Array:
-        """Predictions (n, C), nan where there are none."""
-        return np.where(self.evaluation.prediction.solved[:, None], self.evaluation.prediction.values, np.nan)
-
-    @cached_property
-    def telling(self) -> NDArray[np.bool_]:
-        """Channels (C,) that vary far more than errors of parameters and noise cause; all where few rows are known."""
-        known = self.evaluation.prediction.solved.mean() > _HALF
-        varies = np.maximum(spread(self.predicted), spread(self.readings))
-        return np.asarray((varies > GROSS * self.usual) | (not known))
-
-    @cached_property
-    def gross(self) -> bool:
-        """Whether rows cannot be predicted, or more is left than parameters explain."""
-        rest = self.seen(self.readings, self.predicted) - self.predicted
-        large = [rms(r) > GROSS * u for r, u in zip(rest.T, self.usual, strict=True) if np.isfinite(r).any()]
-        return any(large) or not self.evaluation.prediction.solved.all()
-
-    @property
-    def readings(self) -> Array:
-        """What was measured (n, C), nan elsewhere."""
-        return np.where(self.sample.measured, self.sample.readings, np.nan)
-
-    def seen(self, readings: Array, predicted: Array) -> Array:
-        """Readings (n, C) as they compare with predictions: turns by the shorter way, loose frames brought back.
-
-        Nan for channels that parameters may move as much as poses do: they tell nothing.
-        """
-        out = np.where(np.isfinite(readings) & self.telling, self._nearest(readings, predicted), np.nan)
-        out[:, self.loose] = np.nan
-        for points in self.frames:
-            columns = [k for p in points for k in p]
-            out[:, columns] = brought_back(readings, predicted, points)[:, columns]
-        return out
-
-    def _nearest(self, readings: Array, predicted: Array) -> Array:
-        known = np.isfinite(readings)
-        part = Problem(self.sample.model, self.sample.rows, readings, self.sample.sigma, self.sample.drive_sigma, known)
-        return residuals(part, predicted) + predicted
-
-    @cached_property
-    def loose(self) -> list[int]:
-        """Channels of instruments that stand anywhere."""
-        model = self.sample.model
-        return [int(k) for s in model.sensors if s.name in model.fitted_frames for k in s.channels]
-
-    @cached_property
-    def frames(self) -> list[list[list[int]]]:
-        """By instrument that stands anywhere, the channels of the coordinates of its points, if it reads all."""
-        model = self.sample.model
-        axes = 2 if model.layout.planar else 3
-        found: dict[str, list[list[int]]] = {}
-        for sensor in model.sensors:
-            point = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
-            if sensor.name in model.fitted_frames and len(point) == axes:
-                found.setdefault(sensor.name, []).append(point)
-        return list(found.values())
-
-
-def _usual(sample: Problem, evaluation: Evaluation, parameters: tuple[str, ...]) -> Array:
-    """Rms (C,) of residuals that noise and errors of parameters within their ranges cause."""
-    ranges = {p.name: p.range for p in sample.model.parameters}
-    prior = np.array([ranges[n] for n in parameters]).reshape(-1) / 2
-    jacobian = evaluation.prediction.jacobian
-    assert jacobian is not None
-    variance = ((jacobian * prior) ** 2).sum(axis=2)
-    noise = np.where(sample.measured, sample.sigma, np.nan) ** 2
-    return np.array([np.sqrt(_mean(v) + _mean(n)) for v, n in zip(variance.T, noise.T, strict=True)])
-
-
-def _mean(values: Array) -> float:
-    """Mean of what is finite; 0 without any."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else 0.0
 
 
 def _channels(scene: Scene, turns: bool) -> _Reason:

@@ -16,12 +16,12 @@ from pkmcal_cli.language.units import UNITS, Unit, parse_unit
 from pkmcal_cli.tables.plausibility import (
     BETTER,
     EXPLAINED,
-    FACTORS,
     FEW,
     GROSS,
     FloatArray,
     Hint,
     evidence,
+    factors_of,
     rms,
     spread,
     times,
@@ -123,7 +123,7 @@ def _best(table: _Table, i: int) -> _Match | None:
     found: _Match | None = None
     for j in range(len(table.names)):
         if table.units[j].dimension == table.units[i].dimension:
-            for factor in (1.0, *FACTORS) if j == i else (1.0,):
+            for factor in (1.0, *factors_of(table.units[i])) if j == i else (1.0,):
                 for sign in (1.0, -1.0):
                     match = table.match(i, j, sign * factor)
                     if (j, sign * factor) != (i, 1.0) and (found is None or match.after < found.after):

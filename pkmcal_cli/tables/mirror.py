@@ -11,7 +11,7 @@ import numpy as np
 
 from pkmcal_cli.language.units import parse_unit
 from pkmcal_cli.rotation import best_rotation
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FACTORS, FloatArray, Hint, evidence, times, unit_words
+from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FloatArray, Hint, evidence, factors_of, times, unit_words
 
 Points = Sequence[Sequence[int]]
 """Columns of the coordinates of each point that one instrument sees."""
@@ -55,9 +55,10 @@ def explain_frame(
     """
     columns = [k for p in points for k in p]
     before, size = _misfit(readings, predicted, points)
+    unit = parse_unit(units[columns[0]])
     changes: list[tuple[list[int], float]] = [([p[0] for p in points], -1.0)]
     for axes in (columns, *([p[k] for p in points] for k in range(len(points[0])))):
-        changes += [(list(axes), factor) for factor in FACTORS]
+        changes += [(list(axes), factor) for factor in factors_of(unit)]
     best: tuple[float, list[int], float, FloatArray] | None = None
     for axes, factor in changes:
         changed = readings.copy()
@@ -68,7 +69,6 @@ def explain_frame(
     if best is None or not np.isfinite(before):
         return (), readings
     after, axes, factor, changed = best
-    unit = parse_unit(units[columns[0]])
     told = columns if factor < 0 else axes
     quoted = ", ".join(f"`{names[k]}`" for k in told)
     if factor < 0:

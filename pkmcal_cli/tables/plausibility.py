@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from pkmcal_cli.language.units import UNITS, Unit, parse_unit
 FloatArray = NDArray[np.float64]
 Kind = Literal["swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits"]
 
-FACTORS = (1e3, 1e-3, 1e6, 1e-6, 25.4, 1 / 25.4, 180 / np.pi, np.pi / 180)
+_PREFIXES, _INCH = (1e3, 1e-3), 25.4
 BETTER = 0.2  # an explanation leaves at most this share of the residual
 EXPLAINED = 0.1  # and at most this share of what is predicted
 FEW = 4  # rows below which a coincidence is likely, so that the residual itself must be gross
@@ -99,7 +100,8 @@ def _inside(readings: FloatArray, limits: FloatArray, i: int, names: Sequence[st
             return f"; exchanged with `{name}` all are inside"
     if fits(-values, i):
         return "; with the other sign all are inside"
-    for factor in FACTORS:
+    wrong = _outside(values[np.isfinite(values)], limits[i]).mean() > 0.5  # a unit is wrong in all rows
+    for factor in factors_of(units[i]) if wrong else ():
         if fits(factor * values, i):
             return f"; multiplied by {factor:.4g} all are inside{unit_words(units[i], factor)}"
     return ""
@@ -139,15 +141,24 @@ def evidence(unit: Unit, before: float, after: float) -> str:
     return f"residual rms {unit.format(before, 3)} -> {unit.format(after, 2)}"
 
 
+@lru_cache
+def factors_of(unit: Unit) -> tuple[float, ...]:
+    """By what a column may be too small if its unit is mistaken: units of its dimension for each other, prefixes."""
+    others = [u.scale / unit.scale for u in UNITS.values() if u.dimension == unit.dimension and u.text != "1"]
+    others += list(_PREFIXES) + ([_INCH] if unit.dimension == UNITS["mm"].dimension else [])
+    ratios = {float(f"{r:.12g}") for o in others for r in (o, 1 / o)}
+    return tuple(sorted(ratios - {1.0}, key=lambda r: (abs(np.log(r)), r)))
+
+
 def times(factor: float) -> str:
     """The words "1000 times too large" for what must be multiplied by 0.001."""
     return f"{1 / factor:.4g} times too large" if factor < 1 else f"{factor:.4g} times too small"
 
 
 def unit_words(unit: Unit, factor: float) -> str:
-    """The words " (is it in m, not mm?)" where a unit of the table fits."""
+    """The words " (is it in m, not mm, or in mm, not um?)" where units of the table fit."""
     others = [u for u in UNITS.values() if u.dimension == unit.dimension and unit.text != "1"]
-    for other in others:
-        if np.isclose(other.scale, unit.scale * factor, rtol=1e-9):
-            return f" (is it in {other.text}, not {unit.text}?)"
-    return ""
+    real = [u.text for u in others if np.isclose(u.scale, unit.scale * factor, rtol=1e-9)][:1]
+    taken = [u.text for u in others if np.isclose(u.scale * factor, unit.scale, rtol=1e-9)][:1]
+    words = [f"in {name}, not {unit.text}" for name in real] + [f"in {unit.text}, not {name}" for name in taken]
+    return f" (is it {', or '.join(words)}?)" if words else ""

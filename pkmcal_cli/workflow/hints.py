@@ -60,7 +60,8 @@ def measurement_hints(
     declared = {p.name for p in model.parameters if p.identify}
     asked = [p.name for p in problem.model.parameters if p.shared_name in declared]
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
-    hints += gross_faults(problem, values, asked, problem.rows.session, lambda row: str(place_of(measured, row)))
+    sessions = np.asarray(measured.session)
+    hints += gross_faults(problem, values, asked, sessions, lambda row: str(place_of(measured, row)), measured.sessions)
     return tuple(h.message for h in hints)
 
 

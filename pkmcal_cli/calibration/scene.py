@@ -1,0 +1,123 @@
+"""A sample of a table, beside what the model predicts for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, residuals
+from pkmcal_cli.rotation import Array
+from pkmcal_cli.tables.mirror import brought_back
+from pkmcal_cli.tables.plausibility import GROSS, rms, spread
+
+IntArray = NDArray[np.intp]
+_ROWS = 200  # a sample of a long table shows a gross mistake as well
+_HALF = 0.5
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A sample of the table, predicted at the starting values.
+
+    whole: the whole table; rows (n,): numbers of the sample's rows in it; usual (C,): rms that errors of parameters
+    and noise cause.
+    """
+
+    whole: Problem
+    rows: IntArray
+    sample: Problem
+    evaluation: Evaluation
+    usual: Array
+
+    @classmethod
+    def of(cls, problem: Problem, values: Array, parameters: tuple[str, ...]) -> Scene:
+        """Predict a sample of rows, drawn so that it does not keep step with a grid."""
+        count = len(problem)
+        rows = np.arange(count)
+        if count > _ROWS:
+            rows = np.sort(np.random.default_rng(0).choice(count, _ROWS, replace=False))
+        sample = problem.take(rows)
+        loose = {n for e in problem.model.effects if e.at in problem.model.fitted_frames for n in e.parameters}
+        asked = tuple(n for n in parameters if n not in loose)
+        evaluation = evaluate(sample, values, asked)
+        return cls(problem, rows, sample, evaluation, _usual(sample, evaluation, asked))
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Predictions (n, C), nan where there are none."""
+        return np.where(self.evaluation.prediction.solved[:, None], self.evaluation.prediction.values, np.nan)
+
+    @cached_property
+    def telling(self) -> NDArray[np.bool_]:
+        """Channels (C,) that vary far more than errors of parameters and noise cause; all where few rows are known."""
+        known = self.evaluation.prediction.solved.mean() > _HALF
+        varies = np.maximum(spread(self.predicted), spread(self.readings))
+        return np.asarray((varies > GROSS * self.usual) | (not known))
+
+    @cached_property
+    def gross(self) -> bool:
+        """Whether rows cannot be predicted, or more is left than parameters explain."""
+        rest = self.seen(self.readings, self.predicted) - self.predicted
+        large = [rms(r) > GROSS * u for r, u in zip(rest.T, self.usual, strict=True) if np.isfinite(r).any()]
+        return any(large) or not self.evaluation.prediction.solved.all()
+
+    @property
+    def readings(self) -> Array:
+        """What was measured (n, C), nan elsewhere."""
+        return np.where(self.sample.measured, self.sample.readings, np.nan)
+
+    def seen(self, readings: Array, predicted: Array) -> Array:
+        """Readings (n, C) as they compare with predictions: turns by the shorter way, loose frames brought back.
+
+        Nan for channels that parameters may move as much as poses do: they tell nothing.
+        """
+        out = np.where(np.isfinite(readings) & self.telling, self._nearest(readings, predicted), np.nan)
+        out[:, self.loose] = np.nan
+        for points in self.frames:
+            columns = [k for p in points for k in p]
+            out[:, columns] = brought_back(readings, predicted, points)[:, columns]
+        return out
+
+    def _nearest(self, readings: Array, predicted: Array) -> Array:
+        known = np.isfinite(readings)
+        part = Problem(self.sample.model, self.sample.rows, readings, self.sample.sigma, self.sample.drive_sigma, known)
+        return residuals(part, predicted) + predicted
+
+    @cached_property
+    def loose(self) -> list[int]:
+        """Channels of instruments that stand anywhere."""
+        model = self.sample.model
+        return [int(k) for s in model.sensors if s.name in model.fitted_frames for k in s.channels]
+
+    @cached_property
+    def frames(self) -> list[list[list[int]]]:
+        """By instrument that stands anywhere, the channels of the coordinates of its points, if it reads all."""
+        model = self.sample.model
+        axes = 2 if model.layout.planar else 3
+        found: dict[str, list[list[int]]] = {}
+        for sensor in model.sensors:
+            point = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
+            if sensor.name in model.fitted_frames and len(point) == axes:
+                found.setdefault(sensor.name, []).append(point)
+        return list(found.values())
+
+
+def _usual(sample: Problem, evaluation: Evaluation, parameters: tuple[str, ...]) -> Array:
+    """Rms (C,) of residuals that noise and errors of parameters within their ranges cause."""
+    ranges = {p.name: p.range for p in sample.model.parameters}
+    prior = np.array([ranges[n] for n in parameters]).reshape(-1) / 2
+    jacobian = evaluation.prediction.jacobian
+    assert jacobian is not None
+    variance = ((jacobian * prior) ** 2).sum(axis=2)
+    noise = np.where(sample.measured, sample.sigma, np.nan) ** 2
+    return np.array([np.sqrt(_mean(v) + _mean(n)) for v, n in zip(variance.T, noise.T, strict=True)])
+
+
+def _mean(values: Array) -> float:
+    """Mean of what is finite; 0 without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else 0.0
