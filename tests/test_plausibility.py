@@ -145,3 +145,15 @@ def test_what_would_bring_them_inside(change: object, words: str) -> None:
     assert callable(change)
     hints = find_limit_faults(change(readings()), LIMITS, ("q1", "q2", "q3"), ("mm", "mm", "deg"))
     assert words in hints[0].message
+
+
+def test_the_sign_of_what_hardly_varies() -> None:
+    """A motor that holds a weight reads 5 A and is known to 0.3 A, whatever the pose."""
+    rng = np.random.default_rng(0)
+    predicted = np.stack([5 + 0.05 * rng.normal(size=30), rng.normal(size=30)], axis=1)
+    read = predicted * [-1, 1] + 0.2 * rng.normal(size=(30, 2)) * [1, 0.1]
+    steady = explain_columns(read, predicted, ["current", "x"], usual=np.array([0.3, 0.1]), steady=True)
+    assert [(h.kind, h.names) for h in steady.hints] == [("sign", ("current",))]
+    assert not explain_columns(read, predicted, ["current", "x"], usual=np.array([0.3, 0.1])).hints
+    unsure = explain_columns(read, predicted, ["current", "x"], usual=np.array([3.0, 0.1]), steady=True)
+    assert not unsure.hints, "a zero that may be anything"

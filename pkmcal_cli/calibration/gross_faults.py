@@ -81,8 +81,9 @@ def _suspected(
 ) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
     scene = Scene.of(problem, values, tuple(parameters))
+    steady = _steady(scene)
     if not scene.gross:
-        return ()
+        return steady
     reasons = [_channels(scene, True), _rows(scene, sessions, place)]
     if not reasons[0].hints:
         reasons.append(_channels(scene, False))  # a wrong unit of an angle is lost when whole turns are taken off
@@ -92,7 +93,7 @@ def _suspected(
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(scene.sample, values, scene.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
-    return _chosen([r for r in reasons if r.hints])
+    return (*_chosen([r for r in reasons if r.hints]), *steady)
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:
@@ -133,6 +134,14 @@ def _channels(scene: Scene, turns: bool) -> _Reason:
     return _Reason(tuple(hints), *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 
+def _steady(scene: Scene) -> tuple[Hint, ...]:
+    """Signs and units of channels that hardly vary but are large."""
+    names, units = _named(scene)
+    alone = np.where(scene.telling, np.nan, scene.readings)
+    alone[:, scene.loose] = np.nan
+    return explain_columns(alone, scene.predicted, names, units, scene.usual, steady=True).hints
+
+
 def _named(scene: Scene) -> tuple[list[str], list[str]]:
     channels = scene.sample.model.channels
     return [c.name for c in channels], [c.unit for c in channels]
@@ -162,13 +171,14 @@ def _rows(scene: Scene, sessions: IntArray, place: Callable[[int], str]) -> _Rea
 
 
 def _blocks(scene: Scene) -> list[list[int]]:
-    """Channels that may be shifted together: all, those of instruments outside the drives, those of one instrument."""
+    """Channels that may be shifted together: all, of instruments outside the drives, of one instrument or drive."""
     model = scene.sample.model
     measured = [k for k in range(len(model.channels)) if scene.sample.measured[:, k].any()]
     outside = [k for k in measured if model.channels[k].quantity not in ("drive", "force")]
     by_name: dict[str, list[int]] = {}
     for sensor in model.sensors:
         by_name.setdefault(sensor.name, []).extend(int(k) for k in sensor.channels)
+    by_name |= {c.name: [k] for k, c in enumerate(model.channels) if c.quantity == "drive"}
     blocks = [measured, outside, *([k for k in each if k in measured] for each in by_name.values())]
     return [list(b) for b in dict.fromkeys(tuple(sorted(b)) for b in blocks) if b]
 

@@ -58,10 +58,13 @@ class _Table:
     names: tuple[str, ...]
     units: tuple[Unit, ...]
     usual: FloatArray
+    steady: bool = False
     told: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        size = spread(np.where(np.isfinite(self.measured), self.predicted, np.nan))
+        known = np.where(np.isfinite(self.measured), self.predicted, np.nan)
+        size = np.array([rms(c) for c in known.T]) if self.steady else spread(known)
+        size = np.where(np.isfinite(size), size, 0.0)
         before = np.array([rms(column) for column in (self.measured - self.predicted).T])
         self.before = np.where(np.isfinite(before), before, np.nan)
         self.telling = (size > GROSS * self.usual) & (size > 0)  # a column that stays explains nothing
@@ -91,18 +94,20 @@ def explain_columns(
     names: Sequence[str],
     units: Sequence[str] | None = None,
     usual: FloatArray | None = None,
+    steady: bool = False,
 ) -> Explanation:
     """Columns (N, C) that explain the prediction (N, C) far better when exchanged, scaled or turned in sign.
 
     Both in SI, NaN where there is no value (such rows do not count); `units` are those of the file, for the
     words and so that only columns of one dimension are taken for each other. `usual` (C,): rms that errors of
-    parameters and noise cause; residuals not far above it need no explanation, nor do predictions that hardly move.
+    parameters and noise cause; residuals not far above it need no explanation, nor do predictions that hardly move,
+    but if `steady`: then each column is explained by itself, its size being a sign or unit.
     """
     scale = [parse_unit(unit) for unit in units] if units is not None else [UNITS["1"]] * len(names)
     expected = np.zeros(len(names)) if usual is None else usual
-    table = _Table(measured, predicted, tuple(names), tuple(scale), expected)
+    table = _Table(measured, predicted, tuple(names), tuple(scale), expected, steady)
     best = {i: _best(table, i) for i in np.nonzero(table.gross)[0].tolist()}
-    matches = {i: match for i, match in best.items() if match is not None} | _rotation(table)
+    matches = {i: match for i, match in best.items() if match is not None} | ({} if steady else _rotation(table))
     corrected = measured.copy()
     for i, match in matches.items():
         corrected[:, i] = match.factor * measured[:, match.source]
@@ -112,7 +117,7 @@ def explain_columns(
             corrected[:, j] = measured[:, i]  # the other column stays, and cannot tell by itself that they are swapped
     hints = [*_rings(table, matches), *_exchanges(table, matches), *_rescaled(table, matches)]
     for i in range(len(names)):
-        if i not in matches and (hint := _offset(table, i)):
+        if not steady and i not in matches and (hint := _offset(table, i)):
             hints.append(hint)
             corrected[:, i] -= np.nanmean(measured[:, i] - predicted[:, i])
     return Explanation(tuple(hints), corrected)
@@ -121,7 +126,7 @@ def explain_columns(
 def _best(table: _Table, i: int) -> _Match | None:
     """What explains column i of the prediction far better than column i itself does; None if nothing."""
     found: _Match | None = None
-    for j in range(len(table.names)):
+    for j in [i] if table.steady else range(len(table.names)):
         if table.units[j].dimension == table.units[i].dimension:
             for factor in (1.0, *factors_of(table.units[i])) if j == i else (1.0,):
                 for sign in (1.0, -1.0):
