@@ -18,17 +18,18 @@ SPATIAL = """
 parameters:
   {bx: 30 mm, by: -700 mm, bz: -900 mm, w0: {nominal: 5, range: 1}, ws: {nominal: 1, range: 0.01, unit: "1"},
    pz: -560 mm, pa: {nominal: 0.01, range: 0.01, unit: rad}, pb: {nominal: -0.02, range: 0.01, unit: rad},
+   ts: {nominal: 1, range: 0.01, unit: "1"}, q0: 2 mm, qs: {nominal: 1, range: 0.01, unit: "1"},
    kt: {nominal: 40, range: 1, unit: N}, i0: {nominal: 3, range: 1, unit: N}, e0: {nominal: 20, range: 1, unit: deg}}
 ground: {ball: [bx, by, bz]}
 frames: {bed: {at: [0.01, 0.02, pz], turn: [pa, pb, 0]}}
 sensors:
   tracker: {at: [P1a, P3b], reads: [x, y, z], frame: fitted, sigma: 10 um, sigma_per_length: 6 um/m,
-            correlation: {x_y: 0.3, y_z: -0.2}}
+            scale: ts, correlation: {x_y: 0.3, y_z: -0.2}}
   level: {at: platform, reads: [rx, ry], frame: machine, sigma: 1 urad}
   ballbar: {kind: distance, at: platform, offset: [5, 6, -70], to: ball, sigma: 1 um}
   wire: {kind: distance, at: P2a, to: ball, zero: w0, scale: ws, sigma: 10 um}
   calipers: {kind: span, at: platform, offset: [5, 6, -70], sigma: 20 um}
-  probe: {kind: touch, at: platform, offset: [0, 0, -50], on: bed, sigma: 5 um}
+  probe: {kind: touch, at: platform, offset: [0, 0, -50], on: bed, zero: q0, scale: qs, sigma: 5 um}
   edge: {kind: touch, at: platform, on: bed, reads: [y, z], sigma: 5 um}
   current: {kind: force, drive: q4, unit: "1", scale: kt, zero: i0, sigma: 0.01}
   encoder: {kind: angle, at: C2a, to: P2a, axis: y, zero: e0, sigma: 0.001 deg}
@@ -76,14 +77,14 @@ def closed_forms(machine: Model) -> dict[str, Array]:
     bed, origin = exp(np.array([v["pa"], v["pb"], 0.0])), np.array([1e-5, 2e-5, v["pz"]])
     out = {}
     for name, p in (("P1a", p1a), ("P3b", p3b)):
-        out |= {f"tracker.{name}.{c}": x for c, x in zip("xyz", (p @ away.T + moved).T, strict=True)}
+        out |= {f"tracker.{name}.{c}": x for c, x in zip("xyz", ((p @ away.T + moved) / v["ts"]).T, strict=True)}
     out |= {"level.rx": found.tcp[:, 3], "level.ry": found.tcp[:, 4]}
     out["ballbar"] = np.linalg.norm(tip - ball, axis=1)
     out["wire"] = (np.linalg.norm(p2a - ball, axis=1) - v["w0"]) / v["ws"]
     partner = rows.partner
     assert partner is not None
     out["calipers"] = np.where(partner < 0, np.nan, np.linalg.norm(tip - tip[partner], axis=1))
-    out["probe"] = (at([0, 0, -0.05]) - origin) @ bed[:, 2]
+    out["probe"] = ((at([0, 0, -0.05]) - origin) @ bed[:, 2] - v["q0"]) / v["qs"]
     out["edge.y"], out["edge.z"] = (place - origin) @ bed[:, 1], (place - origin) @ bed[:, 2]
     out["current"] = (found.drive_force[:, 3] - v["i0"]) / v["kt"]
     column = exp(np.array([0.0, 0.0, v["g2"] + np.pi / 2]))

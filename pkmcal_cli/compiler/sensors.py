@@ -80,7 +80,9 @@ class SensorTable:
         kind, slot = kind_of_sensor(sensor), self.structure.builder.slot
         values: dict[Sight, Sequence[Number]] = {}
         if "zero" in kind.sees:
-            values["zero"], values["scale"] = [number(sensor.zero)], [number(sensor.scale, 1.0)]
+            values["zero"] = [number(sensor.zero)]
+        if "zero" in kind.sees or sensor.scale is not None:
+            values["scale"] = [number(sensor.scale, 1.0)]
         if "value" in kind.sees:
             values["value"] = [number(sensor.of)]
         if "basis" in kind.sees:
@@ -120,12 +122,12 @@ class SensorTable:
         point, port = self.ports.get((name, target), (_UNKNOWN, None))
         rotation = port.rotation if port is not None else _UNKNOWN
         given: dict[Sight, Given] = {}
-        if "motion" in kind.sees and "motion" not in numbers:
+        if "motion" in kind.sees and not numbers:
             self.direct += [(k, self._plain(c, point, rotation)) for k, c in channels]
         else:
             turning = kind.keyword == "angle" or any(c.quantity == "orientation" for _, c in channels)
             for sight in kind.sees:
-                if sight == "turn" and not turning:
+                if (sight == "turn" and not turning) or (sight == "scale" and sight not in numbers):
                     continue
                 slots = numbers.get(sight)
                 given[sight] = (

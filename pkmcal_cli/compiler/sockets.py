@@ -170,7 +170,7 @@ def _tools(c: _Collector) -> Named:
 
 def _instrument_frames(c: _Collector) -> Named:
     for sensor in c.sensors:
-        if "motion" in sensor.given:
+        if "motion" in sensor.given and c.structure.receptive:
             slots = sensor.given["motion"].slots
             yield sensor.name, (Socket(sensor.name, slots, np.eye(len(slots))),)
 

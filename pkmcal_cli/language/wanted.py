@@ -86,7 +86,7 @@ def _of_sensor(machine: Machine, path: Path, units: FileUnits) -> Wanted | None:
     if field not in ("sigma", "zero", "scale"):
         return None
     kind = kind_of_sensor(sensor)
-    if kind.quantity in ("position", "orientation"):
+    if kind.quantity in ("position", "orientation") and field == "sigma":
         channel = str(path[3]) if len(path) > 3 else ""
         every = tuple(sensor.reads) if channel == "" else (channel,)
         if not every:

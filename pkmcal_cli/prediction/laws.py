@@ -107,18 +107,21 @@ def in_machine_frame(model: Model, values: Array, rows: Rows, readings: Array) -
     slots = BaseSlots.of(model, values).rows(rows)
     displacements(model, values, rows, (), None).apply(slots)
     for sensor in framed:
-        d = slots[:, sensor.given["motion"].slots]
-        if d.any():
-            _move_back(sensor, d, readings, out, model.layout.width)
+        motion, scale = sensor.given["motion"].slots, sensor.given.get("scale")
+        d = np.where(motion >= 0, slots[:, motion], 0.0)
+        size = np.ones(len(slots)) if scale is None else slots[:, scale.slots[0]]
+        if d.any() or (size != 1.0).any():
+            _move_back(sensor, d, size, readings, out, model.layout.width)
     return out
 
 
-def _move_back(sensor: PlacedSensor, d: Array, readings: Array, out: Array, width: int) -> None:
+def _move_back(sensor: PlacedSensor, d: Array, size: Array, readings: Array, out: Array, width: int) -> None:
+    """Undo motions (N, 10), and what is read per unit (N,)."""
     turn = exp(d[:, 3:6])
     place = np.zeros((len(readings), 3))
     place[:, :width] = np.nan
     for channel, k in sensor.places:
-        place[:, k] = readings[:, channel]
+        place[:, k] = size * readings[:, channel]
     back = np.linalg.solve(turn @ strained(d), (place - d[:, :3])[..., None])[..., 0]
     for channel, k in sensor.places:
         out[:, channel] = back[:, k]

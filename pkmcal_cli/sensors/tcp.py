@@ -23,8 +23,10 @@ def strained(d: Any) -> Any:
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
     d, place = seen["motion"], seen["place"]
     turn = exp(d[:, 3:6])
-    moved = d[:, :3] + np.einsum("nij,njk,nk->ni", turn, strained(d), place)
-    return [*moved.T, *log(turn @ exp(seen["turn"])).T] if "turn" in seen else [*moved.T]
+    moved = (d[:, :3] + np.einsum("nij,njk,nk->ni", turn, strained(d), place)).T
+    if "scale" in seen:
+        moved = moved / seen["scale"][:, 0]
+    return [*moved, *log(turn @ exp(seen["turn"])).T] if "turn" in seen else [*moved]
 
 
 TCP = SensorKind(
@@ -32,8 +34,8 @@ TCP = SensorKind(
     "coordinates and orientation of points in the instrument's frame",
     "grid encoder, camera, laser tracker with one or several reflectors, level, autocollimator",
     ("at", "reads", "frame"),
-    ("offset", "sigma_per_length", "correlation"),
-    ("place", "turn", "motion"),
+    ("offset", "scale", "sigma_per_length", "correlation"),
+    ("place", "turn", "motion", "scale"),
     "position",
     _read,
     ("x", "y", "z", "rx", "ry", "rz"),

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.rotation import exp
-from pkmcal_cli.sensors.base import SensorKind
+from pkmcal_cli.sensors.base import SensorKind, as_read
 
 
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
     frame, place = seen["frame"], seen["place"]
-    return list(np.einsum("nji,nj->in", exp(frame[:, 3:]), place - frame[:, :3]))
+    return [as_read(part, seen) for part in np.einsum("nji,nj->in", exp(frame[:, 3:]), place - frame[:, :3])]
 
 
 TOUCH = SensorKind(
@@ -21,8 +21,8 @@ TOUCH = SensorKind(
     "deviation from a plane (default: normal of the frame `on`) or from a line (reads: [y, z])",
     "touch probe, bed probing, dial gauge on a straightedge",
     ("at", "on"),
-    ("reads", "offset", "column"),
-    ("place", "frame"),
+    ("reads", "offset", "column", "zero", "scale"),
+    ("place", "frame", "zero", "scale"),
     "distance",
     _read,
     ("x", "y", "z"),
