@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted import Fitted
 from pkmcal_cli.calibration.holdout import HeldOut
-from pkmcal_cli.calibration.identifiability import combinations
+from pkmcal_cli.calibration.identifiability import Combination, combinations
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.language.machine import Machine
@@ -34,6 +34,7 @@ from pkmcal_cli.report.parameters import (
 from pkmcal_cli.report.replicates import show_replicates
 from pkmcal_cli.words import count
 
+_WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
 _FAR = 5.0  # ranges off nominal from which on a value is worth a word
 
 
@@ -113,13 +114,11 @@ class CalibrationReport:
             ("name", "nominal", "identified", *self._interval_head, "range", "remark"),
             [self._row(r) for r in selected],
         )
-        for c in combinations(self.fit.found):
+        found = combinations(self.fit.found)
+        for c in found:
             if c.kind == "null":
                 to.say("not determined: " + combination_text(self.model, c, self.fit))
-        weak = int(self.fit.found.weak.sum())
-        if weak:
-            held = f"{count(weak, 'weak combination')} held"
-            to.say(f"{held}; the ranges are in the uncertainties (see `pkmcal observability`)")
+        self._show_weak(to, [c for c in found if c.kind == "weak"])
         if far := [f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in selected if _far(r)]:
             hint = "a wrong unit, a missing effect, or the wrong one of several minima (`--starts 10` looks for others)"
             to.warn(f"warning: many ranges off nominal: {', '.join(far)}: {hint}")
@@ -128,6 +127,16 @@ class CalibrationReport:
         self.audit.show(to)
         show_replicates(to, self.replicates)
         to.say(self.verdict())
+
+    def _show_weak(self, to: Reporter, weak: list[Combination]) -> None:
+        """What is held about nominal."""
+        short = [c for c in weak if len(c.names) <= _MEMBERS][:_WEAK]
+        for c in short:
+            to.say(f"weak: {combination_text(self.model, c, self.fit)}")
+        if weak:
+            held = f"{count(len(weak), 'weak combination')} held about nominal"
+            more = " (see `pkmcal observability`)" if len(weak) > len(short) else ""
+            to.say(f"{held}; the ranges are in the uncertainties{more}")
 
     def _row(self, r: ParameterRow) -> tuple[str, ...]:
         value = uncertain(r.value, r.std, r.unit)
