@@ -110,8 +110,9 @@ class PoseSource:
             self.notes = (note,)
 
     def __iter__(self) -> Iterator[Poses]:
-        whole = bool(self.loaded.model.effects)  # effects see the whole table
-        for poses in [_joined(self.loaded.model, list(self._blocks()))] if whole else self._blocks():
+        model = self.loaded.model
+        whole = bool(model.effects) or any(p.per_session for p in model.parameters)  # these see the whole table
+        for poses in [_joined(model, list(self._blocks()))] if whole else self._blocks():
             self.travels.add(poses.rows.readings)
             yield poses
 

@@ -65,3 +65,24 @@ def test_covariance_of_correlated_channels_and_noise_that_grows(tmp_path: Path) 
     variance = 1e-10 + (20e-6 * far) ** 2
     whole = variance[:, None, None] * np.array([[1, 0.5], [0.5, 1]])
     np.testing.assert_allclose(problem.noise[:, :2, :2], whole, rtol=1e-9)
+
+
+def test_values_of_sessions_are_simulated_and_recovered(tmp_path: Path) -> None:
+    """A draw wire whose zero is another one in the afternoon: planted by hand, simulated in one table, found again."""
+    machine, poses, planted, table = (tmp_path / n for n in ("m.yaml", "p.csv", "v.yaml", "t.csv"))
+    machine.write_text(
+        f"extends: {MACHINES / 'scissors.yaml'}\n"
+        "parameters: {w0: {nominal: 100, range: 20, per: session}}\n"
+        "ground: {drum: [0, -900]}\n"
+        "sensors: {grid: {sigma: 1 um}, wire: {kind: distance, at: platform, to: drum, zero: w0, sigma: 50 um}}\n",
+        encoding="utf-8",
+    )
+    rows = [f"{'ab'[k % 2]},{x},{y}" for k, (x, y) in enumerate(np.ndindex(6, 5))]
+    rows = [f"{s},{-200 + 80 * int(x)},{-180 + 90 * int(y)}" for s, x, y in (row.split(",") for row in rows)]
+    poses.write_text("session,x [mm],y [mm]\n" + "\n".join(rows), encoding="utf-8")
+    planted.write_text('parameters: {"w0[a]": 95, "w0[b]": {value: 0.107, unit: m}}\n', encoding="utf-8")
+    done = run("simulate", machine, poses, "-p", planted, "--noise", "declared", "-o", table)
+    assert done.code == 0 and "not used" not in done.err
+    found = {p["name"]: p for p in run("calibrate", machine, table, "--json", "--holdout", "none").json["parameters"]}
+    for name, true in (("w0[a]", 95.0), ("w0[b]", 107.0)):
+        assert abs(found[name]["value"] - true) < 4 * found[name]["std"] < 0.1

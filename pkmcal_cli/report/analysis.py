@@ -18,6 +18,11 @@ from pkmcal_cli.words import count
 
 _WIDER = 1.5  # times the stated uncertainty: what data alone would tell is worth a word
 
+UNSTRAINED = (
+    "parameters are at nominal: a machine without errors is hardly strained, so what acts by force looks "
+    "invisible; -p PARAMS.yaml takes identified parameters"
+)
+
 
 def show_sensitivity(to: Reporter, model: Model, units: FileUnits, found: Sensitivity, rows: int) -> None:
     """Ranked table with bars."""

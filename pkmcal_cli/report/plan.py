@@ -11,16 +11,13 @@ from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.report.analysis import UNSTRAINED
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import NEVER, detectable_size, finite
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
 from pkmcal_cli.words import count
 
-_UNSTRAINED = (
-    "parameters are at nominal: a machine without errors is hardly strained, so effects that act by force look "
-    "invisible; -p PARAMS.yaml takes identified parameters"
-)
 _HEADERS = ("effect", "smallest detectable", "to be told apart", "plausible", "most like", "cosine", "remark")
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size
 _GAINS = 5  # parameters of which a measurement on the bench is told
@@ -141,7 +138,7 @@ class PlanReport:
         for line in grouped(self.plan.candidates.not_testable):
             to.say(line)
         if self.at_nominal and any(self._by_force(v) for v in self.plan.visibilities):
-            to.say(_UNSTRAINED)
+            to.say(UNSTRAINED)
         self._show_bench(to)
         self._show_added(to)
 

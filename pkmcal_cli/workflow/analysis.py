@@ -18,7 +18,13 @@ from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model import Model
 from pkmcal_cli.poses import Place, Poses, PoseSource, failed_rows
 from pkmcal_cli.prediction import Prediction, Rows
-from pkmcal_cli.report.analysis import observability_json, sensitivity_json, show_observability, show_sensitivity
+from pkmcal_cli.report.analysis import (
+    UNSTRAINED,
+    observability_json,
+    sensitivity_json,
+    show_observability,
+    show_sensitivity,
+)
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.workflow.amounts import amount
@@ -128,6 +134,8 @@ def run_observability(request: AnalysisRequest) -> int:
     s.check(evaluate(problem, s.values).prediction)
     found = observability(problem, s.values, s.selected)
     show_observability(s.to, model, found, len(s.poses))
+    if request.parameters is None and s.loaded.compiled.mobility.redundancy > 0 and found.undetermined:
+        s.to.say(UNSTRAINED)
     if request.as_json:
         emit_json(observability_json(model, found, len(s.poses)))
     lost = {n for n, gone in zip(found.selected, found.found.undetermined(), strict=True) if gone}

@@ -26,7 +26,7 @@ from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import no_input, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.noise import Noise
-from pkmcal_cli.workflow.table import SimulatedTable
+from pkmcal_cli.workflow.table import SESSION, SimulatedTable
 
 _SHOWN = 20  # failed rows told one by one
 _LISTED = 1000  # failed rows in the JSON
@@ -84,23 +84,24 @@ def run_simulation(request: SimulationRequest) -> int:
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
         to.warn(fault.text())
-    start = load_parameters(loaded.model, request.parameters)
-    for text in start.warnings:
-        to.warn(text)
-    errors = ErrorMap.of(loaded.model, start, request.parameters, request.method) if request.uncertainty else None
-    noise = Noise.of(loaded.model, request.noise, request.seed)
-    if noise.silent:
-        to.warn(f"warning: no sigma is declared for {', '.join(noise.silent)}: no noise there")
     source = PoseSource(loaded, request.poses, request.grid)
     blocks = iter(source)
-    first = next(blocks, None)  # so that the head can name the table with its sha256
+    first = next(blocks, None)  # so that its sessions are known, and the head can name the table with its sha256
+    model = loaded.model.for_sessions(_sessions(first))
+    start = load_parameters(model, request.parameters)
+    for text in start.warnings:
+        to.warn(text)
+    errors = ErrorMap.of(model, start, request.parameters, request.method) if request.uncertainty else None
+    noise = Noise.of(model, request.noise, request.seed)
+    if noise.silent:
+        to.warn(f"warning: no sigma is declared for {', '.join(noise.silent)}: no noise there")
     head = provenance(
         dict(loaded.machine.files) | start.inputs | source.inputs,
         seed=request.seed, noise=request.noise, method=request.method,
     )  # fmt: skip
     joined = _names_others(first)
-    table = SimulatedTable(loaded.machine, loaded.model, source.forces, request.forces, source.covariates, joined)
-    work = _Work(loaded.model, request, start.values, noise, table, errors)
+    table = SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined)
+    work = _Work(model, request, start.values, noise, table, errors)
     comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
     with open_writer(target, work.columns, comments=comments, force=request.force) as writer, to.progress() as tick:
         for block in chain([first] if first is not None else [], blocks):
@@ -113,8 +114,14 @@ def run_simulation(request: SimulationRequest) -> int:
         to.say(errors.text)
     if request.as_json:
         told = {} if errors is None else {"uncertainty": errors.json()}
-        emit_json(_json(loaded.model, request, work.tally, head) | told)
+        emit_json(_json(model, request, work.tally, head) | told)
     return 1 if work.tally.n_failed else 0
+
+
+def _sessions(block: Poses | None) -> tuple[str, ...]:
+    """Those that the table of poses names."""
+    named = [] if block is None else [n for n in block.rows.columns if n.startswith(SESSION)]
+    return tuple(n.removeprefix(SESSION) for n in named)
 
 
 def _names_others(block: Poses | None) -> bool:
