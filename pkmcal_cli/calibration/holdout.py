@@ -13,6 +13,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
+from pkmcal_cli.calibration.same_poses import poses_alike
 from pkmcal_cli.model import Model
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -20,6 +21,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 Refit = Callable[[Problem, tuple[str, ...], Array], Fit]
 """A fit of some parameters from values (P,). Raises RowsFailed."""
 
+_SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
 _CELLS = 4  # cells along each axis of the workspace
 ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default
 
@@ -57,17 +59,10 @@ def fold_labels(scheme: str, problem: Problem, measurements: Measurements) -> tu
 def replicate_groups(problem: Problem) -> NDArray[np.intp]:
     """A number for each distinct set of drive readings (N,), in order of first appearance.
 
-    Readings within one thousandth of their spread are the same pose.
+    Readings within one thousandth of their spread are the same pose, but in a scan as fine as that.
     """
     readings = problem.rows.readings
-    used = ~np.isnan(readings).any(axis=0)
-    table = readings[:, used]
-    spread = np.ptp(table, axis=0) if len(table) else np.ones(table.shape[1])
-    keys = np.round(table / np.where(spread > 0, spread * 1e-3, 1.0)).astype(np.int64)
-    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    order = np.empty(len(first), dtype=np.intp)
-    order[np.argsort(first)] = np.arange(len(first))
-    return order[inverse.ravel()]
+    return poses_alike(readings[:, ~np.isnan(readings).any(axis=0)], _SAME)
 
 
 def _cells(problem: Problem) -> NDArray[np.intp]:

@@ -15,6 +15,7 @@ from scipy.special import chdtr, chdtrc
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.calibration.same_poses import poses_alike
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.rotation import Array
 
@@ -120,32 +121,14 @@ def repeated_poses(problem: Problem) -> NDArray[np.intp]:
 
     Stricter than the groups that hold-outs keep together: neighbours on a fine grid are other poses.
     """
-    columns = [c for n, c in problem.rows.columns.items() if n.startswith("session.")]
+    sessions = [c for n, c in problem.rows.columns.items() if n.startswith("session.")]
     read = {c.index for c in problem.model.channels if c.quantity == "drive"}
     drives = problem.rows.readings[:, [a for a in range(len(problem.model.actuators)) if a not in read]]
-    forces = np.nan_to_num(problem.rows.forces)
-    columns += [_steps(c) for c in drives[:, ~np.isnan(drives).any(axis=0)].T] + [_steps(c) for c in forces.T]
-    labels = np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel() if columns else None
-    if labels is None:
+    columns = [*sessions, *drives[:, ~np.isnan(drives).any(axis=0)].T, *np.nan_to_num(problem.rows.forces).T]
+    if not columns:
         return np.full(len(problem), -1, dtype=np.intp)
-    out = labels.astype(np.intp)
+    out = poses_alike(np.column_stack(columns), _SAME)
     for group in problem.copies:
         out[list(group[1:])] = -1
     alone = np.bincount(out[out >= 0], minlength=out.max(initial=0) + 1) < 2
     return np.where((out >= 0) & ~alone[out], out, -1)
-
-
-def _steps(column: Array) -> Array:
-    """Number (N,) of the cluster of each value: clusters are further apart than values of one pose may be.
-
-    Values of a scan so fine that clusters merge are all poses of their own.
-    """
-    order = np.argsort(column, kind="stable")
-    tolerance = _SAME * float(np.ptp(column)) if len(column) else 0.0
-    out = np.empty(len(column))
-    out[order] = np.cumsum(np.diff(column[order], prepend=column[order[:1]]) > tolerance)
-    number = out.astype(np.intp)
-    first = column[order][np.searchsorted(out[order], np.arange(number.max(initial=0) + 1))]
-    wide = np.zeros(len(first), dtype=bool)
-    np.logical_or.at(wide, number, column - first[number] > 3 * tolerance)
-    return np.where(wide[number], np.unique(column, return_inverse=True)[1].ravel() + len(column) + 1.0, out)

@@ -1,0 +1,51 @@
+"""Which rows are one pose's, and which are another's."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pkmcal_cli.rotation import Array
+
+_CELL = 0.25  # of what values of one pose may differ by: rows nearer than that are taken together at once
+_CHAIN = 3.0  # times that: what merges to a group as wide is no pose but a scan of many
+_FINER = 3  # times that a finer scan is looked at ten times as closely
+
+
+def poses_alike(table: Array, share: float) -> NDArray[np.intp]:
+    """Number (N,) of the pose of each row (N, k), in order of first appearance.
+
+    Values of one pose differ by less than this share of their column's spread; in a scan so fine that poses merge, by
+    less than a tenth of it, and so on.
+    """
+    if not table.size:
+        return np.zeros(len(table), dtype=np.intp)
+    spread = np.ptp(table, axis=0)
+    return _by_appearance(_merged((table - table.min(axis=0)) / np.where(spread > 0, share * spread, 1.0), _FINER))
+
+
+def _merged(scaled: Array, finer: int) -> NDArray[np.intp]:
+    """Labels (N,) of rows (N, k) that lie within 1 of each other, or of others in between."""
+    cells, cell = np.unique(np.round(scaled / _CELL), axis=0, return_inverse=True)
+    near = cKDTree(cells).query_pairs(1.0 / _CELL, p=np.inf, output_type="ndarray")
+    links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(cells), len(cells)))
+    label = np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)[cell.ravel()]
+    low, high = (np.full((label.max() + 1, scaled.shape[1]), s * np.inf) for s in (1, -1))
+    np.minimum.at(low, label, scaled)
+    np.maximum.at(high, label, scaled)
+    chained = (np.max(high - low, axis=1) > _CHAIN)[label]
+    if chained.any():
+        rest = 10.0 * scaled[chained]
+        own = _merged(rest, finer - 1) if finer else np.unique(rest, axis=0, return_inverse=True)[1].ravel()
+        label[chained] = label.max() + 1 + own
+    return label
+
+
+def _by_appearance(label: NDArray[np.intp]) -> NDArray[np.intp]:
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    order = np.empty(len(first), dtype=np.intp)
+    order[np.argsort(first)] = np.arange(len(first))
+    return np.asarray(order[inverse.ravel()])
