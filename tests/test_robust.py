@@ -56,6 +56,24 @@ def test_bad_rows_do_not_bend_a_robust_fit(name: str, loss: str) -> None:
     assert {d.channel for d in found.doubtful if abs(d.deviation) > 6} == {0}
 
 
+@pytest.mark.parametrize("channel", ["x", "y", "z", "D"])
+def test_the_channel_that_is_wrong_is_named(channel: str) -> None:
+    """Noise of the lines is common to all readings of a row: what is off is judged by what the others tell.
+
+    20 mm, or 5 rad of the motor that is read only, are found again to the noise of what the others tell.
+    """
+    plan, _, problem = campaign("hangprinter", 1)
+    k = [c.name for c in problem.model.channels].index(channel)
+    size = 5.0 if channel == "D" else 0.02
+    for row in (4, 17):
+        bad = replace(problem, readings=problem.readings.copy())
+        bad.readings[row, k] += size
+        found = identify_robustly(bad, identify(bad, plan.selected), "tukey")
+        worst = found.doubtful[0]
+        assert (worst.row, worst.channel) == (row, k) and worst.weight < 1e-3
+        assert abs(worst.off - size) < 4 * abs(worst.off / worst.deviation) * found.scale[k]
+
+
 def test_the_audit_says_what_a_row_moves() -> None:
     """Leave the row out, or let it stay: the parameter that is told moves by what is told, to first order."""
     plan, _, problem = campaign("scissors")

@@ -204,24 +204,26 @@ def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     return out
 
 
-def deletion_residuals(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array]:
+def deletion_residuals(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array, Array]:
     """What each reading is off (N, C) if the others of its row, and of rows joined to it, tell it; without weights.
 
     In standard uncertainties, zero where not measured: (V^-1 r)_i / sqrt((V^-1)_ii), whatever the order of channels;
-    and minus its derivatives (N, C, P').
+    minus its derivatives (N, C, P'); and that standard uncertainty (N, C), 1 / sqrt((V^-1)_ii).
     """
     jacobian = evaluation.prediction.jacobian
     assert jacobian is not None
     moved = np.where(problem.measured[:, :, None], jacobian, 0.0)
-    off, slopes = np.zeros(problem.readings.shape), np.zeros(moved.shape)
+    off, unit, slopes = np.zeros(problem.readings.shape), np.ones(problem.readings.shape), np.zeros(moved.shape)
     for part, rest in _whitened(problem, evaluation, 1.0):
         m, k = part.cluster.shape
         size = np.sqrt((part.weights**2).sum(axis=1))  # (M, k C)
-        turned = np.swapaxes(part.weights / np.where(size > 0, size, 1.0)[:, None], 1, 2)
+        size = np.where(size > 0, size, 1.0)
+        unit[part.cluster] = 1.0 / size.reshape(m, k, -1)
+        turned = np.swapaxes(part.weights / size[:, None], 1, 2)
         off[part.cluster] = (turned @ rest.reshape(m, -1, 1)).reshape(m, k, -1)
         flat = part.apply(moved).reshape(m, turned.shape[1], -1)
         slopes[part.cluster] = (turned @ flat).reshape(m, k, *moved.shape[1:])
-    return off, slopes
+    return off, slopes, unit
 
 
 def _whitened(problem: Problem, evaluation: Evaluation, free: float) -> Iterator[tuple[Whitened, Array]]:

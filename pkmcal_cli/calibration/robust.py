@@ -35,13 +35,15 @@ _FEWEST = 10  # values of a channel by which its scale is judged
 class Doubtful:
     """A value that a robust fit weighs down.
 
-    row, channel: where; deviation: whitened residual, in standard uncertainties of its channel as it scatters; weight;
-    leverage: share of the value that the fit would follow; moved: parameter that changes most if the value stays with
-    full weight, and by how much, in its standard uncertainties.
+    row, channel: where, of each row the channel that is furthest off; off: by how much from what the fit and the other
+    readings of its row tell, SI; deviation: the same in standard uncertainties, as its channel scatters; weight: the
+    least of its row; leverage: share of the value that the fit would follow; moved: parameter that changes most if the
+    value stays with full weight, and by how much, in its standard uncertainties.
     """
 
     row: int
     channel: int
+    off: float
     deviation: float
     weight: float
     leverage: float
@@ -139,24 +141,33 @@ def _efficiency(loss: Loss, z: Array) -> tuple[float, float]:
 def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]:
     """The audit of every value that is off by more than noise, worst first; of each row what tells most."""
     assert weighted.weight is not None
-    plain = replace(weighted, weight=None)
-    off, slopes = deletion_residuals(plain, fit.last)
-    size = np.where(weighted.measured, np.abs(off / scale), 0.0)
+    off, slopes, unit = deletion_residuals(replace(weighted, weight=None), fit.last)
+    deviation = np.where(weighted.measured, off / scale, 0.0)
     covariance = replace(fit.found, spread=1.0).determined_covariance()
-    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    once = np.array([not np.isnan(c.once) for c in weighted.model.channels])  # stands in a row, is none of it
     found = []
-    for row in np.nonzero((size > _OFF).any(axis=1))[0]:
-        channel = int(size[row].argmax())
-        weight = float(weighted.weight[row][weighted.measured[row]].min())
-        gain = covariance @ slopes[row, channel]
-        share = float(slopes[row, channel] @ gain)
-        if weight == 1.0:  # a part of the fit: what leaving it out would change; else what it would if it stayed
-            factor, leverage = 1.0 / max(1.0 - share, 1e-3), share
-        else:
-            factor, leverage = (1.0 - weight) / (1.0 + (1.0 - weight) * share), share / (1.0 + (1.0 - weight) * share)
-        step = gain * off[row, channel] * factor / std
-        worst = int(np.argmax(np.abs(step))) if len(step) else 0
-        moved = (fit.selected[worst], float(step[worst])) if len(step) else ("", 0.0)
-        deviation = float(off[row, channel] / scale[channel])
-        found.append(Doubtful(int(row), channel, deviation, weight, leverage, moved))
+    for part in (~once, once):
+        size = np.where(part, np.abs(deviation), 0.0)
+        for row in np.nonzero((size > _OFF).any(axis=1))[0].tolist():
+            k = int(size[row].argmax())
+            weight = float(weighted.weight[row][weighted.measured[row] & part].min())
+            leverage, step = _influence(covariance, slopes[row, k], float(off[row, k]), weight)
+            worst = int(np.argmax(np.abs(step))) if len(step) else 0
+            moved = (fit.selected[worst], float(step[worst])) if len(step) else ("", 0.0)
+            far = float(off[row, k] * unit[row, k])
+            found.append(Doubtful(row, k, far, float(deviation[row, k]), weight, leverage, moved))
     return tuple(sorted(found, key=lambda d: -abs(d.deviation)))
+
+
+def _influence(covariance: Array, slope: Array, off: float, weight: float) -> tuple[float, Array]:
+    """Leverage of a value, and what it changes in standard uncertainties (p,).
+
+    Of one with full weight: by leaving it out; of another: by letting it stay with full weight.
+    """
+    gain = covariance @ slope
+    share = float(slope @ gain)
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    if weight == 1.0:
+        return share, gain * off / max(1.0 - share, 1e-3) / std
+    grown = 1.0 + (1.0 - weight) * share
+    return share / grown, gain * off * (1.0 - weight) / grown / std

@@ -42,7 +42,7 @@ class Audit:
     def _row(self, d: Doubtful) -> tuple[str, ...]:
         channel = self.model.channels[d.channel]
         unit = parse_unit(channel.unit)
-        off = readable(self.residual(d), unit)
+        off = readable(d.off, unit)
         name, size = d.moved
         changes = f"{name} by {size:+.2g} std" if name else ""
         weight = f"{d.weight:.2g}"
@@ -52,10 +52,6 @@ class Audit:
         """The row; what was measured once stands in the machine file."""
         once = self.model.channels[d.channel].quantity == "bench"
         return self.model.name if once else str(self.place(d.row))
-
-    def residual(self, d: Doubtful) -> float:
-        """Measured less predicted, SI."""
-        return float(self.found.fit.after.residual[d.row, d.channel])
 
     def json(self) -> list[dict[str, Any]]:
         """All doubtful values, worst first."""
@@ -71,7 +67,7 @@ class Audit:
                     "line": place.line or None,
                     "id": place.id or None,
                     "channel": channel.name,
-                    "residual": self.residual(d) / unit.scale,
+                    "off": d.off / unit.scale,
                     "unit": unit.text,
                     "deviation": d.deviation,
                     "weight": d.weight,
