@@ -5,13 +5,25 @@ Kabsch 1976: the best rotation between two sets of points, by a singular value d
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from pkmcal_cli.language.units import parse_unit
+from pkmcal_cli.language.units import Unit, parse_unit
 from pkmcal_cli.rotation import best_rotation
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FloatArray, Hint, evidence, factors_of, times, unit_words
+from pkmcal_cli.tables.plausibility import (
+    BETTER,
+    EXPLAINED,
+    FloatArray,
+    Hint,
+    Kind,
+    evidence,
+    factors_of,
+    times,
+    unit_words,
+)
 
 Points = Sequence[Sequence[int]]
 """Columns of the coordinates of each point that one instrument sees."""
@@ -45,41 +57,74 @@ def _motion(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray
     return turn, b - turn @ a
 
 
+@dataclass(frozen=True)
+class _Change:
+    """Columns times a factor, those `told`; or exchanged with others of the same number."""
+
+    columns: tuple[int, ...]
+    factor: float = 1.0
+    others: tuple[int, ...] = ()
+    told: tuple[int, ...] = ()
+
+    def of(self, readings: FloatArray) -> FloatArray:
+        """The readings (N, C), changed."""
+        out = readings.copy()
+        out[:, self.columns] *= self.factor
+        if self.others:
+            out[:, [*self.columns, *self.others]] = readings[:, [*self.others, *self.columns]]
+        return out
+
+    def hint(self, names: Sequence[str], unit: Unit, before: float, after: float) -> Hint:
+        """What is suspected, with the evidence."""
+        told = self.told or (*self.columns, *self.others)
+        words = [f"`{names[k]}`" for k in told]
+        proof = f"{evidence(unit, before, after)} after the best rigid motion"
+        kind: Kind
+        if self.others:
+            kind, half = "swapped", len(words) // 2
+            message = f"{', '.join(words[:half])} and {', '.join(words[half:])} look swapped: {proof} when exchanged"
+        elif self.factor < 0:
+            kind = "mirrored"
+            message = f"{', '.join(words)} look mirrored: one axis turned in sign, or two columns swapped: "
+            message += f"{proof} with one axis turned"
+        else:
+            kind, look = "unit", f"look{'s' if len(words) == 1 else ''}"
+            message = f"{', '.join(words)} {look} {times(self.factor)}{unit_words(unit, self.factor)}: "
+            message += f"{proof} when multiplied by {self.factor:.4g}"
+        return Hint(kind, tuple(names[k] for k in told), message, before, after)
+
+
+def _changes(points: Points, unit: Unit) -> Iterator[_Change]:
+    """A mirror image; units of all, of one axis, of one point; points exchanged, or one axis of them."""
+    every = tuple(k for p in points for k in p)
+    yield _Change(tuple(p[0] for p in points), -1.0, told=every)
+    axes = [tuple(p[k] for p in points) for k in range(len(points[0]))]
+    for columns in dict.fromkeys((every, *axes, *(tuple(p) for p in points))):
+        for factor in factors_of(unit):
+            yield _Change(columns, factor)
+    for one, other in combinations(points, 2):
+        yield _Change(tuple(one), others=tuple(other))
+        for a, b in zip(one, other, strict=True):
+            yield _Change((a,), others=(b,))
+
+
 def explain_frame(
     readings: FloatArray, predicted: FloatArray, points: Points, names: Sequence[str], units: Sequence[str]
 ) -> tuple[tuple[Hint, ...], FloatArray]:
-    """What explains the readings (N, C) of one instrument where no rigid motion does: a mirror image or a unit.
+    """What explains the readings (N, C) of one instrument where no rigid motion does: mirror image, unit, exchange.
 
     Returns hints, and the readings if these are followed. A mirror image is that of any one axis turned in sign and
     of any two exchanged: a rotation leads from one to the other, so which it was cannot be told.
     """
-    columns = [k for p in points for k in p]
+    unit = parse_unit(units[points[0][0]])
     before, size = _misfit(readings, predicted, points)
-    unit = parse_unit(units[columns[0]])
-    changes: list[tuple[list[int], float]] = [([p[0] for p in points], -1.0)]
-    for axes in (columns, *([p[k] for p in points] for k in range(len(points[0])))):
-        changes += [(list(axes), factor) for factor in factors_of(unit)]
-    best: tuple[float, list[int], float, FloatArray] | None = None
-    for axes, factor in changes:
-        changed = readings.copy()
-        changed[:, axes] *= factor
-        after = _misfit(changed, predicted, points)[0]
-        if after <= BETTER * before and after <= EXPLAINED * size and (best is None or after < best[0]):
-            best = (after, axes, factor, changed)
-    if best is None or not np.isfinite(before):
+    if not np.isfinite(before):
         return (), readings
-    after, axes, factor, changed = best
-    told = columns if factor < 0 else axes
-    quoted = ", ".join(f"`{names[k]}`" for k in told)
-    if factor < 0:
-        message = f"{quoted} look mirrored: one axis turned in sign, or two columns swapped: "
-        message += f"{evidence(unit, before, after)} after the best rigid motion with one axis turned"
-    else:
-        words = f"{times(factor)}{unit_words(unit, factor)}"
-        message = f"{quoted} look{'s' if len(told) == 1 else ''} {words}: "
-        message += f"{evidence(unit, before, after)} after the best rigid motion when multiplied by {factor:.4g}"
-    hint = Hint("mirrored" if factor < 0 else "unit", tuple(names[k] for k in told), message, before, after)
-    return (hint,), changed
+    tried = [(_misfit(change.of(readings), predicted, points)[0], change) for change in _changes(points, unit)]
+    after, change = min(tried, key=lambda each: each[0])
+    if after > BETTER * before or after > EXPLAINED * size:
+        return (), readings
+    return (change.hint(names, unit, before, after),), change.of(readings)
 
 
 def _misfit(readings: FloatArray, predicted: FloatArray, points: Points) -> tuple[float, float]:
