@@ -21,6 +21,7 @@ ALL_PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), MACHINES / "READ
 COMMANDS = [(page, shown) for page in (README, LANGUAGE) for shown in commands(page.read_text(encoding="utf-8"))]
 FILES = written_files(LANGUAGE.read_text(encoding="utf-8"))
 FAULTY = {shown.line.split()[-1] for _, shown in COMMANDS if any(" error[" in line for line in shown.output)}
+VALUES = {"planted.yaml"}  # no machine but a parameter file
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -65,7 +66,7 @@ def test_commands_show_what_the_page_shows(page: Path, shown: Shown, folder: Pat
 
 @pytest.mark.parametrize("name", FILES)
 def test_examples_are_machines(name: str, folder: Path) -> None:
-    if name not in FAULTY:
+    if name not in FAULTY and name not in VALUES:
         assert compile_machine(read_machine(folder / name)).model.parameters
 
 

@@ -111,7 +111,7 @@ class Sensor(Entity):
     offset: Point = Field(default=(), description="Tool offset in the body's axes; default 0")
     reads: Reads = Field(default={}, description="Channels [x, y, z, rx, ry, rz], or {channel: column}")
     column: str = Field(default="", description="Column of its reading where it reads one; default its name")
-    unit: SensorUnit | None = Field(default=None, description="Unit of the column; `1`: plain numbers")
+    unit: SensorUnit | None = Field(default=None, description='Unit of the column; `"1"`: plain numbers')
     sigma: SigmaByChannel = Field(description="A value, or by channel: {x: ..., position: ..., orientation: ...}")
     sigma_per_length: Growth | None = Field(
         default=None,
