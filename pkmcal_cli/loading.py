@@ -86,9 +86,11 @@ def load_parameters(model: Model, path: str | None) -> Start:
     read = read_parameters(path, model.parameters)
     for name, value in read.values.items():
         values[model.names.index(name)] = value
-    doubt = () if read.status in (None, "converged") else (f"warning: {path}: the fit ended as `{read.status}`",)
-    left = (f"note: {path}: values of other sessions are not used: {', '.join(read.others)}",) if read.others else ()
-    return Start(values, {read.file: read.sha256}, (*doubt, *left), read.covariance)
+    told = [] if read.status in (None, "converged") else [f"warning: {path}: the fit ended as `{read.status}`"]
+    far = [p.name for p, v in zip(model.parameters, values, strict=True) if not p.bounds[0] <= v <= p.bounds[1]]
+    told += [f"warning: {path}: outside the machine file's bounds: {', '.join(far)}"] if far else []
+    told += [f"note: {path}: values of other sessions are not used: {', '.join(read.others)}"] if read.others else []
+    return Start(values, {read.file: read.sha256}, tuple(told), read.covariance)
 
 
 def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:

@@ -86,3 +86,6 @@ def test_values_of_sessions_are_simulated_and_recovered(tmp_path: Path) -> None:
     found = {p["name"]: p for p in run("calibrate", machine, table, "--json", "--holdout", "none").json["parameters"]}
     for name, true in (("w0[a]", 95.0), ("w0[b]", 107.0)):
         assert abs(found[name]["value"] - true) < 4 * found[name]["std"] < 0.1
+    held = run("calibrate", machine, table, "--json", "--holdout", "session").json["heldout"]
+    assert held["after"]["distance"]["rms"] < 0.1 and held["after"]["distance"]["unit"] == "mm"
+    assert "w0[a], w0[b] fitted to them" in held["scheme"]

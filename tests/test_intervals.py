@@ -128,3 +128,21 @@ def test_a_wrong_length_on_the_bench_is_seen(loss: str, tmp_path: Path) -> None:
     result = run(*args).json
     worst = result["outliers"][0]
     assert worst["channel"] == "rule" and worst["weight"] < 0.1 and abs(worst["deviation"]) > 20
+
+
+def test_degrees_of_freedom_count_what_is_known() -> None:
+    """Every parameter costs one; what its range says gives one back."""
+    plan, problem = campaign("scissors")
+    count = len(plan.selected)
+    assert identify(problem, plan.selected).dof == problem.count - count
+    known = replace(problem, prior=prior_of_ranges(plan.model, plan.selected))
+    assert identify(known, plan.selected).dof == problem.count
+
+
+def test_an_excess_is_significant_at_one_percent() -> None:
+    """Chi-square with 100 degrees of freedom is above 135.8 with a probability of 1 % (tables)."""
+    plan, problem = campaign("scissors")
+    fit = replace(identify(problem, plan.selected), dof=100)
+    assert replace(fit, chi2=135.0).excess == 1.0
+    assert replace(fit, chi2=136.5).excess == pytest.approx(1.365)
+    assert replace(fit, chi2=136.5).widened.std == pytest.approx(fit.std * np.sqrt(1.365))

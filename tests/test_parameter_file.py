@@ -139,3 +139,12 @@ def test_a_file_of_another_machine_is_refused(tmp_path: Path, monkeypatch: pytes
     Path("p.yaml").write_text("parameters: {Ax: 5}\n")
     with pytest.raises(BadInput, match="no parameter `Ax`"):
         load_parameters(load_machine(TRIGLIDE).model, "p.yaml")
+
+
+def test_values_outside_the_bounds_are_told(tmp_path: Path) -> None:
+    machine, file = tmp_path / "m.yaml", tmp_path / "p.yaml"
+    machine.write_text(f"extends: {TRIGLIDE}\nparameters: {{l1: {{bounds: [299.9, 300.1]}}}}\n", encoding="utf-8")
+    for value, outside in ((300.05, False), (301, True)):
+        file.write_text(f"parameters: {{l1: {value}, l2: 300.2}}", encoding="utf-8")
+        done = run("sensitivity", machine, "-p", file)
+        assert done.code == 0 and ("outside the machine file's bounds: l1\n" in done.err) == outside
