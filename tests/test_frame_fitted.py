@@ -133,3 +133,16 @@ def test_an_instrument_that_stands_anywhere_reads_large_numbers(tmp_path: Path) 
     assert far["status"] == "converged" and far["after"]["position"]["rms"] < 1.5e-3
     wrong = run("calibrate", SCISSORS, table)
     assert wrong.code == 3 and "far outside the machine" in wrong.err and "far.csv:2" in wrong.err
+
+
+def test_a_level_that_stands_anywhere_has_a_turn_and_no_place(tmp_path: Path) -> None:
+    machine, table = tmp_path / "m.yaml", tmp_path / "t.csv"
+    level = "{at: platform, reads: [rx, ry], frame: fitted, sigma: 1 urad}"
+    machine.write_text(
+        f"extends: {MACHINES / 'hexapod7.yaml'}\nsensors: {{tracker: {{frame: machine}}, level: {level}}}\n",
+        encoding="utf-8",
+    )
+    assert run("simulate", machine, MACHINES / "hexapod7.csv", "--noise", "declared", "-o", table).code == 0
+    found = run("calibrate", machine, table, "--holdout", "none", "--json").json["parameters"]
+    assert {p["name"] for p in found if p["name"][:5] == "frame"} == {f"frame@level.r{c}" for c in "xyz"}
+    assert all(p["std"] is not None for p in found)

@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
+from pkmcal_cli.calibration.bootstrap import _blocks, bootstrap_intervals
+from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.intervals import profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
+from pkmcal_cli.loading import load_machine, load_measurements
 from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, run
@@ -146,3 +148,12 @@ def test_an_excess_is_significant_at_one_percent() -> None:
     assert replace(fit, chi2=135.0).excess == 1.0
     assert replace(fit, chi2=136.5).excess == pytest.approx(1.365)
     assert replace(fit, chi2=136.5).widened.std == pytest.approx(fit.std * np.sqrt(1.365))
+
+
+def test_rows_that_a_length_joins_are_one_block_of_the_bootstrap() -> None:
+    loaded = load_machine(str(MACHINES / "belt-router.yaml"))
+    problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "belt-router.csv")]))
+    partner, label = problem.rows.partner, _blocks(problem, np.zeros(len(problem)))
+    assert partner is not None and (partner >= 0).sum() == 12
+    np.testing.assert_array_equal(label[partner >= 0], label[partner[partner >= 0]])
+    assert len(np.unique(label)) == len(problem) - 12

@@ -46,6 +46,8 @@ def declared_effects(machine: Machine, sockets: Sockets, length: float) -> Place
         if sensor.frame not in (None, "machine") and f"{_FRAME}@{name}" not in machine.effects:
             placed, mine = _fitted_frame(name, sockets[_FRAME][name], machine.space == "planar", length)
             effects.append(placed)
+            level = not any(c in ("x", "y", "z") for c in sensor.reads)  # it does not see where it stands
+            mine = tuple(replace(p, identify=not (level and p.dimension == "length")) for p in mine)
             parameters += [replace(p, per_session=sensor.frame != "fitted") for p in mine]
     return tuple(effects), tuple(parameters)
 
