@@ -1,4 +1,4 @@
-"""Distances between two points: ballbar, draw wire, interferometer arm; between two rows: calipers, gauge length."""
+"""Distances between two points: ballbar, draw wire, interferometer arm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from pkmcal_cli.rotation import dot
 from pkmcal_cli.sensors.base import SensorKind, as_read
 
 
-def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
+def distance(seen: Mapping[str, Any]) -> Sequence[Any]:
+    """Of two places, m, as it is read."""
     between = seen["other"] - seen["place"]
     return [as_read(np.sqrt(dot(between, between)), seen)]
 
@@ -24,16 +25,5 @@ DISTANCE = SensorKind(
     ("offset", "column", "zero", "scale", "sigma_per_length"),
     ("place", "other", "zero", "scale"),
     "distance",
-    _read,
-)
-SPAN = SensorKind(
-    "span",
-    "distance between the places of one point in two rows; column `to` names the other row",
-    "calipers, gauge length, printed test part",
-    ("at",),
-    ("offset", "column", "zero", "scale", "sigma_per_length"),
-    ("place", "other", "zero", "scale"),
-    "distance",
-    _read,
-    joins=True,
+    distance,
 )
