@@ -98,7 +98,10 @@ def test_a_closed_stderr_does_not_stop_the_work() -> None:
 def test_ctrl_c_ends_with_130_and_leaves_no_file(tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     arguments = ["simulate", TRIGLIDE, "--grid", "x=200:700:3000,y=200:350:3000", "-o", str(out)]
-    running = subprocess.Popen([*PROGRAM, *arguments], cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True)
+    running = subprocess.Popen(
+        [*PROGRAM, *arguments], cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # what runs in the background ignores it
+    )  # fmt: skip
     for _ in range(600):
         if list(tmp_path.glob(".out.csv.*.part")):
             break

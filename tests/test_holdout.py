@@ -11,6 +11,7 @@ import pytest
 
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import error_figures
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import (
     cross_validate,
     enough_rows,
@@ -18,11 +19,10 @@ from pkmcal_cli.calibration.holdout import (
     replicate_groups,
     validate,
 )
-from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.calibration.starts import identify_from
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -279,21 +279,22 @@ def test_folds_are_fitted_as_the_whole(tmp_path: Path) -> None:
     assert moved["tukey"] < 0.5
 
 
-def test_a_fold_that_cannot_be_predicted_is_counted() -> None:
-    """A row, held out by itself, is beyond reach at the drawing; trained by itself it says nothing of the others."""
-    problem, _ = table("five-bar.csv", machine="five-bar")
-    rng, parameters = np.random.default_rng(0), []
-    for p in problem.model.parameters:
-        far = 0.02 if p.dimension == "length" else np.radians(5)
-        parameters.append(replace(p, nominal=p.nominal + far * rng.uniform(-1, 1), range=far))
-    problem = replace(problem, model=replace(problem.model, parameters=tuple(parameters)))
-    start = problem.model.nominal
-    solved = evaluate(problem, start).prediction.solved
-    assert 0 < (~solved).sum() < 4
-    fit, _ = identify_from(problem, problem.model.names, start, 0, 0)
-    assert fit.status == "converged"
-    held = cross_validate(problem, fit, (~solved).astype(np.intp), "by hand")
-    assert held.folds == 2 and held.after["distance"].count == len(problem)
-    labels = np.where(solved, np.arange(len(problem)) % 3, 3)
-    held = cross_validate(problem, fit, labels, "by hand")
-    assert held.failed == 0 and held.after["distance"].rms < 1e-4  # sigma 10 um; noise of the encoders far out
+def test_a_fold_that_cannot_begin_where_the_fit_began_begins_where_it_ended() -> None:
+    """And if it cannot begin there either, it has failed, its rows are not predicted, and that is said."""
+    problem, measured = table(f"{NAME}.csv")
+    names = select(problem.model, "auto")
+    fit, nominal = identify(problem, names), problem.model.nominal
+    labels, words = fold_labels("5", problem, measured)
+
+    def unwilling(part: Problem, selected: tuple[str, ...], start: Array) -> Fit:
+        if len(part) < len(problem) - 60 or (start == nominal).all():
+            raise RowsFailed(evaluate(part, start))
+        return identify(part, selected, start)
+
+    held = cross_validate(problem, fit, labels, words, unwilling)
+    plain = cross_validate(problem, fit, labels, words)
+    assert held.failed == 0 and held.scheme == words
+    assert held.after["position"].rms == pytest.approx(plain.after["position"].rms, rel=1e-6)
+    held = cross_validate(problem, fit, (np.arange(231) >= 40).astype(np.intp), "by hand", unwilling)
+    assert held.failed == 1 and held.scheme == "by hand; 191 of 231 rows could not be predicted"
+    assert held.after["position"].count == 40

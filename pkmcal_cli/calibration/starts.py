@@ -72,10 +72,12 @@ def identify_from(
         return first, None
     if not count and tell is not None:
         what = "explains little" if first is not None and first.status == "converged" else "fails"
-        tell(f"the fit from the start {what}: {ON_FAILURE - 1} further starts are tried")
+        tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts are tried")
     total = count or ON_FAILURE
     ends = [first] + ([_led(problem, selected, start)] if total > 1 else [])
     for values in _scattered(problem, selected, start, total - len(ends), seed):
+        if not count and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
+            break  # help has helped
         ends += [_tried(problem, selected, start, values)]
     good = [e for e in ends if e is not None and e.status == "converged"]
     if not good:
