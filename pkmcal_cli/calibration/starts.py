@@ -73,12 +73,7 @@ def identify_from(
     if not count and tell is not None:
         what = "explains little" if first is not None and first.status == "converged" else "fails"
         tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts are tried")
-    total = count or ON_FAILURE
-    ends = [first] + ([_led(problem, selected, start)] if total > 1 else [])
-    for values in _scattered(problem, selected, start, total - len(ends), seed):
-        if not count and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
-            break  # help has helped
-        ends += [_tried(problem, selected, start, values)]
+    ends = _further(problem, selected, start, [first], count, seed)
     good = [e for e in ends if e is not None and e.status == "converged"]
     if not good:
         if failure is not None and first is None:
@@ -90,6 +85,20 @@ def identify_from(
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)
+
+
+def _further(
+    problem: Problem, selected: tuple[str, ...], start: Array, ends: list[Fit | None], count: int, seed: int
+) -> list[Fit | None]:
+    """Ends of `count` starts; with 0, until one explains the data."""
+    total = count or ON_FAILURE
+    if total > 1:
+        ends = [*ends, _led(problem, selected, start)]
+    for values in _scattered(problem, selected, start, total - len(ends), seed):
+        if not count and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
+            break  # help has helped
+        ends = [*ends, _tried(problem, selected, start, values)]
+    return ends
 
 
 def _apart(problem: Problem, one: Fit, best: Fit) -> float:
