@@ -67,3 +67,15 @@ def test_what_is_wrong_is_named(case: str, tmp_path: Path) -> None:
     done = run("check", *spoilt(tmp_path, change, times))
     hints = [line for line in done.err.splitlines() if "plausibility" in line]
     assert (len(hints) == 1 and words in hints[0]) if words else (not hints and done.code == 0), done.err
+
+
+def test_rows_of_one_drive_that_is_only_read_are_shifted(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    lines = (MACHINES / "belt-router.csv").read_text(encoding="utf-8").splitlines()
+    rows = [row for row in csv.reader(lines) if row[0][:1] != "#"]
+    place = rows[0].index("BR [rev]")
+    late = ["", *(row[place] for row in rows[1:-1])]
+    moved = [[*row[:place], cell, *row[place + 1 :]] for row, cell in zip(rows[1:], late, strict=True)]
+    table.write_text("\n".join(",".join(row) for row in [rows[0], *moved]), encoding="utf-8")
+    done = run("check", MACHINES / "belt-router.yaml", table)
+    assert done.code == 1 and "the readings of `BR` look shifted by one row" in done.err

@@ -117,3 +117,13 @@ def by_engine_of_five_bar() -> Problem:
     problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "five-bar.csv")]))
     wide = tuple(replace(p, range=0.02 if p.dimension == "length" else np.radians(5)) for p in problem.model.parameters)
     return replace(problem, model=replace(problem.model, parameters=wide))
+
+
+def test_weak_directions_end_about_nominal_wherever_the_fit_began(tmp_path: Path) -> None:
+    """Half a range along what the router's belts hardly see: the estimate is that from the drawing."""
+    values = tmp_path / "p.yaml"
+    values.write_text("parameters: {TLx: -7, TRx: 2993, TRy: 2210, BRy: 10}\n", encoding="utf-8")
+    args = ("calibrate", MACHINES / "belt-router.yaml", MACHINES / "belt-router.csv", "--holdout", "none", "--json")
+    one, other = run(*args).json["parameters"], run(*args, "-p", values).json["parameters"]
+    for a, b in zip(one, other, strict=True):
+        assert abs(a["value"] - b["value"]) < 0.1 * a["std"], a["name"]

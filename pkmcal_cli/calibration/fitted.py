@@ -70,24 +70,27 @@ def fitted(
 
     `tell` announces what takes longer.
     """
-    if how.prior == "ranges":
-        problem = replace(problem, prior=prior_of_ranges(problem.model, selected))
+    problem = _with_prior(problem, selected, how)
     first, agreement = identify_from(problem, selected, start, how.starts, how.seed, tell)
-    if how.loss == "squares" or first.status != "converged":
-        found = plain_fit(problem, first)
-    else:
-        found = identify_robustly(problem, first, how.loss)  # type: ignore[arg-type]
+    found = _with_loss(problem, first, how)
     return Fitted(found, _intervals(found, how, session), agreement)
 
 
 def fitted_again(how: Treatment, problem: Problem, selected: tuple[str, ...], start: Array) -> Fit:
     """The same fit of other rows, from one start. Raises RowsFailed."""
-    if how.prior == "ranges":
-        problem = replace(problem, prior=prior_of_ranges(problem.model, selected))
-    first = identify(problem, selected, start)
+    problem = _with_prior(problem, selected, how)
+    return _with_loss(problem, identify(problem, selected, start), how).fit
+
+
+def _with_prior(problem: Problem, selected: tuple[str, ...], how: Treatment) -> Problem:
+    return replace(problem, prior=prior_of_ranges(problem.model, selected)) if how.prior == "ranges" else problem
+
+
+def _with_loss(problem: Problem, first: Fit, how: Treatment) -> RobustFit:
+    """The fit by least squares, or from there with another loss."""
     if how.loss == "squares" or first.status != "converged":
-        return first
-    return identify_robustly(problem, first, how.loss).fit  # type: ignore[arg-type]
+        return plain_fit(problem, first)
+    return identify_robustly(problem, first, how.loss)  # type: ignore[arg-type]
 
 
 def _intervals(found: RobustFit, how: Treatment, session: Array) -> Intervals:

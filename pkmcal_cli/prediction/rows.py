@@ -15,6 +15,8 @@ from pkmcal_cli.rotation import Array
 
 Method = Literal["exact", "linear", "rigid"]
 
+_SESSION = "session."  # columns of flags, by name
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -49,8 +51,12 @@ class Rows:
     @property
     def session(self) -> NDArray[np.intp]:
         """Number (N,) of the session of each row, in the order of the columns; 0 without any."""
-        names = [n.removeprefix("session.") for n in self.columns if n.startswith("session.")]
-        return self.session_numbers(names)
+        return self.session_numbers(self.session_names)
+
+    @property
+    def session_names(self) -> tuple[str, ...]:
+        """Sessions in the order of their columns."""
+        return tuple(n.removeprefix(_SESSION) for n in self.columns if n.startswith(_SESSION))
 
     def session_numbers(self, names: Sequence[str]) -> NDArray[np.intp]:
         """Which of some sessions each row belongs to, (N,); 0 for rows of none."""

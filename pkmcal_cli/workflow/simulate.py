@@ -26,7 +26,7 @@ from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import no_input, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.noise import Noise
-from pkmcal_cli.workflow.table import SESSION, SimulatedTable
+from pkmcal_cli.workflow.table import SimulatedTable
 
 _SHOWN = 20  # failed rows told one by one
 _LISTED = 1000  # failed rows in the JSON
@@ -87,7 +87,7 @@ def run_simulation(request: SimulationRequest) -> int:
     source = PoseSource(loaded, request.poses, request.grid)
     blocks = iter(source)
     first = next(blocks, None)  # so that its sessions are known, and the head can name the table with its sha256
-    model = loaded.model.for_sessions(_sessions(first))
+    model = loaded.model.for_sessions(first.rows.session_names if first is not None else ())
     start = load_parameters(model, request.parameters)
     for text in start.warnings:
         to.warn(text)
@@ -116,12 +116,6 @@ def run_simulation(request: SimulationRequest) -> int:
         told = {} if errors is None else {"uncertainty": errors.json()}
         emit_json(_json(model, request, work.tally, head) | told)
     return 1 if work.tally.n_failed else 0
-
-
-def _sessions(block: Poses | None) -> tuple[str, ...]:
-    """Those that the table of poses names."""
-    named = [] if block is None else [n for n in block.rows.columns if n.startswith(SESSION)]
-    return tuple(n.removeprefix(SESSION) for n in named)
 
 
 def _names_others(block: Poses | None) -> bool:

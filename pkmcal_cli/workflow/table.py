@@ -15,7 +15,6 @@ from pkmcal_cli.tables.columns import columns_of, temperature_column
 from pkmcal_cli.tables.csv_sniff import split_header
 from pkmcal_cli.tables.csv_write import Values
 
-SESSION = "session."
 ENERGY = "strain_energy_J"
 
 
@@ -71,9 +70,7 @@ class SimulatedTable:
         forces = rows.forces
         cells: list[Values] = [ids]
         if self.sessions:
-            names = [n for n in rows.columns if n.startswith(SESSION)]
-            flags = np.stack([rows.columns[n] for n in names], axis=1)
-            cells.append([names[k].removeprefix(SESSION) for k in flags.argmax(axis=1)])
+            cells.append([rows.session_names[k] for k in rows.session])
         if self.joined:
             partner = np.full(len(rows), -1) if rows.partner is None else rows.partner
             cells.append([ids[k] if k >= 0 else "" for k in partner])
