@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -34,6 +35,7 @@ class Fit:
     iterations: int
     at_bound: tuple[str, ...]
     last: Evaluation  # with derivatives and the drives' errors, as the fit ended
+    failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts had no part in it
 
     @property
     def shift(self) -> Array:

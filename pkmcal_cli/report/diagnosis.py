@@ -49,6 +49,7 @@ class DiagnosisReport(DiagnosisValues):
         self._show_table(to, "Check the measurement first", instrument)
         for row in self.found.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: repeat this pose; it was not used")
+        self.failed.show(to)
         for noise in self.found.noise:
             slope = uncertain(1e6 * noise.slope, 1e6 * noise.std, "um/m")
             to.say(f"noise of {noise.sensor} grows with distance: {slope} beside sigma; weight far points less")
@@ -84,8 +85,9 @@ class DiagnosisReport(DiagnosisValues):
     def _rms(self) -> float:
         """Root mean square error after calibration, bad rows included: of positions where they are measured, SI."""
         problem = self.found.problem
-        measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma)
-        kinds = error_figures(replace(problem, measured=measured), self.found.before.after)
+        there = self.found.before.after
+        measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma) & np.isfinite(there.residual)
+        kinds = error_figures(replace(problem, measured=measured), there)
         return kinds["position"].rms if "position" in kinds else next(iter(kinds.values())).rms
 
     def _doubt_of_sigma(self) -> str:

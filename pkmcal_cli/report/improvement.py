@@ -8,7 +8,8 @@ import numpy as np
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
-from pkmcal_cli.diagnosis.improve import Errors, Improvement, Step
+from pkmcal_cli.diagnosis.improve import Improvement, Step
+from pkmcal_cli.diagnosis.report_rows import Errors
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
@@ -62,6 +63,7 @@ class ImprovementReport:
                 "unit": unit.text,
             },
             "outliers": self.diagnosis.json()["outliers"],
+            **self.diagnosis.failed.json(),
             "machine": machine,
             "parameters": parameters,
         }
@@ -71,7 +73,7 @@ class ImprovementReport:
             "effect": step.hypothesis.effect,
             "at": step.hypothesis.at,
             "accepted": step.accepted,
-            "reason": self._reason(step),
+            "reason": step.refused or None,
             "chosen": step.chosen,
             "fit": self._rms_json(step.errors.fit),
             "choose": self._rms_json(step.errors.choose),
@@ -91,6 +93,7 @@ class ImprovementReport:
         to.say(self.diagnosis.verdict_line())
         for row in found.whole.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: not used, neither to fit nor to report")
+        self.diagnosis.failed.show(to)
         if found.steps:
             self._show_steps(to)
             self._show_errors(to)
@@ -102,9 +105,12 @@ class ImprovementReport:
                 to.say(f"  these rows do not tell it from {rivals}; `pkmcal diagnose` says what would")
         for step in found.steps:
             if not step.accepted:
-                to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
+                to.say(f"not added: {step.hypothesis.name}: {step.refused}")
         for depends_on in dict.fromkeys(unknown.depends_on for unknown in found.whole.unknown):
             to.say(f"left as it is: something unknown that depends on {depends_on}; see `pkmcal diagnose`")
+        for name, errors in (("before", found.before), ("after", found.after)):
+            if errors.failed:
+                to.warn(f"warning: {count(errors.failed, 'row')} that should report cannot be predicted {name}")
         to.say(f"stopped: {self._stop()}")
         to.say(self._summary())
 
@@ -150,6 +156,8 @@ class ImprovementReport:
 
     def _stop(self) -> str:
         """Why no further effect was tried."""
+        if self.found.broken is not None:
+            return "the next step broke off; what was done before it stands"
         if len(self.found.whole.search.accepted) >= MOST_EFFECTS:
             return f"{MOST_EFFECTS} effects; more of them would be a list, not a cause"
         alpha = f"{100 * self.found.alpha:g} %"
@@ -169,15 +177,6 @@ class ImprovementReport:
         names = ", ".join(h.name for h in found.accepted)
         doubt = "; provisional: something unknown is left, which they may stand in for" if found.whole.unknown else ""
         return f"improved by {names}: {interval}{doubt}"
-
-    def _reason(self, step: Step) -> str | None:
-        if step.accepted:
-            return None
-        if 2 * step.chosen <= self.found.rotations:
-            return f"chosen in {step.chosen} of {count(self.found.rotations, 'rotation')} only"
-        if step.gain.low <= 0:
-            return "the error on the report rows does not fall for sure"
-        return "its calibration did not converge"
 
     # --- files -----------------------------------------------------------------------------
     def overlay(self, base: str) -> str:

@@ -84,6 +84,7 @@ def run_calibration(request: CalibrationRequest) -> int:
     how = s.request.how
     found = _fit(s, replace(how, starts=how.starts or 1) if hints else how, to)  # no start mends a wrong column
     fit = found.robust.fit
+    s = replace(s, problem=s.problem.without(fit.failed))
     held_out, inputs = _held_out(s, fit)
     report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, _places(s))
     report.show(to)

@@ -58,6 +58,8 @@ def run_improvement(request: ImproveRequest) -> int:
     written = _write(request, case, report, found, targets, to)
     if request.as_json:
         emit_json(report.json(*written))
+    if found.broken is not None:
+        raise found.broken
     return 0 if found.confirmed or found.whole.verdict == "clean" else 1
 
 

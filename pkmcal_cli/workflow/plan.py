@@ -9,6 +9,7 @@ import numpy as np
 from pkmcal_cli.calibration.bench import bench_proposals
 from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
+from pkmcal_cli.calibration.residual import evaluate, reasons
 from pkmcal_cli.covariates import with_directions
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
@@ -18,9 +19,10 @@ from pkmcal_cli.files import check_target, is_stream
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import Model
-from pkmcal_cli.poses import PoseSource
+from pkmcal_cli.poses import PoseSource, failed_rows
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.plan import PlanReport
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.workflow.arguments import no_input, one_stdin, selection
@@ -73,6 +75,9 @@ def run_plan(request: PlanRequest) -> int:
     if not problem.count:
         what, hint = "no channel has a sigma: nothing would be measured", "declare a sensor with `reads:` and `sigma:`"
         raise BadInput.single(what, Location(request.machine), hint, "sensors")
+    failed = FailedRows(reasons(problem, evaluate(problem, values)), poses.place, len(problem))
+    failed.show(to)
+    problem = _predicted(problem, failed)
     plan = plan_of(found, problem, values, selected)
     aim = None if not aims else _aim(request, found, loaded.model, selected)
     added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
@@ -84,8 +89,15 @@ def run_plan(request: PlanRequest) -> int:
         count = write_schedule(loaded, every, len(problem), request.seed, request.output, request.force)
         to.say(f"written: {request.output} ({count} rows in the order of measurement)")
     if request.as_json:
-        emit_json(report.json())
+        emit_json(report.json() | failed.json())
     return 0
+
+
+def _predicted(problem: Problem, failed: FailedRows) -> Problem:
+    """The rows of a plan that can be predicted. Raises BadInput where half cannot."""
+    if 2 * len(failed.reasons) >= len(problem):
+        raise failed_rows(failed.place, dict(failed.reasons))
+    return problem.take(np.array([k for k in range(len(problem)) if k not in failed.reasons], dtype=np.intp))
 
 
 def _nulls(found: Candidates, model: Model) -> Array:
