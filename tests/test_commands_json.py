@@ -116,7 +116,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         ],
         "effects": [[], [TRIGLIDE]],
         "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
-            [TRIGLIDE, TRIGLIDE_DATA]],
+            [TRIGLIDE, "lost.csv"]],
         "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml"]],
     }  # fmt: skip
 
