@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import pkmcal_cli.calibration.identify as identification
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
@@ -119,6 +120,20 @@ def test_nothing_identifiable() -> None:
     assert identify(problem, ()).status == "nothing_identifiable"
     blank = replace(problem, measured=np.zeros_like(problem.measured))
     assert identify(blank, ("l1",)).status == "nothing_identifiable"
+
+
+def test_no_empty_system_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LAPACK as scipy 1.11 calls it refuses one, and nothing identifiable would be an internal error."""
+    solve = identification.solve_triangular
+
+    def strict(upper: np.ndarray, right: np.ndarray) -> np.ndarray:
+        if not upper.size:
+            raise ValueError("illegal value in 7th argument of internal trtrs")
+        return np.asarray(solve(upper, right))
+
+    monkeypatch.setattr(identification, "solve_triangular", strict)
+    _, problem, _ = noisy()
+    assert identify(problem, ("k1", "k2")).status == "nothing_identifiable"
 
 
 def test_a_row_that_cannot_be_predicted_has_no_part_in_the_fit() -> None:

@@ -263,6 +263,8 @@ def _step(scale: _Scaled, values: Array, near: Linearised, damped: Linearised, d
 def _least_squares(matrix: Array, right: Array, damping: float) -> Array:
     """Minimum (k,) of |matrix z - right|^2 + damping |z|^2, columns being independent."""
     k = matrix.shape[1]
+    if not k:  # which not every LAPACK takes
+        return np.zeros(0)
     if damping > 0.0:
         matrix = np.vstack([matrix, np.sqrt(damping) * np.eye(k)])
         right = np.concatenate([right, np.zeros(k)])
