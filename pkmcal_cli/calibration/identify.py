@@ -7,7 +7,7 @@ Each step is the minimum-norm Gauss-Newton step in range units within the direct
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +38,7 @@ _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at t
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
+_LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -112,17 +113,24 @@ def _identified(
     kept, now = _kept(problem, first, lead, failed)
     if fixed:
         return _finished(kept, selected, first, now, "nothing_identifiable", 0, failed)
-    count, damping, status = 0, 0.0, ""
-    while count < iterations and not status:
-        count += 1
+    damping, status, chi2 = 0.0, "", list[float]()
+    while len(chi2) < iterations and not status:
         near = linearise(kept, now)
+        chi2.append(near.chi2)
         now, damping, status = _advance(kept, scale, now, near, damping)
         if status and not (again := evaluate(kept, now.values, None, now.state, now.shift)).solved:
             failed, status = failed | reasons(kept, again), ""  # a state that does not hold is none
             kept, now = _kept(problem, first, evaluate(problem, now.values, selected, now.state, now.shift), failed)
         if progress is not None:
-            progress(count, near.chi2)
-    return _finished(kept, selected, first, now, status or "not_converged", count, failed)
+            progress(len(chi2), near.chi2)
+    fit = _finished(kept, selected, first, now, status or "not_converged", len(chi2), failed)
+    return replace(fit, flat=_flat([*chi2, fit.chi2]))
+
+
+def _flat(chi2: Sequence[float]) -> bool:
+    """Whether chi-square has hardly changed in the last steps."""
+    last = chi2[-_LAST:]
+    return len(last) == _LAST and max(last) - min(last) < _LITTLE * min(last)
 
 
 def _kept(problem: Problem, first: Evaluation, now: Evaluation, failed: Collection[int]) -> tuple[Problem, Evaluation]:

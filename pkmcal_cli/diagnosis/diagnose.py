@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.special import chdtrc
 
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
@@ -24,8 +25,9 @@ from pkmcal_cli.diagnosis.stand_in import stand_ins
 from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
 
-Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
+Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
+_TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
@@ -83,7 +85,7 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / TESTS)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
     return Diagnosis(
-        _verdict(findings, unknown, bool(now.bad_rows or noise)),
+        _verdict(findings, unknown, bool(now.bad_rows or noise), now.fit),
         now.problem,
         before,
         now,
@@ -152,11 +154,14 @@ def _with_rows(problem: Problem, rows: list[int]) -> Problem:
     return usable(replace(problem, measured=measured))
 
 
-def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool) -> Verdict:
-    if unknown or any(f.beyond for f in findings):
+def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool, fit: Fit) -> Verdict:
+    """`fit`: with all that was found, by the stated sigma."""
+    if unknown:
         return "unknown"
     if any(f.ambiguous for f in findings):
         return "ambiguous"
     if any(not f.hypothesis.measurement for f in findings):
         return "found"
-    return "measurement_fault" if findings or measurement else "clean"
+    if findings or measurement:
+        return "measurement_fault"
+    return "sigma_too_small" if fit.dof > 0 and float(chdtrc(fit.dof, fit.chi2)) < _TOO_MUCH else "clean"

@@ -133,7 +133,7 @@ def _refused(now: _Progress, trial: Sequence[Rotation], chosen: int, gain: Inter
         return f"with it {count(errors.failed - now.errors.failed, 'more row')} cannot be predicted"
     if not gain.low > 0:
         return "the error on the report rows does not fall for sure"
-    return "" if all(t.fit.status == "converged" for t in trial) else _FAILS
+    return "" if all(t.fit.settled for t in trial) else _FAILS
 
 
 def _majority(whole: Diagnosis, turns: Sequence[Rotation]) -> list[Hypothesis]:

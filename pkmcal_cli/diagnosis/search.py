@@ -204,8 +204,7 @@ def _best_of(now: Search, scored: Scored, evidence: Array) -> Search:
         trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), after))
     if not trials:
         return now
-    best = max(trials, key=lambda trial: trial[0])[1]
-    return replace(best, refused=now.refused)
+    return replace(max(trials, key=lambda trial: trial[0])[1], refused=frozenset())  # beside it others may be right
 
 
 def _is_residue(now: Search, scored: Scored, best: int) -> bool:
@@ -265,7 +264,7 @@ def _accepted(now: Search, scored: Scored, best: int) -> Search | None:
 
 
 def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
-    """A calibration with the accepted effects; None where it fails, or does not predict all rows.
+    """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
 
     It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
     (k,), SI.
@@ -279,4 +278,4 @@ def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
         fit = identify(now.problem, now.selected, start, _STEPS)
     except RowsFailed:
         return None
-    return fit if fit.status == "converged" and not fit.failed else None
+    return fit if fit.settled and not fit.failed else None

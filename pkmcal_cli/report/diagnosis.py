@@ -61,7 +61,7 @@ class DiagnosisReport(DiagnosisValues):
         for unknown in self.found.unknown:
             to.say()
             to.say(self._unknown_sentence(unknown))
-        if self.found.verdict == "clean":
+        if self.found.verdict in ("clean", "sigma_too_small"):
             self._show_seen(to)
         self._show_unseen(to)
 
@@ -72,10 +72,11 @@ class DiagnosisReport(DiagnosisValues):
         rms, sigma = self._rms(), self.sigma
         rms_text, sigma_text = (readable(x, self.length_unit, like=max(rms, sigma)) for x in (rms, sigma))
         words = {
-            "clean": _LIKE_NOISE if found.scale.doubted else "nothing is left above noise",
-            "found": "an effect is missing in the model, and found",
+            "clean": "nothing is left above noise",
+            "sigma_too_small": _LIKE_NOISE,
+            "found": _BEYOND if any(f.beyond for f in found.findings) else "an effect is missing in the model, and found",
             "ambiguous": "something is missing; several effects explain it alike",
-            "unknown": "something is missing that no effect of the catalogue explains" if found.unknown else _BEYOND,
+            "unknown": "something is missing that no effect of the catalogue explains",
             "measurement_fault": "the measurement is at fault",
         }
         scale = f"{ratio} times what noise explains (sigma {sigma_text}{self._doubt_of_sigma()}"

@@ -23,6 +23,11 @@ from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 
+_NOTHING = {
+    "clean": "nothing is left above noise",
+    "sigma_too_small": "no effect is found, though more is left than the stated sigma explains",
+}
+
 
 class ImprovementReport:
     """One run of the loop, ready to be shown and written."""
@@ -34,9 +39,9 @@ class ImprovementReport:
 
     @property
     def verdict(self) -> str:
-        """`clean`, `improved`, `not_confirmed`, or what the diagnosis says of doubt."""
-        if self.found.whole.verdict == "clean":
-            return "clean"
+        """`clean` and `sigma_too_small` as the diagnosis says, where no effect is tried; `improved`, `not_confirmed`."""
+        if self.found.whole.verdict in _NOTHING:
+            return self.found.whole.verdict
         return "improved" if self.found.confirmed else "not_confirmed"
 
     # --- JSON ------------------------------------------------------------------------------
@@ -165,8 +170,8 @@ class ImprovementReport:
 
     def _summary(self) -> str:
         found = self.found
-        if found.whole.verdict == "clean":
-            return "nothing to improve: nothing is left above noise"
+        if found.whole.verdict in _NOTHING:
+            return f"nothing to improve: {_NOTHING[found.whole.verdict]}"
         gain = found.rms_gain
         most = max(abs(gain.low), abs(gain.high))
         value, low, high = (readable(x, self._length, like=most) for x in (gain.value, gain.low, gain.high))

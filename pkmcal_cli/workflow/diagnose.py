@@ -166,6 +166,6 @@ def diagnosed(case: Case, alpha: float, seed: int) -> Diagnosis:
 
 
 def exit_code(found: Diagnosis) -> int:
-    """0 for clean, or found and confirmed; 1 for ambiguous, unknown or a fault of the measurement."""
+    """0 for clean, or found and confirmed; 1 for what is in doubt, unknown, a fault of the measurement or its sigma."""
     good = found.verdict == "clean" or (found.verdict == "found" and not any(f.provisional for f in found.findings))
     return 0 if good else 1
