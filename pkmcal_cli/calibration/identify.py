@@ -93,7 +93,7 @@ def identify(
     except RowsFailed:
         return fit
     spoilt = rest.status == "converged" and fit.chi2_per_dof > _SPOILT * max(rest.chi2_per_dof, 1.0)
-    return replace(rest, before=fit.before, failed=doubt | rest.failed) if spoilt else fit
+    return replace(rest, before=fit.before, failed={**doubt, **rest.failed}) if spoilt else fit
 
 
 def _identified(

@@ -27,6 +27,8 @@ from pkmcal_cli.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.figures import figure_unit
+from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
@@ -238,7 +240,16 @@ def _exit_code(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
     if lost:
         to.fail(f"named in --select but not determined: {', '.join(lost)}")
         return 1
-    if s.limit is not None and not report.after["position"].rms <= s.limit:
-        to.fail(f"position rms above the limit of {s.request.max_rms}")
+    if s.limit is not None and (missed := _above(report, s.limit)):
+        to.fail(f"{missed} is above the limit of {s.request.max_rms}")
         return 1
     return 0
+
+
+def _above(report: CalibrationReport, limit: float) -> str:
+    """Which figure misses the limit, m: the held-out one where there is one, else that of fitted rows; "" if none."""
+    held = None if isinstance(report.held_out, str) else report.held_out.after.get("position")
+    figures = held or report.after["position"]
+    told = readable(figures.rms, figure_unit(report.machine, figures))
+    rows = "of held-out rows" if held else "of the rows that were fitted"
+    return "" if figures.rms <= limit else f"position rms {rows}, {told},"
