@@ -23,20 +23,19 @@ def is_near(cell: HeaderCell, column: Column) -> bool:
 
 def is_like(cell: HeaderCell, column: Column) -> bool:
     """Whether a cell may name a column of whose sensor nothing else is there: near, alike, or the end of its name."""
-    name, header, ends = cell.name.lower(), column.header.lower(), _ends(column)
-    if is_near(cell, column) or name in ends or _unit_astray(cell, column, ends) is not None:
+    name, header, called = cell.name.lower(), column.header.lower(), _called(column)
+    if is_near(cell, column) or name in called or _unit_astray(cell, column, called) is not None:
         return True
     return bool(difflib.get_close_matches(name, [header], 1, _LIKE)) and not _another(name, header)
 
 
 def did_you_mean_column(cell: HeaderCell, column: Column) -> str:
     """The hint for a cell that is near or like a column."""
-    astray = _unit_astray(cell, column, (column.header, *_ends(column)))
+    astray = _unit_astray(cell, column, _called(column))
     unit = cell.unit if astray is None else astray
     shown = f"{column.header} [{unit}]" if unit else column.header
-    return (
-        f"did you mean `{shown}`? {'Else rename or remove it' if astray is None else 'Units stand in square brackets'}"
-    )
+    remedy = "Else rename or remove it" if astray is None else "Units stand in square brackets"
+    return f"did you mean `{shown}`? {remedy}"
 
 
 def _misspelt(name: str, header: str) -> bool:
@@ -48,7 +47,7 @@ def _one_edit(a: str, b: str) -> bool:
     """Whether one letter more, less or other, or two exchanged, makes one text of the other."""
     short, long = sorted((a, b), key=len)
     if len(long) > len(short):
-        return len(long) == len(short) + 1 and any(long[:k] + long[k + 1 :] == short for k in range(len(long)))
+        return len(long) == len(short) + 1 > 1 and any(long[:k] + long[k + 1 :] == short for k in range(len(long)))
     wrong = [k for k in range(len(a)) if a[k] != b[k]]
     return len(wrong) == 1 or (len(wrong) == 2 and a[: wrong[0]] + a[wrong[1]] + a[wrong[0]] + a[wrong[1] + 1 :] == b)
 
@@ -67,10 +66,10 @@ def _short_and_other(p: str, q: str) -> bool:
     return len(p) == len(q) <= _SHORT and sorted(p) != sorted(q)
 
 
-def _ends(column: Column) -> set[str]:
-    """What a column is called without its sensor: `x` and `ball.x` of `tracker.ball.x`."""
-    names = (column.name.lower().split("."), column.header.lower().split("."))
-    return {".".join(parts[k:]) for parts in names for k in range(1, len(parts))}
+def _called(column: Column) -> list[str]:
+    """Its header and name with and without the sensor: `tracker.ball.x`, `ball.x`, `x`."""
+    names = (column.header.lower().split("."), column.name.lower().split("."))
+    return [".".join(parts[k:]) for parts in names for k in range(len(parts))]
 
 
 def _unit_astray(cell: HeaderCell, column: Column, names: Iterable[str]) -> str | None:
