@@ -81,6 +81,16 @@ def test_columns_that_may_be_those_of_a_silent_sensor(plain: str) -> None:
     assert run("diagnose", "two.yaml", name).code == check(name).code + 2 == 3
 
 
+@pytest.mark.parametrize("plain", ["x,y,z", "X,Y,Z", "x [mm],y [mm],z [mm]"])
+def test_columns_of_a_silent_sensor_that_has_headers_of_its_own(plain: str) -> None:
+    """The reading of the force-controlled drive is there, the camera's are under other names."""
+    Path("t.csv").write_text(Path(HANGPRINTER_DATA).read_text().replace("x_mm,y_mm,z_mm", plain))
+    done = run("calibrate", HANGPRINTER, "t.csv")
+    assert done.code == 3
+    assert done.err.count("error[csv-missing]") == 3
+    assert "sensor `camera` has no reading" in done.err
+
+
 def test_an_empty_column_of_the_right_name_is_no_reading() -> None:
     Path("t.csv").write_text("q1,q2,q3,laser.x,laser.y,tracker.x,x,probe1\n200,700,950,400,250,,400,1\n")
     done = check("t.csv")
@@ -121,6 +131,7 @@ def test_a_near_header_of_a_machine_with_one_sensor(header: str) -> None:
 @pytest.mark.parametrize(
     "columns",
     [
+        "x,,n",
         "x,y,x1",
         "x,y,X",
         "x,y,y_mm",

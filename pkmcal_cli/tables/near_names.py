@@ -31,7 +31,7 @@ def is_like(cell: HeaderCell, column: Column) -> bool:
 
 def did_you_mean_column(cell: HeaderCell, column: Column) -> str:
     """The hint for a cell that is near or like a column."""
-    astray = _unit_astray(cell, column, _called(column))
+    astray = None if _misspelt(cell.name, column.header) else _unit_astray(cell, column, _called(column))
     unit = cell.unit if astray is None else astray
     shown = f"{column.header} [{unit}]" if unit else column.header
     remedy = "Else rename or remove it" if astray is None else "Units stand in square brackets"
