@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import process_time
 
 import pytest
 
@@ -194,6 +195,15 @@ def test_columns_that_hold_nothing_are_not_missed() -> None:
     done = check("t.csv")
     assert "csv-missing" not in done.err
     assert "sensor `tracker` has no reading in any table" in done.err
+
+
+@pytest.mark.parametrize("channel", ["x", "a"], ids=["measured", "nothing measured"])
+def test_headers_of_many_blanks_are_read_at_once(channel: str) -> None:
+    """Patterns that look for a unit after blanks must not begin anew at each of them: that took a minute."""
+    Path("t.csv").write_text(f"q1,q2,q3,{channel},x{' ' * 60_000}] a\n200,700,950,400,1\n")
+    start = process_time()
+    run("check", MACHINES / "triglide.yaml", "t.csv")
+    assert process_time() - start < 5
 
 
 def test_coordinates_that_no_sensor_reads_are_said_to_be_unused() -> None:

@@ -138,7 +138,7 @@ class Needs:
         cells = [cell for cell in self.spare.values() if cell.name]
         for column in wanted:
             for cell in cells:
-                bare = re.sub(r"\s*[(/_,].*", "", cell.text)
+                bare = re.split(r"[(/_,]", cell.text, maxsplit=1)[0].rstrip()
                 if bare == column.header and cell.text != bare and not cell.unit:
                     return f"is it `{cell.text}`? Units stand in square brackets: `{bare} [{column.unit}]`"
             near = nearest(column.header, [cell.name for cell in cells])

@@ -27,7 +27,6 @@ _NUMBER = {
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
 QUOTE_HINT = "close the quote; a cell may not run over the end of its line"
-_UNIT = re.compile(r"(.*?)\s*\[([^\[\]]*)\]")
 
 
 @dataclass(frozen=True)
@@ -92,10 +91,10 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def split_header(text: str) -> HeaderCell:
     """Name and unit of a header cell such as "x [mm]"."""
-    match = _UNIT.fullmatch(text)
-    if match is None or not match[1]:
+    name, bracket, unit = text[:-1].rpartition("[")
+    if not (text.endswith("]") and bracket and name) or "]" in unit:
         return HeaderCell(text, text, None)
-    return HeaderCell(text, match[1].strip(), match[2].strip())
+    return HeaderCell(text, name.strip(), unit.strip())
 
 
 def find_encoding(head: bytes, is_utf8: bool) -> tuple[str, str]:
@@ -176,7 +175,7 @@ def _trailing(rows: Sequence[Sequence[str]], columns: int, header: int) -> int:
 def _header_cells(line: str, separator: str) -> list[str]:
     """Cells of the header; between blanks a unit belongs to the name before it ("x [mm] y [mm]")."""
     if separator == SPACE:
-        line = re.sub(r"\s+\[", "[", line)
+        line = re.sub(r"(?<!\s)\s++\[", "[", line)
     return split_line(line, separator) or []
 
 
