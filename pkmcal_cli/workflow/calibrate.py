@@ -77,7 +77,7 @@ def run_calibration(request: CalibrationRequest) -> int:
     to = Reporter(request.quiet)
     s = _prepare(request)
     to.notes(s.measured.notes)
-    for text in (*(f.text() for f in s.loaded.warnings), *s.start.warnings):
+    for text in (*(f.text() for f in (*s.loaded.warnings, *s.measured.warnings)), *s.start.warnings):
         to.warn(text)
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):

@@ -74,7 +74,7 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
     to.notes(measured.notes)
     for gap in _gaps(measured):
         to.warn(f"warning: {gap}")
-    for fault in loaded.warnings:
+    for fault in (*loaded.warnings, *measured.warnings):
         to.warn(fault.text())
     hints = measurement_hints(loaded, problem, found.model.nominal, measured)
     for hint in (*hints, *copied_rows(problem, measured)):
