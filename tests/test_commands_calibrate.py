@@ -118,7 +118,7 @@ def test_a_limit_on_the_command_line_decides() -> None:
     assert run("calibrate", *arguments, "20 um").code == 0
     done = run("calibrate", *arguments, "0.001 mm")
     assert done.code == 1
-    assert done.err == "position rms of the rows that were fitted, 0.01466 mm, is above the limit of 0.001 mm\n"
+    assert done.err == "position rms of the rows that were fitted, 14.66 um, is above the limit of 0.001 mm\n"
     Path("d.csv").write_text("motor_a_deg,motor_b_deg,motor_c_deg,motor_d_deg\n1,2,3,4\n")
     none = run("calibrate", HANGPRINTER, "d.csv", "--max-rms", "1 mm")
     assert none.code == 2 and "no positions were measured" in none.err
@@ -218,7 +218,7 @@ def test_a_limit_is_one_for_rows_that_were_not_fitted() -> None:
     head, *rows = (MACHINES / "scissors.csv").read_text(encoding="utf-8").splitlines()
     for name, chosen in (("few.csv", rows[:56:5]), ("others.csv", rows[3::5])):
         Path(name).write_text("\n".join([head, *chosen, ""]))
-    done, result = calibrated(SCISSORS, "few.csv", "--holdout", "others.csv")
+    _, result = calibrated(SCISSORS, "few.csv", "--holdout", "others.csv")
     fitted, held = (f["position"]["rms"] for f in (result["after"], result["heldout"]["after"]))
     assert fitted < 0.8 * held
     limit = f"{0.9 * held} mm"

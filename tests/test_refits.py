@@ -11,16 +11,18 @@ import pytest
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis import search
 from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, clean, run
-from tests.hangprinter_cases import hangprinter_problem
+from tests.hangprinter_cases import measured
 from tests.truth.campaigns import campaign, unit
 
 
 def test_a_fit_settles_before_it_has_converged() -> None:
     """The hangprinter takes eight steps; after six chi-square stands still, after two it falls by far."""
-    problem, selected = hangprinter_problem()
+    problem, _ = measured("2021-12-16")
+    selected = select(problem.model, "auto")
     fits = {steps: identify(problem, selected, iterations=steps) for steps in (2, 6, 60)}
     assert [f.status for f in fits.values()] == ["not_converged", "not_converged", "converged"]
     assert [f.settled for f in fits.values()] == [False, True, True]

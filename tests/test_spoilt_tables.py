@@ -33,7 +33,8 @@ class Csv:
         names = [re.sub(r" *\[.*", "", name) for name in lines[at].split(",")]
         machine = next(m for m in machines() if re.match(rf"{re.escape(m.stem)}([-_][^/]*)?$", file.stem))
         drives = [k for k, n in enumerate(names) if re.fullmatch(r"q\d|motor_[abc]_deg|TL|TR|z\d", n)]
-        channels = [k for k, n in enumerate(names) if re.fullmatch(r"(\w+\.)?r?[xyz]|[xyz]_mm|\w*encoder\d|probe|BL", n)]
+        reading = r"(\w+\.)?r?[xyz]|[xyz]_mm|\w*encoder\d|probe|BL"
+        channels = [k for k, n in enumerate(names) if re.fullmatch(reading, n)]
         assert drives and channels, names
         rows = tuple(tuple(line.split(",")) for line in lines[at + 1 :])
         return cls(machine, "\n".join(lines[: at + 1]), rows, tuple(drives), tuple(channels))
@@ -108,10 +109,14 @@ SPOILT: tuple[Callable[[Csv], Csv], ...] = (
 )  # fmt: skip
 
 
-def looked_at(done: Done) -> Done:
-    """A result, or a fault with a code and, for what the table says, its line."""
+GOOD = (out_of_reach, nothing_measured, a_fifth_empty)
+"""What is wrong concerns few rows or readings: the others have a result."""
+
+
+def looked_at(done: Done, how: Callable[[Csv], Csv]) -> Done:
+    """A result, or a fault with a code; where the rest of the table is good, a result."""
     clean(done)
-    assert done.code in (0, 1, 3), done.err
+    assert done.code in ((0, 1) if how in GOOD else (0, 1, 3)), done.err
     assert done.code != 3 or re.search(r"error\[[a-z-]+\]: ", done.err), done.err
     assert not LIBRARY.search(done.err), done.err
     return done
@@ -129,8 +134,8 @@ def spoilt(table: Path, how: Callable[[Csv], Csv], folder: Path) -> tuple[str, s
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
 def test_check_and_calibrate(table: Path, how: Callable[[Csv], Csv], tmp_path: Path) -> None:
     files = spoilt(table, how, tmp_path)
-    looked_at(run("check", *files))
-    looked_at(run("calibrate", *files, "--holdout", "none", "--starts", "1"))
+    looked_at(run("check", *files), how)
+    looked_at(run("calibrate", *files, "--holdout", "none", "--starts", "1"), how)
 
 
 @pytest.mark.slow
@@ -138,4 +143,5 @@ def test_check_and_calibrate(table: Path, how: Callable[[Csv], Csv], tmp_path: P
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
 @pytest.mark.parametrize("command", ["calibrate", "diagnose", "improve", "plan", "observability", "simulate"])
 def test_every_command(command: str, table: Path, how: Callable[[Csv], Csv], tmp_path: Path) -> None:
-    looked_at(run(command, *spoilt(table, how, tmp_path)))
+    done = run(command, *spoilt(table, how, tmp_path))
+    looked_at(done, how if command in ("calibrate", "diagnose", "plan") else three_rows)

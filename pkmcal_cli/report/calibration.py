@@ -91,7 +91,7 @@ class CalibrationReport:
             "heldout": self._heldout_json(),
             "condition_number": finite(found.condition_number),
             "rank": found.rank,
-            "undetermined": [combination_json(self.model, c, self.fit) for c in combinations(found)],
+            "undetermined": [each for c in combinations(found) for each in combination_json(self.model, c, self.fit)],
         }
 
     def _heldout_json(self) -> dict[str, Any]:

@@ -28,6 +28,7 @@ _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _STDIN = "<stdin>"
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect is found, but sigma is stated too small, or what is missing looks like noise"
+_FOUND = "an effect is missing in the model, and found"
 _BEYOND = "an effect explains it, but larger than is plausible: something else may stand behind it"
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
@@ -74,7 +75,7 @@ class DiagnosisReport(DiagnosisValues):
         words = {
             "clean": "nothing is left above noise",
             "sigma_too_small": _LIKE_NOISE,
-            "found": _BEYOND if any(f.beyond for f in found.findings) else "an effect is missing in the model, and found",
+            "found": _BEYOND if any(f.beyond for f in found.findings) else _FOUND,
             "ambiguous": "something is missing; several effects explain it alike",
             "unknown": "something is missing that no effect of the catalogue explains",
             "measurement_fault": "the measurement is at fault",

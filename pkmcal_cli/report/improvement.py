@@ -39,7 +39,7 @@ class ImprovementReport:
 
     @property
     def verdict(self) -> str:
-        """`clean` and `sigma_too_small` as the diagnosis says, where no effect is tried; `improved`, `not_confirmed`."""
+        """`clean` and `sigma_too_small` as the diagnosis says; else `improved`, or `not_confirmed`."""
         if self.found.whole.verdict in _NOTHING:
             return self.found.whole.verdict
         return "improved" if self.found.confirmed else "not_confirmed"
