@@ -35,6 +35,11 @@ class LoadedMachine:
         """The compiled model."""
         return self.compiled.model
 
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of the machine's file and of those that it extends."""
+        return dict(self.machine.files)
+
 
 def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
     """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails.
