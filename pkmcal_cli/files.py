@@ -30,6 +30,11 @@ def input_name(source: Path | str) -> str:
     return _STDIN if is_stream(source) else str(source)
 
 
+def readable(name: str) -> str:
+    """A name that any file can hold: bytes that are no UTF-8 as escapes."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 @contextlib.contextmanager
 def open_input(source: Path | str) -> Iterator[BinaryIO]:
     """A file, or stdin for `-`, opened for reading bytes, and seekable: a pipe goes to a temporary file.
@@ -79,18 +84,13 @@ def sha256(source: Path | BinaryIO) -> str:
     return digest.hexdigest()
 
 
-def same_file(one: Path | str, other: Path | str) -> bool:
-    """Whether two names are one file on the disk: through links, spelt otherwise, or stdin that comes from it.
+def identity(name: Path | str) -> tuple[int, int] | None:
+    """What tells a file from all others, however it is called: through links, spelt otherwise, as stdin.
 
-    Pipes and devices are no files.
+    None of what is not there, and of pipes and devices.
     """
-    first, second = _found(one), _found(other)
-    return first is not None and second is not None and os.path.samestat(first, second)
-
-
-def _found(name: Path | str) -> os.stat_result | None:
     try:
         found = os.fstat(sys.stdin.fileno()) if str(name) in (STREAM, _STDIN) else os.stat(name)
     except (OSError, ValueError):
         return None
-    return found if stat.S_ISREG(found.st_mode) else None
+    return (found.st_dev, found.st_ino) if stat.S_ISREG(found.st_mode) else None

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, TextIO
 
 from pkmcal_cli.errors import OutputError
-from pkmcal_cli.files import input_name, is_stream, same_file
+from pkmcal_cli.files import identity, input_name, is_stream
 
 _KEPT = 50  # characters of a name that a temporary name keeps: not longer than a file system takes
 
@@ -25,8 +25,9 @@ def check_target(target: Path | str | None, inputs: Collection[str], *, force: b
     """
     if target is None or is_stream(target):
         return
+    there = identity(target)
     for name in inputs:
-        if same_file(name, target):
+        if there is not None and identity(name) == there:
             other = "" if name == str(target) else f", `{input_name(name)}`"
             what = f"this file is an input of the command{other}"
             raise OutputError(what, str(target), "give the result another name")

@@ -124,8 +124,8 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     if request.plots is not None and not is_stream(request.plots):
         from pkmcal_cli.report.pictures import check_library
 
-        check_library()
         check_folder(request.plots)
+        check_library()
     to = Reporter(request.quiet)
     case = prepare(request.machine, request.measurements, request.select, to)
     found = diagnosed(case, request.alpha, request.seed)
