@@ -79,9 +79,7 @@ def run_plan(request: PlanRequest) -> int:
     report.show(to)
     if request.output is not None:
         every = problem.rows if added is None else with_rows(problem, added).rows
-        count = write_schedule(
-            loaded, every, len(problem), request.seed, request.output, inputs, request.force
-        )
+        count = write_schedule(loaded, every, len(problem), request.seed, request.output, inputs, request.force)
         to.say(f"written: {request.output} ({count} rows in the order of measurement)")
     if request.as_json:
         emit_json(report.json())
