@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -11,6 +11,8 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
 from pkmcal_cli.errors import BadInput, UsageError
 from pkmcal_cli.files import is_stream
+from pkmcal_cli.language.fingerprint import fingerprint_of
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading import load_measurements
 from pkmcal_cli.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -74,6 +76,8 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
         raise UsageError("-o: what is written extends the machine's file, and stdin is none", hint="give a file")
     if takes_directly(request.output):
         raise UsageError("improve: the machine and its parameters go to two files", hint="-o M-improved.yaml")
+    if not _base(request.machine, request.output).isprintable():
+        raise UsageError("-o: what is written extends the machine's file, whose name is no text", hint="rename it")
     stem = os.path.splitext(request.output)[0]
     targets = (request.output, f"{stem}.params.yaml")
     inputs = given(request.machine, *request.measurements, request.validation)
@@ -112,10 +116,17 @@ def _write(
             to.say("nothing written: no effect was accepted")
         return None, None
     head = provenance(inputs, seed=request.seed, status=found.fit.status)
-    base = os.path.relpath(request.machine, os.path.dirname(targets[0]) or ".")
     machine, parameters = targets
+    base = _base(request.machine, machine)
     with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
         overlay.write(report.overlay(base))
-        values.write(report.parameter_file(head))
-    to.say(f"written: {targets[0]} (effects, an overlay of {base}), {targets[1]} (parameters)")
+        overlay.flush()
+        improved = fingerprint_of(read_machine(overlay.name))
+        values.write(report.parameter_file(head, replace(improved, of=machine)))
+    to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
     return targets
+
+
+def _base(machine: str, target: str) -> str:
+    """The machine's file, seen from the folder of what extends it."""
+    return os.path.relpath(machine, os.path.dirname(target) or ".")
