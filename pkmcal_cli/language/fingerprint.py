@@ -53,11 +53,11 @@ class Fingerprint:
         """What this machine has, lacks and has otherwise than the other, in words; None where they are alike."""
         mine, others = dict(self._flat()), dict(other._flat())
         parts = (
-            ("has in addition ", [k for k in mine if k not in others]),
-            ("lacks ", [k for k in others if k not in mine]),
-            ("has with other connections or parameters ", [k for k in mine if mine[k] != others.get(k, mine[k])]),
+            ("has {} in addition", [k for k in mine if k not in others]),
+            ("lacks {}", [k for k in others if k not in mine]),
+            ("has {} joined or made otherwise", [k for k in mine if mine[k] != others.get(k, mine[k])]),
         )
-        return "; ".join(word + _listed(keys) for word, keys in parts if keys) or None
+        return "; ".join(words.format(_listed(keys)) for words, keys in parts if keys) or None
 
     def _flat(self) -> Iterator[tuple[tuple[str, str], str]]:
         for section, things in self.things.items():
