@@ -129,6 +129,7 @@ def write_together(
         for file in files:
             _sync(file)
         _move_all([(Path(file.name), path) for file, path in zip(files, paths, strict=True)], force)
+        _sync_folder(paths[-1].parent)
 
 
 @contextlib.contextmanager
@@ -151,16 +152,17 @@ def _aside(path: Path, kind: str) -> Path:
 
 def _move_all(parts: Sequence[tuple[Path, Path]], force: bool) -> None:
     """Temporary files into place, in this order; where one cannot be moved, those before it are taken back."""
-    if not parts:
-        return
     (temporary, path), *rest = parts
+    if not rest:
+        _move(temporary, path, force)
+        return
     old = _aside(path, "old")
     try:
-        if rest and path.exists():
+        if path.exists():
             _keep(path, old)
         _move(temporary, path, force)
-        _sync_folder(path.parent)
         try:
+            _sync_folder(path.parent)
             _move_all(rest, force)
         except BaseException:
             os.replace(old, path) if old.exists() else path.unlink()
