@@ -120,8 +120,8 @@ def write_together(
     """
     for target in targets:
         check_target(target, inputs, force=force)
-    paths = [Path(os.path.realpath(target)) for target in targets]
-    if len(set(paths)) < len(paths):
+    paths = [Path(os.path.realpath(target) if os.path.islink(target) else target) for target in targets]
+    if len({os.path.realpath(path) for path in paths}) < len(paths):
         raise OutputError("several results would go into this file", str(targets[0]), "give them other names")
     with _output_errors(", ".join(str(target) for target in targets)), contextlib.ExitStack() as stack:
         files = tuple(stack.enter_context(_beside(path)) for path in paths)

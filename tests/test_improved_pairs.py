@@ -122,6 +122,20 @@ def test_improve_writes_parameters_first(made: Made, monkeypatch: pytest.MonkeyP
     assert clean(run(*IMPROVE)).code == 0 and pair()[0] == made.new[0] and accepted()
 
 
+def test_a_base_that_is_edited_meanwhile(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The values were found on another machine than the one that would be extended."""
+
+    def edited(*_: object) -> Improvement:
+        text = made.base["base.yaml"].replace("length: l3, k: k3", "length: l3, k: k2")
+        Path("base.yaml").write_text(text.replace("  k3: ", "  # k3: "), encoding="utf-8")
+        return made.found
+
+    monkeypatch.setattr(workflow, "improve", edited)
+    done = clean(run(*IMPROVE))
+    assert done.code == 3 and "base.yaml: error[file]: this file has changed since it was read" in done.err
+    assert {p.name for p in Path().iterdir()} == set(made.base)
+
+
 @pytest.mark.parametrize("there", [MACHINE, VALUES])
 def test_neither_is_written_where_one_exists(there: str, made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
@@ -141,6 +155,19 @@ def test_a_base_whose_name_must_be_quoted(made: Made, monkeypatch: pytest.Monkey
     Path("t\udcff.yaml").write_text(made.base["base.yaml"], encoding="utf-8")
     done = clean(run("improve", "t\udcff.yaml", *IMPROVE[2:]))
     assert done.code == 2 and "whose name is no text\nhelp: rename it" in done.err
+
+
+def test_targets_behind_links(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The written machine finds its base under the name of the link, and under its own."""
+    monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
+    Path("far/away").mkdir(parents=True)
+    Path("near").symlink_to("far/away")
+    assert clean(run(*IMPROVE[:3], "-o", "near/better.yaml", "-q")).code == 0
+    assert run("sensitivity", "near/better.yaml", "-p", "near/better.params.yaml").code == 0
+    Path("link.yaml").symlink_to("far/real.yaml")
+    assert clean(run(*IMPROVE[:3], "-o", "link.yaml", "-q")).code == 0
+    for name in ("link.yaml", "far/real.yaml"):
+        assert run("sensitivity", name, "-p", "link.params.yaml").code == 0
 
 
 @pytest.mark.parametrize("target", ["/dev/null", "-"])

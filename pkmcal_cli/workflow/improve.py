@@ -9,9 +9,9 @@ from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
-from pkmcal_cli.errors import BadInput, UsageError
+from pkmcal_cli.errors import BadInput, Location, UsageError
 from pkmcal_cli.files import is_stream
-from pkmcal_cli.language.fingerprint import fingerprint_of
+from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading import load_measurements
 from pkmcal_cli.outputs import check_target, takes_directly, write_together
@@ -121,12 +121,23 @@ def _write(
     with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
         overlay.write(report.overlay(base))
         overlay.flush()
-        improved = fingerprint_of(read_machine(overlay.name))
-        values.write(report.parameter_file(head, replace(improved, of=machine)))
+        values.write(report.parameter_file(head, replace(_fingerprint(overlay.name, inputs), of=machine)))
     to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
     return targets
 
 
+def _fingerprint(overlay: str, inputs: dict[str, str]) -> Fingerprint:
+    """Of the improved machine, as every command will read it. Raises BadInput where its base is no longer the same."""
+    improved = read_machine(overlay)
+    for name, digest in improved.files[1:]:
+        if digest not in inputs.values():
+            what = "this file has changed since it was read: the improved machine would be another one"
+            raise BadInput.single(what, Location(name), "run the command again", "file")
+    return fingerprint_of(improved)
+
+
 def _base(machine: str, target: str) -> str:
-    """The machine's file, seen from the folder of what extends it."""
+    """The machine's file, seen from the folder of what extends it; from anywhere where that is called by a link."""
+    if os.path.islink(target):
+        return os.path.abspath(machine)
     return os.path.relpath(machine, os.path.dirname(target) or ".")
