@@ -42,7 +42,7 @@ def calibrate(
     seed: Seed = 0,
     max_rms: Annotated[
         str | None,
-        typer.Option("--max-rms", metavar="VALUE", help="Exit 1 if the (held-out) position rms is above it."),
+        typer.Option("--max-rms", metavar="VALUE", help="Exit 1 if the (held-out) position rms is above."),
     ] = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -12,9 +12,10 @@ from pkmcal_cli.diagnosis.improve import Improvement, Step
 from pkmcal_cli.diagnosis.report_rows import Errors
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
-from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters
+from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json
@@ -187,7 +188,8 @@ class ImprovementReport:
     def overlay(self, base: str) -> str:
         """The text of the improved machine."""
         released = [h.at for h in self.found.accepted if h.effect == RELEASE]
-        lines = ["# Written by `pkmcal improve`: effects found in measurements, to be reviewed.", f"extends: {base}"]
+        lines = ["# Written by `pkmcal improve`: effects found in measurements, to be reviewed."]
+        lines.append(f"extends: {scalar(base)}")
         if released:
             lines.append("parameters:")
             lines += [f"  {name}: {{identify: true}}" for name in released]
@@ -247,8 +249,8 @@ class ImprovementReport:
         std = max([std, *told])  # with what the effect's own shape adds
         return value, std if np.isfinite(std) else None
 
-    def parameter_file(self, provenance: dict[str, Any]) -> str:
-        """Text of the parameter file: declared parameters and those of accepted effects."""
+    def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
+        """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
         fit = self.found.fit
         effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
         entries = []
@@ -259,7 +261,7 @@ class ImprovementReport:
             unit = parse_unit(p.unit or "1")
             shown = None if std is None else std / unit.scale
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, p.name in fit.selected))
-        return dump_parameters(entries, None, provenance)
+        return dump_parameters(entries, None, provenance, fingerprint)
 
     @property
     def _length(self) -> Unit:

@@ -58,6 +58,11 @@ class Measurements:
         return len(self.line)
 
     @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of the files."""
+        return dict(zip(self.files, self.sha256, strict=True))
+
+    @property
     def has_actuators(self) -> bool:
         """Whether any actuator reading is there."""
         return not np.isnan(self.actuators).all()

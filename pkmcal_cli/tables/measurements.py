@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
-from pkmcal_cli.files import input_name, is_stream
+from pkmcal_cli.files import identity, input_name, is_stream
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
 from pkmcal_cli.tables.column_needs import Bound, Require
@@ -230,9 +230,9 @@ class _Getter:
 
 def _twice(paths: Sequence[Path | str]) -> Iterator[Fault]:
     """Files that are given twice."""
-    seen = set()
+    seen: set[object] = set()
     for path in paths:
-        key = str(path) if is_stream(path) else str(Path(path).resolve())
+        key = identity(path) or str(path)
         if key in seen:
             yield Fault("file", "this file is given twice", Location(input_name(path), 1), "give it once")
         seen.add(key)
