@@ -30,13 +30,17 @@ _NEIGHBOURS = 3  # floating-point numbers on either side that are tried
 
 @dataclass(frozen=True)
 class ParameterEntry:
-    """One parameter of a file: value and standard uncertainty in `unit`; std None where undetermined."""
+    """One parameter of a file: value and standard uncertainty in `unit`; std None where undetermined.
+
+    note: why it is not (well) identified, "" for nothing to say.
+    """
 
     name: str
     value: float
     std: float | None
     unit: str
     identified: bool
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,9 @@ def dump_parameters(
         std = "null" if e.std is None else _real(e.std)
         unit = f", unit: {scalar(e.unit)}" if e.unit not in ("", "1") else ""
         identified = "true" if e.identified else "false"
-        lines.append(f"  {scalar(e.name)}: {{value: {_real(e.value)}, std: {std}{unit}, identified: {identified}}}")
+        note = f", note: {json.dumps(e.note, ensure_ascii=False)}" if e.note else ""
+        entry = f"value: {_real(e.value)}, std: {std}{unit}, identified: {identified}{note}"
+        lines.append(f"  {scalar(e.name)}: {{{entry}}}")
     if correlations is not None:
         lines.append("correlations: # std: with what is held at its prior, so that all can be carried on")
         lines.append(f"  names: [{', '.join(scalar(n) for n in correlations.names)}]")

@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.findings import Finding
@@ -117,7 +119,7 @@ def _tried(now: _Progress, hypothesis: Hypothesis, clean: Problem, whole: Diagno
         trial = tuple(_with(t, hypothesis, whole) if t.chose(hypothesis) else t for t in now.turns)
         gain, errors = gain_of(now.turns, trial, seed), errors_of(trial)
         refused = _refused(now, trial, chosen, gain, errors)
-        last = now.last if refused else _fit_with(clean, accepted, whole)
+        last = now.last if refused else _determined(clean, accepted, whole)
     except (RowsFailed, np.linalg.LinAlgError):
         step = Step(hypothesis, now.errors, Interval(0.0, -np.inf, np.inf), chosen, _FAILS)
         return replace(now, steps=(*now.steps, step))
@@ -178,3 +180,22 @@ def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis
     """A calibration with effects, from nominal values. Raises RowsFailed."""
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.parameters}
     return identify(problem, tuple(n for n in problem.model.names if n in chosen))
+
+
+def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
+    """The same, but that numbers of effects which the data do not tell from other parameters stay at null.
+
+    The shift of a measuring frame beside that of the base would leave both open.
+    """
+    fit = _fit_with(problem, accepted, whole)
+    effects = {n for h in accepted if h.effect != RELEASE for n in h.parameters}
+    near = linearise(problem.without(fit.failed), fit.last)
+    kept = list(fit.selected)
+    while True:
+        index = [fit.selected.index(n) for n in kept]
+        null = directions(near.jacobian[:, index], tuple(kept), fit.found.ranges[index]).null_vectors()
+        share = dict(zip(kept, np.abs(null).max(axis=0, initial=0.0), strict=True))
+        loose = [n for n in kept if n in effects and share[n] > 0]
+        if not loose:
+            return fit if len(kept) == len(fit.selected) else identify(problem, tuple(kept))
+        kept.remove(max(loose, key=lambda n: share[n]))

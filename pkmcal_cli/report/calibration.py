@@ -212,7 +212,7 @@ class CalibrationReport:
 
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
-        entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified) for r in self.rows]
+        entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified, r.note) for r in self.rows]
         return dump_parameters(entries, _correlations(self.model, self.fit), provenance, self.model.fingerprint)
 
 

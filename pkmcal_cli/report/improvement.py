@@ -19,11 +19,13 @@ from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json
-from pkmcal_cli.report.numbers import finite, readable, uncertain
+from pkmcal_cli.report.numbers import finite, handy, readable, uncertain
+from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 
+_NOT_TOLD = "these data do not tell it from other parameters"
 _NOTHING = {
     "clean": "nothing is left above noise",
     "sigma_too_small": "no effect is found, though more is left than the stated sigma explains",
@@ -212,8 +214,9 @@ class ImprovementReport:
             value, std = self._estimate(name)
             unit = self._unit(name)
             text = "" if unit.text == "1" else f" {unit.text}"
-            uncertainty = "" if std is None else f", std: {std / unit.scale:.3g}{text}"
-            lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{uncertainty}}}")
+            more = "" if std is None else f", std: {std / unit.scale:.3g}{text}"
+            more += "" if name in self.found.fit.selected else f", identify: false, note: {_NOT_TOLD}"
+            lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{more}}}")
         return lines + self._option_lines(hypothesis)
 
     def _option_lines(self, hypothesis: Hypothesis) -> list[str]:
@@ -243,24 +246,26 @@ class ImprovementReport:
     def _estimate(self, name: str) -> tuple[float, float | None]:
         fit = self.found.fit
         value = float(fit.values[self.model.names.index(name)])
-        std = float(fit.std[fit.selected.index(name)]) if name in fit.selected else float("nan")
-        std *= float(np.sqrt(self.found.whole.scale.variance))
+        if name not in fit.selected:
+            return value, None
+        std = float(fit.std[fit.selected.index(name)]) * float(np.sqrt(self.found.whole.scale.variance))
         told = [s for f in self.found.whole.findings for n, s in zip(f.hypothesis.parameters, f.std) if n == name]
-        std = max([std, *told])  # with what the effect's own shape adds
+        std = max([std, *(s for s in told if np.isfinite(s))])  # with what the effect's own shape adds
         return value, std if np.isfinite(std) else None
 
     def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
         """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
         fit = self.found.fit
         effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
-        entries = []
+        entries, reasons = [], reasons_against(fit)
         for p in self.model.parameters:
             if p.name in effects:
                 continue
             value, std = self._estimate(p.name)
-            unit = parse_unit(p.unit or "1")
+            unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
             shown = None if std is None else std / unit.scale
-            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, p.name in fit.selected))
+            identified = std is not None and not is_weak(reason)
+            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, identified, reason))
         return dump_parameters(entries, None, provenance, fingerprint)
 
     @property
@@ -274,6 +279,8 @@ class ImprovementReport:
         """An estimate with its uncertainty."""
         value, std = self._estimate(name)
         unit = self._unit(name)
+        if name not in self.found.fit.selected:
+            return f"held at {handy(value, unit)} ({_NOT_TOLD})"
         return uncertain(unit.from_si(value), None if std is None else std / unit.scale, unit.text)
 
 

@@ -17,6 +17,8 @@ from pkmcal_cli.report.numbers import finite, uncertain
 from pkmcal_cli.rotation import Array
 
 _PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
+NOT_SELECTED = "not selected"
+_WEAK = "weak: "
 _FEW = 4  # names or terms that are listed one by one
 
 
@@ -33,6 +35,11 @@ class ParameterRow:
     identified: bool
     reason: str | None
     interval: tuple[float, float] | None = None  # of 95 %
+
+    @property
+    def note(self) -> str:
+        """For a file: why it was selected and is not (well) identified."""
+        return self.reason or "" if self.reason != NOT_SELECTED else ""
 
     @property
     def spread(self) -> str:
@@ -63,13 +70,13 @@ def parameter_rows(model: Model, fit: Fit, intervals: Intervals) -> tuple[Parame
     """All parameters of the machine: those selected with their uncertainty, the others as held."""
     std = dict(zip(fit.selected, intervals.std, strict=True)) if fit.selected else {}
     ends = dict(zip(fit.selected, intervals.low_high, strict=True))
-    reasons = _reasons(fit)
+    reasons = reasons_against(fit)
     rows = []
     for k, p in enumerate(model.parameters):
         unit = parse_unit(p.unit or "1")
         selected = p.name in std
         spread = std.get(p.name, math.nan)
-        reason = reasons.get(p.name) if selected else "not selected"
+        reason = reasons.get(p.name) if selected else NOT_SELECTED
         known = selected and not math.isnan(spread)
         rows.append(
             ParameterRow(
@@ -79,7 +86,7 @@ def parameter_rows(model: Model, fit: Fit, intervals: Intervals) -> tuple[Parame
                 float(spread) / unit.scale if known else None,
                 p.range / unit.scale,
                 unit.text,
-                known and not (reason or "").startswith("weak"),
+                known and not is_weak(reason),
                 reason,
                 _interval(ends.get(p.name), unit),
             )
@@ -94,7 +101,12 @@ def _interval(ends: Array | None, unit: Unit) -> tuple[float, float] | None:
     return float(unit.from_si(float(ends[0]))), float(unit.from_si(float(ends[1])))
 
 
-def _reasons(fit: Fit) -> dict[str, str]:
+def is_weak(reason: str | None) -> bool:
+    """Whether a reason is that a parameter is held near its nominal value."""
+    return (reason or "").startswith(_WEAK)
+
+
+def reasons_against(fit: Fit) -> dict[str, str]:
     """Why a selected parameter is undetermined, weak or on its bound."""
     out: dict[str, str] = {}
     for combination in combinations(fit.found):
@@ -105,7 +117,7 @@ def _reasons(fit: Fit) -> dict[str, str]:
     for name, partners in _weak_partners(fit.found).items():
         if name not in out:
             told = f", hardly told from {_listed(partners)}" if partners else ""
-            out[name] = f"weak: held near its nominal value{told}"
+            out[name] = f"{_WEAK}held near its nominal value{told}"
     for name in fit.at_bound:
         out.setdefault(name, "at its bound")
     return out

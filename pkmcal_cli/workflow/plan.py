@@ -17,7 +17,7 @@ from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, best_points, plan_of, w
 from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.files import is_stream
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
-from pkmcal_cli.loading import load_machine, load_parameters
+from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model import Model
 from pkmcal_cli.outputs import check_target
 from pkmcal_cli.poses import PoseSource, failed_rows
@@ -28,8 +28,13 @@ from pkmcal_cli.report.plan import PlanReport
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
 from pkmcal_cli.workflow.schedule import write_schedule
+from pkmcal_cli.workflow.sides import moves_together, sides
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
+_NO_APPROACH = (
+    "more drives hold their position than there are degrees of freedom: no column `approach.DRIVE`, as drives that go "
+    "there one by one would strain the machine; `dir.DRIVE` are the sides of a straight motion of the TCP"
+)
 _WIDER = 0.1  # by which share of the plan's box candidates may lie outside it
 
 
@@ -78,14 +83,15 @@ def run_plan(request: PlanRequest) -> int:
     problem = _predicted(problem, failed)
     plan = plan_of(found, problem, values, selected)
     aim = _aim(request, found, loaded.model, selected)
-    added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
+    added, chosen = (None, None) if aim is None else _added(loaded, plan, problem, values, selected, aim, request)
     bench = bench_proposals(problem.model, observability(problem, values, selected).found)
     report = PlanReport(loaded.machine, plan, request.parameters is None, aim, added, chosen, bench)
     report.show(to)
     if request.output is not None:
-        every = problem.rows if added is None else with_rows(problem, added).rows
-        count = write_schedule(loaded, every, len(problem), request.seed, request.output, inputs, request.force)
+        every = _scheduled(loaded, problem, added, values, request.seed)
+        count = write_schedule(loaded, every, request.seed, request.output, inputs, request.force)
         to.say(f"written: {request.output} ({count} rows in the order of measurement)")
+        to.notes([_NO_APPROACH] if moves_together(loaded) else [])
     if request.as_json:
         emit_json(report.json() | failed.json())
     return 0
@@ -146,11 +152,25 @@ def _hypothesis(name: str, found: Candidates, option: str) -> Hypothesis:
     raise UsageError(f"{option}: no effect `{name}` on this machine", hint=hint)
 
 
+def _scheduled(loaded: LoadedMachine, problem: Problem, added: Problem | None, values: Array, seed: int) -> Rows:
+    """Rows to measure: those planned, from random sides, and those added, from theirs."""
+    drawn = sides(loaded, _places(problem.model, problem.rows, values), np.random.default_rng([seed, 1]))
+    columns = {f"dir.{a.name}": column for a, column in zip(loaded.model.actuators, drawn.T, strict=True)}
+    planned = replace(problem, rows=replace(problem.rows, columns={**problem.rows.columns, **columns}))
+    return planned.rows if added is None else with_rows(planned, added).rows
+
+
 def _added(
-    plan: Plan, problem: Problem, values: Array, selected: tuple[str, ...], aim: Aim, request: PlanRequest
+    loaded: LoadedMachine,
+    plan: Plan,
+    problem: Problem,
+    values: Array,
+    selected: tuple[str, ...],
+    aim: Aim,
+    request: PlanRequest,
 ) -> tuple[Problem, Chosen]:
     """Points to add, out of reachable ones within and a little around the plan."""
-    pool = _pool(problem, values, max(_POOL, 2 * request.points), request.seed)
+    pool = _pool(loaded, problem, values, max(_POOL, 2 * request.points), request.seed)
     both = with_rows(problem, pool)
     others = [n for group in aim.parameters for n in group if n not in selected]
     linear = linear_problem(both, values, selected, others, None)
@@ -158,8 +178,8 @@ def _added(
     return pool.take(chosen.rows), chosen
 
 
-def _pool(problem: Problem, values: Array, size: int, seed: int) -> Problem:
-    """Candidate points: random reachable poses, directions and covariates within those of the plan."""
+def _pool(loaded: LoadedMachine, problem: Problem, values: Array, size: int, seed: int) -> Problem:
+    """Candidate points: random reachable poses, sides that they can be reached from, covariates of the plan."""
     model, rng = problem.model, np.random.default_rng(seed)
     place = _places(model, problem.rows, values)
     low, high = place.min(axis=0), place.max(axis=0)
@@ -172,11 +192,10 @@ def _pool(problem: Problem, values: Array, size: int, seed: int) -> Problem:
         lower, upper = actuator.limits
         good &= (found.readings[:, a] >= lower) & (found.readings[:, a] <= upper)
     readings = found.readings[good]
-    some = rng.integers(0, len(problem), len(readings))  # covariates of rows of the plan, directions at random
-    columns = {
-        name: rng.choice([-1.0, 1.0], len(some)) if name.startswith("dir.") else column[some]
-        for name, column in problem.rows.columns.items()
-    }
+    some = rng.integers(0, len(problem), len(readings))  # whose covariates they have
+    columns = {name: column[some] for name, column in problem.rows.columns.items()}
+    towards = sides(loaded, drawn[good], rng)
+    columns |= {f"dir.{a.name}": column for a, column in zip(model.actuators, towards.T, strict=True)}
     rows = Rows(readings, np.full(readings.shape, np.nan), columns)
     solved = predict(model, values, rows, Request()).solved
     return design_problem(model, rows.take(np.nonzero(solved)[0]))

@@ -7,8 +7,11 @@ from collections.abc import Collection
 import numpy as np
 
 from pkmcal_cli.loading import LoadedMachine
+from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows
+from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.csv_write import open_writer
+from pkmcal_cli.workflow.sides import moves_together
 
 DATUM_EVERY = 20  # rows between visits of the datum pose
 _OVERRUN = 0.01  # of a drive's travel in the plan: how far away the approach begins
@@ -16,33 +19,40 @@ _SHORT = 1e-3  # m or rad, where a drive stands still in the whole plan
 
 
 def write_schedule(
-    loaded: LoadedMachine, rows: Rows, planned: int, seed: int, target: str, inputs: Collection[str], force: bool
+    loaded: LoadedMachine, rows: Rows, seed: int, target: str, inputs: Collection[str], force: bool
 ) -> int:
     """Write a table of poses in the order of measurement; returns the number of its rows. Raises OutputError.
 
-    Rows in random order; each approached from a random side (`dir.ACTUATOR`; rows after the first `planned` keep
-    theirs), beginning at `approach.ACTUATOR`; the first pose again every 20 rows. What joins rows is kept (`to`).
+    Rows in random order, each approached from its side (`dir.ACTUATOR`); where drives move one by one, beginning at
+    `approach.ACTUATOR`. The first pose again every 20 rows. What joins rows is kept (`to`).
     """
     model, rng = loaded.model, np.random.default_rng(seed)
     held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled]
-    names = [model.actuators[a].name for a in held]
-    readings = rows.readings[:, held]
+    names, units = [model.actuators[a].name for a in held], [model.actuators[a].unit for a in held]
     side = np.stack([rows.columns[f"dir.{n}"] for n in names], axis=1)
-    side[:planned] = rng.choice([-1.0, 1.0], (planned, len(held)))
-    limits = np.array([model.actuators[a].limits for a in held])
-    overrun = _OVERRUN * np.ptp(readings, axis=0)
-    begin = np.clip(readings - side * np.where(overrun > 0, overrun, _SHORT), limits[:, 0], limits[:, 1])
+    begin = _begin(model, rows.readings, side, held)
     order = _with_datum([int(k) for k in rng.permutation(len(rows))])
     index = np.array([row for row, _ in order])
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
-    units = [model.actuators[a].unit for a in held]
     partners = _partners(rows, order, ids)
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in partners]]
     headers += [(loaded.machine.actuators[n].column or n, u) for n, u in zip(names, units, strict=True)]
-    headers += [(f"dir.{n}", None) for n in names] + [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
+    headers += [(f"dir.{n}", None) for n in names]
+    columns = [ids, *partners, *rows.readings[index][:, held].T, *side[index].T]
+    if not moves_together(loaded):
+        headers += [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
+        columns += [*begin[index].T]
     with open_writer(target, headers, inputs, digits=9, force=force) as writer:
-        writer.write([ids, *partners, *readings[index].T, *side[index].T, *begin[index].T])
+        writer.write(columns)
     return len(ids)
+
+
+def _begin(model: Model, readings: Array, side: Array, held: list[int]) -> Array:
+    """Where drives begin to approach readings (N, A) from their sides (N, h), within their limits: (N, h)."""
+    there, limits = readings[:, held], np.array([model.actuators[a].limits for a in held])
+    overrun = _OVERRUN * np.ptp(there, axis=0)
+    begin = there - side * np.where(overrun > 0, overrun, _SHORT)
+    return np.asarray(np.clip(begin, limits[:, 0], limits[:, 1]))
 
 
 def _partners(rows: Rows, order: list[tuple[int, bool]], ids: list[str]) -> list[list[str]]:

@@ -1,0 +1,101 @@
+"""What `improve` keeps: rows that nothing predicts, steps before one that breaks off, numbers that data cannot tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.diagnosis import improve as loop
+from tests.command import HANGPRINTER, MACHINES, SCISSORS, SHOPFLOOR, clean, run
+
+BASE = f"""
+extends: {MACHINES}/triglide.yaml
+parameters:
+  h: {{nominal: 0, range: 0.5, note: height of the rail}}
+  xb1r: {{nominal: 0, identify: false}}
+  yb1r: {{nominal: 100, identify: false}}
+  xb2r: {{nominal: 0, identify: false}}
+  yb2r: {{nominal: 100, identify: false}}
+  xb3r: {{nominal: 0, identify: false}}
+  yb3r: {{nominal: 150, identify: false}}
+guides: {{rail: {{at: [0, h]}}}}
+"""
+MOVED = "extends: base.yaml\neffects: {frame@tracker: {tx: 0.3 mm, ty: 0.1 mm, rz: 0.4 mrad}}\n"
+
+
+def test_a_shift_of_the_frame_that_the_base_takes_up_is_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rail and frame may both have moved along y: what the improved machine identifies is determined, and true."""
+    monkeypatch.chdir(tmp_path)
+    Path("base.yaml").write_text(BASE, encoding="utf-8")
+    Path("moved.yaml").write_text(MOVED, encoding="utf-8")
+    head, *rows = (MACHINES / "triglide.csv").read_text(encoding="utf-8").splitlines()
+    Path("poses.csv").write_text("\n".join([head, *rows[::3], ""]), encoding="utf-8")
+    simulated = run("simulate", "moved.yaml", "poses.csv", "--noise", "declared", "--seed", "3", "-o", "m.csv")
+    assert simulated.code == 0, simulated.err
+    done = clean(run("improve", "base.yaml", "m.csv", "-o", "better.yaml", "--json"))
+    assert done.code == 0 and [s["effect"] for s in done.json["steps"] if s["accepted"]] == ["frame"]
+    assert "frame@tracker.ty held at 0 um (these data do not tell it from other parameters)" in done.err
+    written = yaml.safe_load(Path("better.yaml").read_text(encoding="utf-8"))["effects"]["frame@tracker"]
+    assert written["ty"]["identify"] is False and "identify" not in written["tx"]
+    entries = yaml.safe_load(Path("better.params.yaml").read_text(encoding="utf-8"))["parameters"]
+    assert all(e["std"] is not None for e in entries.values() if e["identified"])
+    truth = {"h": 0.1, "frame@tracker.tx": 300, "frame@tracker.rz": 400}
+    for name, true in truth.items():
+        assert abs(entries[name]["value"] - true) < 4 * entries[name]["std"], name
+    again = clean(run("calibrate", "better.yaml", "m.csv", "--json"))
+    found = {p["name"]: p for p in again.json["parameters"]}
+    assert again.code == 0 and found["h"]["identified"] and abs(found["h"]["value"] - 0.1) < 4 * found["h"]["std"]
+
+
+def test_what_is_undetermined_is_not_called_identified(tmp_path: Path) -> None:
+    """All parameters of the Scissors, of which many go together: `identified` and the reason are those of calibrate."""
+    target = tmp_path / "better.yaml"
+    done = clean(run("improve", SCISSORS, SHOPFLOOR, "--select", "all", "-o", target, "--json"))
+    assert done.json["parameters"], done.err
+    entries = yaml.safe_load(Path(done.json["parameters"]).read_text(encoding="utf-8"))["parameters"]
+    lost = {n for n, e in entries.items() if e["std"] is None}
+    assert lost and all(not entries[n]["identified"] and "undetermined" in entries[n]["note"] for n in lost)
+    assert any(e["identified"] for e in entries.values())
+
+
+@pytest.mark.parametrize("error", [RowsFailed, np.linalg.LinAlgError, IndexError])
+def test_steps_done_are_kept_when_a_later_one_breaks_off(
+    error: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first effect is added, told and written; an error that nobody foresaw ends in 70, but after that."""
+    plain, tried = loop._with, list[str]()
+
+    def breaking(turn: Any, hypothesis: Any, whole: Any) -> Any:
+        tried.append(hypothesis.name)
+        if len(set(tried)) > 1:
+            raise error(None) if error is RowsFailed else error("index -1 is out of bounds")
+        return plain(turn, hypothesis, whole)
+
+    monkeypatch.setattr(loop, "_with", breaking)
+    target = tmp_path / "better.yaml"
+    done = run("improve", SCISSORS, SHOPFLOOR, "-o", target)
+    assert "added: thermal_strut@all.a" in done.err and "improved by thermal_strut@all: " in done.err
+    assert "thermal_strut@all" in target.read_text(encoding="utf-8")
+    assert run("check", target, SHOPFLOOR).code == 0
+    if error is IndexError:
+        assert done.code == 70 and done.err.index("improved by") < done.err.index("internal error: IndexError")
+        assert "stopped: the next step broke off; what was done before it stands" in done.err
+    else:
+        assert done.code in (0, 1) and "not added: backlash@q3: its calibration did not converge" in done.err
+
+
+@pytest.mark.slow
+def test_the_second_session_of_the_hangprinter_is_improved(tmp_path: Path) -> None:
+    """With rows that some of the fits cannot predict: from 6.7 mm of line to what radii and build-up leave."""
+    table = MACHINES / "hangprinter_2022-04-12.csv"
+    done = clean(run("improve", HANGPRINTER, table, "-o", tmp_path / "better.yaml", "--json"))
+    assert {(s["effect"], s["at"]) for s in done.json["steps"] if s["accepted"]} >= {
+        ("release", "R_low"), ("release", "R_high"), ("buildup", "all"),
+    }  # fmt: skip
+    assert done.json["before"]["length"]["rms"] > 6 and done.json["after"]["length"]["rms"] < 2.5
+    assert [o["line"] for o in done.json["outliers"]] == [19]
