@@ -289,24 +289,3 @@ def test_bounds_hold_and_are_told() -> None:
     Path("m.yaml").write_text(text)
     (found,) = calibrated("m.yaml", TRIGLIDE_DATA, "--select", "yb3r", "--holdout", "none")[1]["parameters"]
     assert found["value"] in (149.9, 150.01) and found["reason"] == "at its bound"
-
-
-@pytest.mark.parametrize(
-    ("select", "names"),
-    [
-        ("l*", ["l1", "l2", "l3"]),
-        ("auto,-xb*,-yb*", ["l1", "l2", "l3"]),
-        ("l1,gamma", ["l1", "gamma"]),
-        ("gamma,l1", ["l1", "gamma"]),
-    ],
-)
-def test_selections(select: str, names: list[str]) -> None:
-    result = calibrated(TRIGLIDE, TRIGLIDE_DATA, "--select", select, "--holdout", "none")[1]
-    assert [p["name"] for p in result["parameters"]] == names
-
-
-def test_parameters_not_selected_stay_and_are_in_the_file() -> None:
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--select", "l1", "--holdout", "none", "-o", "p.yaml").code == 0
-    written = yaml.safe_load(Path("p.yaml").read_text())["parameters"]
-    assert written["l2"] == {"value": 300.0, "std": None, "unit": "mm", "identified": False}
-    assert written["l1"]["identified"] is True

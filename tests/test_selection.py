@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+import yaml
 
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.errors import UsageError
-from tests.command import run
+from tests.command import TRIGLIDE, TRIGLIDE_DATA, run
 from tests.support import model, overlay
 
 EFFECTS = overlay(
@@ -53,7 +56,7 @@ def test_what_means_nothing(text: str) -> None:
         select(model(EFFECTS), text)
 
 
-def test_a_fit_moves_what_is_named_of_an_effect_and_nothing_else_of_it(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_fit_moves_what_is_named_of_an_effect_and_nothing_else_of_it(tmp_path: Path) -> None:
     machine = tmp_path / "m.yaml"
     machine.write_text(EFFECTS, encoding="utf-8")
     table = EFFECTS.split()[1].replace(".yaml", ".csv")
@@ -62,9 +65,31 @@ def test_a_fit_moves_what_is_named_of_an_effect_and_nothing_else_of_it(tmp_path)
     assert done.code in (0, 1) and named == DECLARED | {"pitch@q1.s", "frame@tracker.ty"}
 
 
-def test_sensitivity_lists_every_parameter(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_sensitivity_lists_every_parameter(tmp_path: Path) -> None:
     machine = tmp_path / "m.yaml"
     machine.write_text(EFFECTS, encoding="utf-8")
     done = run("sensitivity", machine, "--json")
     held = {"pitch@q1.c", "frame@tracker.tx"}
     assert {p["name"] for p in done.json["parameters"]} == DECLARED | HELD | FREE | held
+
+
+@pytest.mark.parametrize(
+    ("select", "names"),
+    [
+        ("l*", ["l1", "l2", "l3"]),
+        ("auto,-xb*,-yb*", ["l1", "l2", "l3"]),
+        ("l1,gamma", ["l1", "gamma"]),
+        ("gamma,l1", ["l1", "gamma"]),
+    ],
+)
+def test_what_calibrate_identifies(select: str, names: list[str]) -> None:
+    done = run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--select", select, "--holdout", "none", "--json")
+    assert [p["name"] for p in done.json["parameters"]] == names
+
+
+def test_parameters_not_selected_stay_and_are_in_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "p.yaml"
+    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--select", "l1", "--holdout", "none", "-o", file).code == 0
+    written = yaml.safe_load(file.read_text())["parameters"]
+    assert written["l2"] == {"value": 300.0, "std": None, "unit": "mm", "identified": False}
+    assert written["l1"]["identified"] is True

@@ -61,6 +61,8 @@ SCISSORS = {
     **{f"k{i}": (250 if i == 5 else 500) * KN_PER_MM for i in range(1, 6)},
 }
 """Magnitudes; the signs are in planar.py. k_i: rod i with both its joints, the only elasticity."""
+SCISSORS_ANGLES = {"g1": 1e-4, "g2": 1e-4}
+"""Half-widths of the turns of both guides, in rad; all other parameters but stiffnesses are lengths."""
 
 DELTA4_COLUMNS = (1, 2, 3, 4)
 DELTA4_COLUMN_ANGLES = {i: np.radians(90.0 * (i - 1)) for i in DELTA4_COLUMNS}

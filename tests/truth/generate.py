@@ -136,11 +136,11 @@ def in_file_units(machine: Machine | Hexapod7, name: str, value: float) -> dict[
     """A parameter's value and unit as in the machine files."""
     if name.startswith("k"):
         return {"value": float(value / dim.KN_PER_MM), "unit": "kN/mm"}
-    if machine.ranges[name] == 0.1 * dim.MM:
-        return {"value": float(value / dim.MM), "unit": "mm"}
     if name == "gamma":
         return {"value": float(np.degrees(value)), "unit": "deg"}
-    return {"value": float(value), "unit": "rad"}
+    if machine.name == "scissors" and name in dim.SCISSORS_ANGLES:
+        return {"value": float(value), "unit": "rad"}
+    return {"value": float(value / dim.MM), "unit": "mm"}
 
 
 def provenance(name: str, campaign: Campaign) -> Mapping[str, Any]:

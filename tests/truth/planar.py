@@ -172,7 +172,7 @@ def scissors() -> Machine:
         freedoms=pinned.PLANAR,
         channels=("x", "y"),
         nominal=dimensions.SCISSORS,
-        ranges=dimensions.half_widths(dimensions.SCISSORS, {"g1": 1e-4, "g2": 1e-4}),
+        ranges=dimensions.half_widths(dimensions.SCISSORS, dimensions.SCISSORS_ANGLES),
         rods=rods,
         guess=guess,
         inverse_row=inverse,

@@ -157,7 +157,7 @@ def scissors_plan() -> Plan:
         upper=(0.203, 0.2),
         nominal=dim.SCISSORS,
         identified=SCISSORS_NINE,
-        angles={"g1": 1e-4, "g2": 1e-4},
+        angles=dim.SCISSORS_ANGLES,
         geometry=geometry,
     )
 

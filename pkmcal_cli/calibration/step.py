@@ -1,0 +1,140 @@
+"""One accepted step of a fit, in range units: Levenberg-Marquardt within the directions that the data determine.
+
+Kept within bounds by an active set; the drives' errors follow (Ecorchard 2010, eq. 24, with weights).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.measured_pose import errors_at_poses, loose_drives
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, linearise
+from pkmcal_cli.rotation import Array
+
+_STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
+_GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_HEAVY = 1e9  # damping that leaves the drives' errors where they are
+_LIGHT = 1e-5  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
+_PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
+_ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """The selected parameters in range units, relative to their nominal values."""
+
+    index: NDArray[np.intp]
+    names: tuple[str, ...]
+    ranges: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, problem: Problem, selected: tuple[str, ...]) -> Scaled:
+        model = problem.model
+        index = np.array([model.names.index(n) for n in selected], dtype=np.intp)
+        chosen = [model.parameters[k] for k in index]
+        low = np.array([p.bounds[0] for p in chosen])
+        high = np.array([p.bounds[1] for p in chosen])
+        return cls(index, selected, np.array([p.range for p in chosen]), low, high)
+
+
+def advance(
+    problem: Problem, scale: Scaled, now: Evaluation, near: Linearised, damping: float
+) -> tuple[Evaluation, float, str]:
+    """One accepted step; returns the new evaluation, the damping for the next and the status, "" to go on."""
+    full = _step(scale, now.values[scale.index], near, near, 0.0)
+    blur = _blur(problem, near.chi2)
+    hoped = near.chi2 - near.expected(full * scale.ranges)
+    if (len(full) and np.abs(full).max() < _STEP) or hoped <= max(_GAIN * near.chi2, blur):
+        last = _moved(problem, scale, now, near, full)
+        return (last if last.solved else now), 0.0, "converged"
+    light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max(initial=0.0))
+    while True:
+        damped, step = near, full
+        if damping > 0.0:
+            damped = linearise(problem, now, damping)
+            step = _step(scale, now.values[scale.index], near, damped, damping * light)
+        if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
+            return now, damping, "not_converged"  # no step of any length lowers chi-square: the prediction fails here
+        trial = _moved(problem, scale, now, damped, step)
+        if trial.solved:
+            gained = near.chi2 - chi_square(problem, trial)
+            if gained >= -blur:
+                good = gained > 0.5 * (near.chi2 - damped.expected(step * scale.ranges))
+                eased = (0.1 if good else 1.0) * damping
+                return trial, (eased if eased >= 1.0 else 0.0), ""
+        damping = max(10.0 * damping, 1.0)
+
+
+def _blur(problem: Problem, chi2: float) -> float:
+    """Change of chi-square by rounding of the predicted readings."""
+    size = np.array([problem.model.length if c.quantity == "position" else 0.0 for c in problem.model.channels])
+    size = np.maximum(size, np.abs(np.where(problem.measured, problem.readings, 0.0)).max(axis=0, initial=0.0))
+    share = _ROUNDING * np.where(problem.measured, size / problem.sigma, 0.0)
+    return float(2.0 * np.sqrt(chi2) * share.max(initial=0.0) + (share**2).sum())
+
+
+def _moved(problem: Problem, scale: Scaled, now: Evaluation, near: Linearised, step: Array) -> Evaluation:
+    """The evaluation after a step (p,) in range units, drive errors following.
+
+    Rows that cannot be solved there (the drives' ends of reach are near) go to the pose that the linear step aims at,
+    or only part of the way, with the drive errors that this pose asks for.
+    """
+    values = now.values.copy()
+    values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
+    shift = near.shift(step * scale.ranges)
+    trial = evaluate(problem, values, scale.names, now.state, shift)
+    if trial.solved or not loose_drives(problem).any():
+        return trial
+    by_step, by_drive = now.prediction.jacobian, now.prediction.by_drive
+    assert by_step is not None and by_drive is not None
+    way = by_step @ (step * scale.ranges) + (by_drive @ (shift - now.shift)[..., None])[..., 0]
+    for part in _PARTS:
+        lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
+        posed = errors_at_poses(problem, values, now.prediction.values + part * way)
+        shift = np.where(lost & ~np.isnan(posed), posed, shift)
+        trial = evaluate(problem, values, scale.names, now.state, shift)
+        if trial.solved:
+            break
+    return trial
+
+
+def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, damping: float) -> Array:
+    """Minimum-norm step (p,) in range units within bounds and the directions that `near` determines."""
+    p, r, jacobian = len(values), damped.residual, damped.jacobian * scale.ranges
+    step = np.zeros(p)
+    if not p:
+        return step
+    room_down = (scale.low - values) / scale.ranges
+    room_up = (scale.high - values) / scale.ranges
+    free = np.ones(p, dtype=bool)
+    for _ in range(p + 1):
+        rest = r - jacobian[:, ~free] @ step[~free]
+        found = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
+        vectors = found.vectors[~found.held]
+        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, rest, damping)
+        over = free & ((step < room_down - 1e-12) | (step > room_up + 1e-12))
+        if not over.any():
+            break
+        step[over] = np.where(step[over] < 0, room_down[over], room_up[over])
+        free &= ~over
+    return step
+
+
+def _least_squares(matrix: Array, right: Array, damping: float) -> Array:
+    """Minimum (k,) of |matrix z - right|^2 + damping |z|^2, columns being independent."""
+    k = matrix.shape[1]
+    if not k:  # which not every LAPACK takes
+        return np.zeros(0)
+    if damping > 0.0:
+        matrix = np.vstack([matrix, np.sqrt(damping) * np.eye(k)])
+        right = np.concatenate([right, np.zeros(k)])
+    q, upper = np.linalg.qr(matrix)
+    return np.asarray(solve_triangular(upper, q.T @ right))
