@@ -51,11 +51,15 @@ def test_condition_number_of_the_scissors() -> None:
 
 
 def test_shifts_of_the_scissors() -> None:
-    """Like figure 17: rods and joints up to 13 um, d1 and d2 largest with 14 to 16 um, all far below 30 um."""
+    """Like figure 17: rods and joints 2 to 13 um, d1 and d2 largest, all far below 30 um.
+
+    Both guides' columns moved by 30 um shift the whole machine, so that their two shifts are 30 um together.
+    """
     shifts = {name: abs(found[0]) for name, found in paper.scissors_shifts().items()}
     guides = [shifts.pop(name) for name in ("d1", "d2")]
     angles = [shifts.pop(name) for name in ("g1", "g2")]
-    assert [round(g) for g in guides] == pytest.approx([15, 15], abs=1)
+    assert all(13 < shift < 17 for shift in guides)
+    assert sum(guides) == pytest.approx(30, rel=1e-4)
     assert 2 < min(shifts.values()) < max(shifts.values()) < 13
     assert max(angles) < 1
 

@@ -24,8 +24,8 @@ from tests.hangprinter_cases import ANCHORS, LINES, RADII, RMS, SESSIONS, calibr
 from tests.support import model
 from tests.test_identifiability import delta_problem, measured
 from tests.truth.machines import PINNED
+from tests.verification_row import Row
 
-Row = tuple[str, str, float | str]
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
@@ -35,7 +35,7 @@ def recovered() -> list[Row]:
     for name in (*PINNED, "hexapod7"):
         plan, _, errors = planted(name)
         text = f"{name}: {len(plan.selected)} planted parameters without noise, largest error in ranges"
-        rows.append((text, "< 1e-6", float(np.abs(errors).max())))
+        rows.append(Row(text, "< 1e-6", float(np.abs(errors).max())))
     return rows
 
 
@@ -47,15 +47,15 @@ def covered() -> list[Row]:
         if len(cells) == 8 and cells[2].isdigit():
             text = f"{cells[0]}: 500 campaigns with noise (docs/coverage.md), {cells[2]} parameters"
             rows += [
-                (f"{text}, 95 % intervals that hold the true value, average, %", "94 to 96", cells[3]),
-                (f"{text}, the same of the worst parameter, %", "> 91", cells[4]),
-                (f"{text}, chi-square per degree of freedom", "1", float(cells[5])),
+                Row(f"{text}, 95 % intervals that hold the true value, average, %", "94 to 96", cells[3]),
+                Row(f"{text}, the same of the worst parameter, %", "> 91", cells[4]),
+                Row(f"{text}, chi-square per degree of freedom", "1 +- 0.02", float(cells[5])),
             ]
     return rows
 
 
-def _undetermined(text: str, machine: Model, fit: Fit, true: dict[str, float]) -> list[Row]:
-    """Rows of one fit: what is named, that it does not move, that its sums are right. `true`: SI, of errors."""
+def _undetermined(text: str, named: str, machine: Model, fit: Fit, true: dict[str, float]) -> list[Row]:
+    """Rows of one fit: that `named` is named and does not move, that its sums are right. `true`: SI, of errors."""
     null = [c for c in combinations(fit.found) if c.kind == "null"]
     index = [machine.names.index(n) for n in fit.selected]
     moved = (fit.values - machine.nominal)[index] / machine.ranges[index]
@@ -66,14 +66,15 @@ def _undetermined(text: str, machine: Model, fit: Fit, true: dict[str, float]) -
                 c * (machine.nominal[machine.names.index(n)] + true.get(n, 0.0)) for n, c in coefficients.items()
             )
             scores.append(abs(value * 1e-3 - planted_sum) / (std * 1e-3))
-    names = "; ".join(", ".join(c.names) for c in null)
+    names = "; ".join(sorted(", ".join(sorted(c.names)) for c in null))
+    members = sorted({n for c in null for n in c.names})
     infinite = sorted(n for n, s in zip(fit.selected, fit.std, strict=True) if np.isnan(s))
     along = np.abs(fit.found.vectors[fit.found.null] @ moved).max()
     return [
-        (f"{text}: combinations named as not determined", "named", names),
-        (f"{text}: parameters with `std: null`", "the members", ", ".join(infinite)),
-        (f"{text}: movement along them, in ranges", "0", float(along)),
-        (f"{text}: determined sums, largest error in standard uncertainties", "< 3", float(max(scores))),
+        Row(f"{text}: combinations named as not determined", f"`{named}`", names),
+        Row(f"{text}: parameters with `std: null`", f"`{', '.join(members)}`", ", ".join(infinite)),
+        Row(f"{text}: movement along them, in ranges", "< 1e-5", float(along)),
+        Row(f"{text}: determined sums, largest error in standard uncertainties", "< 3", float(max(scores))),
     ]
 
 
@@ -82,13 +83,13 @@ def undetermined() -> list[Row]:
     errors = {"R1": 4e-4, "r2": -3e-4, "l3": 5e-4}
     machine, problem = delta_problem(errors, noise=2)
     fit = identify(problem, tuple(n for n in machine.names if n[0] != "g"))
-    rows = _undetermined("linear delta, heights only", machine, fit, errors)
+    rows = _undetermined("linear delta, heights only", "R1, r1; R2, r2; R3, r3", machine, fit, errors)
     errors = {"l1": 4e-5, "xb1r": -7e-5}
     for name in ("triglide", "triglide-nonredundant"):
         machine = model(name)
         q = drive_positions(machine, np.array([[0.36, 0.275, 0, 0, 0, 0]])).readings
         fit = identify(measured(machine, q, errors, noise=1), ("l1", "xb1r"))
-        rows += _undetermined(f"{name}, l1 and xb1r at one pose", machine, fit, errors)
+        rows += _undetermined(f"{name}, l1 and xb1r at one pose", "l1, xb1r", machine, fit, errors)
     return rows
 
 
@@ -101,11 +102,11 @@ def hangprinter() -> list[Row]:
         for line in LINES:
             inputs = ", ".join(sorted(set(LINES) - {line}))
             found = calibrated(session, line, selection).after
-            rows.append((f"{text}, inputs {inputs}: line-length rms, mm", f"{rms} (3 %)", found))
+            rows.append(Row(f"{text}, inputs {inputs}: line-length rms, mm", f"{rms} (3 %)", found))
         held, _ = held_out(session, "D", selection)
-        rows.append((f"{text}: line-length rms held out in six folds, mm", "beside it", held))
+        rows.append(Row(f"{text}: line-length rms held out in six folds, mm", "shown", held))
         rows.append(
-            (f"{text}: choices of inputs, largest difference in standard uncertainties", "small",
+            Row(f"{text}: choices of inputs, largest difference in standard uncertainties", "< 0.1",
              disagreement(session, selection))
         )  # fmt: skip
     return rows
@@ -121,8 +122,8 @@ def figure_12() -> list[Row]:
         for points in (10, 40, 226):
             values = [float(table[m, points][f"{kind} [um]"]) for m in (redundant, plain)]
             text = f"figure 12, {figure12.REPETITIONS} repetitions of {points} points, mean error of the "
-            text += f"{'TCP' if kind == 'tcp' else kind}, um: redundant / non-redundant"
-            rows.append((text, "non-redundant better", f"{values[0]:.2f} / {values[1]:.2f}"))
+            text += f"{'TCP' if kind == 'tcp' else kind}: redundant ({values[0]:.2f} um) over non-redundant"
+            rows.append(Row(text, "> 1", values[0] / values[1]))
     return rows
 
 
@@ -133,8 +134,8 @@ def held_out_noise() -> list[Row]:
     found = noise_against_theory()
     text = "held-out error of noise over"
     return [
-        (f"{text} what the linear model says", f"1 +- {found.scatter:.2f}", found.over_theory),
-        (f"{text} sigma sqrt(1 + p/n)", "about 1", found.over_thumb),
+        Row(f"{text} what the linear model says", f"1 +- {found.scatter:.2f}", found.over_theory),
+        Row(f"{text} sigma sqrt(1 + p/n)", "shown", found.over_thumb),
     ]
 
 
@@ -148,7 +149,7 @@ def far_starts() -> list[Row]:
             fit = identify(problem, best.selected, off_by(problem, seed))
             ratio = max(ratio, fit.chi2 / best.chi2 if fit.status == "converged" else np.inf)
     text = "hangprinter from anchors 300 mm off, 4 starts a session: largest chi-square over the minimum"
-    return [(text, "1", ratio)]
+    return [Row(text, "< 1.000001", ratio)]
 
 
 def off_by(problem: Problem, seed: int) -> np.ndarray:  # type: ignore[type-arg]
@@ -166,7 +167,7 @@ def weak_held() -> list[Row]:
     moved = (fit.values - plan.model.nominal)[plan.index] / plan.ranges
     along = np.abs(fit.found.vectors[fit.found.weak] @ moved).max()
     text = f"triglide at 10 um, {int(fit.found.weak.sum())} weak combinations: movement along them, in ranges"
-    return [(text, "< 0.01", float(along))]
+    return [Row(text, "< 0.01", float(along))]
 
 
 PARTS = [recovered, covered, undetermined, weak_held, hangprinter, far_starts, figure_12, held_out_noise]

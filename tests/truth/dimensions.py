@@ -61,8 +61,6 @@ SCISSORS = {
     **{f"k{i}": (250 if i == 5 else 500) * KN_PER_MM for i in range(1, 6)},
 }
 """Magnitudes; the signs are in planar.py. k_i: rod i with both its joints, the only elasticity."""
-SCISSORS_ANGLES = {"g1": 1e-4, "g2": 1e-4}
-"""Half-widths of the turns of both guides, in rad; all other parameters but stiffnesses are lengths."""
 
 DELTA4_COLUMNS = (1, 2, 3, 4)
 DELTA4_COLUMN_ANGLES = {i: np.radians(90.0 * (i - 1)) for i in DELTA4_COLUMNS}
@@ -70,6 +68,14 @@ DELTA4_HALF_PAIR = 40 * MM
 """Half the tangential distance of the two bars of an arm; bar a at +, bar b at -."""
 DELTA4_MASS = 2.0
 """kg, at the platform's centre."""
+
+ANGLES = {
+    "triglide": {"gamma": np.radians(0.02)},
+    "triglide-nonredundant": {"gamma": np.radians(0.02)},
+    "scissors": {"g1": 1e-4, "g2": 1e-4},
+    "delta4": {f"g{i}": 1e-4 for i in DELTA4_COLUMNS},
+}
+"""Half-widths in rad of those parameters of a machine that are angles; all others but stiffnesses are lengths."""
 DELTA4 = {
     **{f"R{i}": 300 * MM for i in DELTA4_COLUMNS},
     **{f"g{i}": 0.0 for i in DELTA4_COLUMNS},

@@ -136,10 +136,10 @@ def in_file_units(machine: Machine | Hexapod7, name: str, value: float) -> dict[
     """A parameter's value and unit as in the machine files."""
     if name.startswith("k"):
         return {"value": float(value / dim.KN_PER_MM), "unit": "kN/mm"}
-    if name == "gamma":
+    if name in dim.ANGLES.get(machine.name, ()):
+        if machine.name == "scissors":
+            return {"value": float(value), "unit": "rad"}
         return {"value": float(np.degrees(value)), "unit": "deg"}
-    if machine.name == "scissors" and name in dim.SCISSORS_ANGLES:
-        return {"value": float(value), "unit": "rad"}
     return {"value": float(value / dim.MM), "unit": "mm"}
 
 

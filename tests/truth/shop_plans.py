@@ -157,7 +157,7 @@ def scissors_plan() -> Plan:
         upper=(0.203, 0.2),
         nominal=dim.SCISSORS,
         identified=SCISSORS_NINE,
-        angles=dim.SCISSORS_ANGLES,
+        angles=dim.ANGLES["scissors"],
         geometry=geometry,
     )
 
@@ -201,7 +201,7 @@ def delta4_plan() -> Plan:
         upper=(0.12, 0.12, 0.4),
         nominal=dim.DELTA4,
         identified=tuple(n for n in dim.DELTA4 if n != "k"),
-        angles={f"g{i}": 1e-4 for i in columns},
+        angles=dim.ANGLES["delta4"],
         geometry=geometry,
     )
 

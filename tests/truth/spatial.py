@@ -73,7 +73,7 @@ def delta4() -> Machine:
         freedoms=pinned.SPATIAL,
         channels=("x", "y", "z"),
         nominal=dim.DELTA4,
-        ranges=dim.half_widths(dim.DELTA4, {f"g{i}": 1e-4 for i in dim.DELTA4_COLUMNS}) | {"k": 0.0},
+        ranges=dim.half_widths(dim.DELTA4, dim.ANGLES["delta4"]) | {"k": 0.0},
         rods=rods,
         guess=guess,
         inverse_row=inverse,
