@@ -29,6 +29,7 @@ from pkmcal_cli.language.expressions import (
     parse_expression,
 )
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, split_value
+from pkmcal_cli.language.yaml_tree import Pasted
 
 _FAILURES = (ValueError, ZeroDivisionError, OverflowError)
 
@@ -144,6 +145,7 @@ class Measure:
                 hint = UNIT_HINT if inside else error.hint
                 raise fault("unit", error.what, hint) from None
             return Draft(raw, self, None, parts[0], unit)
+        raw = raw.expression if isinstance(raw, Pasted) else raw
         try:
             return Draft(raw, self, parse_expression(raw))
         except ExpressionError as error:
