@@ -8,6 +8,8 @@ from pkmcal_cli.compiler.assemble import BadDrawing, Gap, Mobility
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.connection import loose_parts
 from pkmcal_cli.compiler.numbers import is_zero
+from pkmcal_cli.compiler.paths import path_of
+from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.springs import stiffness_faults
 from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.machine import End, Joint, Machine
@@ -31,6 +33,7 @@ def structure_faults(machine: Machine) -> list[Fault]:
         *_turned_carriages(machine),
         *_reversed_limits(machine),
         *stiffness_faults(machine),
+        *section_faults(machine),
         *loose,
     ]
 
@@ -38,7 +41,7 @@ def structure_faults(machine: Machine) -> list[Fault]:
 def drawing_fault(machine: Machine, error: BadDrawing) -> Fault:
     """A drawing from which nothing can be built."""
     return machine.source.fault(
-        "drawing", str(error), _path(machine, error.element), "draw its ends apart", at_key=True
+        "drawing", str(error), path_of(machine, error.element), "draw its ends apart", at_key=True
     )
 
 
@@ -135,7 +138,7 @@ def _worst_gaps(gaps: tuple[Gap, ...]) -> list[Gap]:
 
 
 def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
-    path = _path(machine, gap.element)
+    path = path_of(machine, gap.element)
     lengthwise = gap.strain in ("elongation", "x", "y", "z")
     size = machine.file_units.length.format(gap.value) if lengthwise else f"{gap.value:.3g} rad"
     large = abs(gap.value) > GAP * (length if lengthwise else 1.0)
@@ -155,7 +158,7 @@ def _mobility_faults(machine: Machine, found: Mobility) -> list[Fault]:
         faults = [machine.source.fault("mobility", told, at, _mobility_hint(found))] if _immobile(found) else []
     if found.rigid_loops:
         members = ", ".join(f"`{n}`" for n in found.rigid_loops)
-        path = _path(machine, found.rigid_loops[0])
+        path = path_of(machine, found.rigid_loops[0])
         hint = "give one of them, a joint or a drive in the loop a stiffness"
         what = f"closed loop in which nothing yields: {members}"
         faults.append(machine.source.fault("rigid-loop", what, path, hint, at_key=True))
@@ -199,12 +202,3 @@ def _counts(found: Mobility) -> str:
         f"{count(found.degrees_of_freedom, 'degree')} of freedom, {count(found.actuators, 'actuator')}, "
         f"{count(max(found.redundancy, 0), 'time')} redundant, {count(found.self_stress, 'self-stress')}"
     )
-
-
-def _path(machine: Machine, element: str) -> tuple[str, ...]:
-    """The place of an element in the machine file."""
-    name = element.split(".")[0]
-    for section in ("beams", "bars", "ropes", "joints", "actuators", "bodies", "nodes"):
-        if name in getattr(machine, section):
-            return (section, name)
-    return ()

@@ -12,6 +12,7 @@ from pkmcal_cli.effects import Effect, EffectParameter, Option, catalogue
 from pkmcal_cli.errors import FaultList, did_you_mean
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.fields import Entity
+from pkmcal_cli.language.limits import SMALLEST
 from pkmcal_cli.language.parts import ParameterValue
 from pkmcal_cli.language.quantities import Draft, fault
 from pkmcal_cli.language.unit_text import Unit, parse_unit
@@ -102,7 +103,7 @@ class EffectResolver:
                 changes[field] = tuple(parts)
                 if not parts[0] < parts[1]:
                     self._fault("range", "the first of two limits must be below the second", path, "[from, to]")
-        if changes.get("range", 1.0) <= 0:
+        if changes.get("range", 1.0) < SMALLEST:
             self._fault("range", "a range must be positive", (*path, "range"), "two standard deviations of the prior")
         return entry.model_copy(update=changes)
 

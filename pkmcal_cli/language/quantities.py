@@ -103,7 +103,7 @@ class Measure:
 
     `dimension` of the field; `others` that a field may have besides (a bare number takes the
     first); `usual` the range of magnitudes (SI) outside of which a guess is made; `words` that
-    may stand instead of a quantity; `sign` "+" for positive, "0+" for not negative.
+    may stand instead of a quantity; `sign` "+" for positive, "0+" for not negative, "+-" for not zero.
     """
 
     dimension: Dimension
