@@ -72,7 +72,8 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     base, turns = _base_slots(made.structure, machine)
     model = replace(model, base=base, base_turns=turns, datum=machine.datum)
     if receptive:
-        model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
+        sockets = sockets_of(made.structure, layout, drives, model.sensors, model.drawn_slots[0])
+        model = replace(model, sockets=sockets)
         model = replace(model, fitted_frames=fitted)
         model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
     return Compiled(model, found, tuple(gaps))

@@ -188,10 +188,15 @@ class Structure:
             if direction in "xyz":
                 axis = np.eye(3)["xyz".index(direction)]
                 moves.append((rail.rotation, self.new_travel(f"{name}.{direction}", 0.0), tuple(axis)))
-        error = Point()
         if self.receptive:
-            error = self.anchored("carriage", name, rail.rotation, (0.0, 0.0, 0.0), f"{name}.error")
-        return rail.origin + error + Point((), tuple(moves))
+            self.anchored("carriage", name, rail.rotation, (0.0, 0.0, 0.0), f"{name}.error")
+        return self.rail_at(name) + Point((), tuple(moves))
+
+    def rail_at(self, carriage: str) -> Point:
+        """Travel 0 of a carriage's guide, where effects on the guide move it for this carriage: the rail's side."""
+        rail = self.rails[self.machine.bodies[carriage].on or ""]
+        error = self.anchors.get(("carriage", carriage))
+        return rail.origin + (Point() if error is None else Point(((rail.rotation, 1.0, error),)))
 
     def elastic_directions(self, guide: str) -> tuple[str, ...]:
         """Directions of a guide with stiffness, in its frame's axes; not the travel itself."""
