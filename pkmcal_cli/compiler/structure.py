@@ -17,7 +17,7 @@ from pkmcal_cli.language.machine import Body, Guide, Joint, Machine, axis_vector
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.layout import GROUND, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
-from pkmcal_cli.ports import Number, Point, Port
+from pkmcal_cli.ports import Number, Point, Port, Rail
 from pkmcal_cli.rotation import Array, exp
 
 
@@ -27,15 +27,6 @@ class Drawing:
 
     travels: dict[str, float] = field(default_factory=dict)
     orientations: dict[str, Array] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Rail:
-    """A guide: origin and frame rotation, unit vector along it in the frame's axes."""
-
-    origin: Point
-    rotation: int
-    along: Array
 
 
 @dataclass
