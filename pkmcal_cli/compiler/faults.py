@@ -30,6 +30,7 @@ def structure_faults(machine: Machine) -> list[Fault]:
     loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
     return [
         *_frozen_directions(machine),
+        *_no_directions(machine),
         *_turned_carriages(machine),
         *_reversed_limits(machine),
         *stiffness_faults(machine),
@@ -60,6 +61,16 @@ def _frozen_directions(machine: Machine) -> list[Fault]:
         machine.source.fault("direction", f"`{_key(path)}` must not depend on parameters", path, hint)
         for path, axis in _directions(machine)
         if isinstance(axis, tuple) and any(q.names for q in axis)
+    ]
+
+
+def _no_directions(machine: Machine) -> list[Fault]:
+    """Directions of length 0."""
+    hint = "for example " + ("[1, 0]" if machine.space == "planar" else "[0, 0, 1]")
+    return [
+        machine.source.fault("direction", f"`{_key(path)}` has length 0: it is no direction", path, hint)
+        for path, axis in _directions(machine)
+        if isinstance(axis, tuple) and axis and path[-1] != "turn" and is_zero(axis)
     ]
 
 
