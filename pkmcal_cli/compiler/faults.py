@@ -32,6 +32,7 @@ def structure_faults(machine: Machine) -> list[Fault]:
         *_frozen_directions(machine),
         *_no_directions(machine),
         *_turned_carriages(machine),
+        *_unhinged(machine),
         *_reversed_limits(machine),
         *stiffness_faults(machine),
         *section_faults(machine),
@@ -104,6 +105,20 @@ def _turned_carriages(machine: Machine) -> list[Fault]:
         )
         for name, body in machine.bodies.items()
         if body.on is not None and not is_zero(body.turn)
+    ]
+
+
+def _unhinged(machine: Machine) -> list[Fault]:
+    """Cranks that nothing lets turn."""
+    owner = {point: name for name, body in machine.bodies.items() for point in body.points}
+    ends = {owner.get(e, e) for joint in machine.joints.values() if joint.type == "revolute" for e in joint.between}
+    hint = "join it to the base by a joint: {between: [POINT, BODY], type: revolute}"
+    return [
+        machine.source.fault(
+            "value", f"`{actuator.turns}` is at no revolute joint: nothing turns", ("actuators", name, "turns"), hint
+        )
+        for name, actuator in machine.actuators.items()
+        if actuator.turns in machine.bodies and actuator.turns not in ends
     ]
 
 
