@@ -18,7 +18,7 @@ from pkmcal_cli.rotation import Array
 
 from .frames import elastic_step
 from .steps import against_bare
-from .timing import Line, Times, side_by_side
+from .timing import Effort, Line, Times, side_by_side
 
 MACHINES = Path(__file__).resolve().parents[1] / "machines"
 _ERROR = 1e-4  # m, of every parameter
@@ -50,8 +50,9 @@ def hexapod(count: int) -> Task:
     return Task(made, values, Rows.at(found.readings))
 
 
-def hexapod_lines(rounds: int, count: int = 1000) -> list[Line]:
+def hexapod_lines(effort: Effort) -> list[Line]:
     """Step, complete prediction, prediction from the previous iterate, Jacobian."""
+    count, rounds = effort.rows(1000), effort.rounds
     task = hexapod(count)
     made, rows, system = task.model, task.rows, task.model.exact
     iterates = _iterates(task)
@@ -68,7 +69,7 @@ def hexapod_lines(rounds: int, count: int = 1000) -> list[Line]:
     times = side_by_side(cases, rounds)
     first, later = (predict(made, task.values, rows, start=it.state).steps / count for it in iterates[:2])
     bare = against_bare("hexapod7", system, slots, state, rounds)
-    return [bare, *_hexapod_table(times, iterates[-1].steps / count, first, later)]
+    return [bare, *_hexapod_table(times, iterates[-1].steps / count, first, later, count)]
 
 
 def _iterates(task: Task) -> list[Prediction]:
@@ -78,9 +79,9 @@ def _iterates(task: Task) -> list[Prediction]:
     return [predict(made, values, task.rows) for values in (made.nominal, near, task.values)]
 
 
-def _hexapod_table(times: Times, complete: float, first: float, later: float) -> list[Line]:
+def _hexapod_table(times: Times, complete: float, first: float, later: float, count: int) -> list[Line]:
     added = times.ratio("jacobian", "complete") - 1
-    per_row = f"{1e3 * times.median('complete'):.0f} ms for 1000 rows"
+    per_row = f"{1e3 * times.median('complete'):.0f} ms for {count} rows"
     return [
         Line(
             "complete `exact` prediction from the drawing : step",
@@ -104,8 +105,9 @@ def _hexapod_table(times: Times, complete: float, first: float, later: float) ->
     ]
 
 
-def triglide_lines(counts: tuple[int, ...]) -> list[Line]:
+def triglide_lines(effort: Effort) -> list[Line]:
     """Time a row of the Triglide for growing numbers of rows."""
+    counts = tuple(effort.rows(count) for count in (20_000, 80_000))
     made, random = model("triglide"), np.random.default_rng(0)
     poses = np.full((max(counts), 6), np.nan)
     poses[:, 0], poses[:, 1] = random.uniform(0.2, 0.7, len(poses)), random.uniform(0.17, 0.38, len(poses))
@@ -115,7 +117,7 @@ def triglide_lines(counts: tuple[int, ...]) -> list[Line]:
     def run(count: int) -> State:
         return predict(made, values, Rows.at(readings[:count])).state
 
-    times = side_by_side({str(count): partial(run, count) for count in counts}, 3)
+    times = side_by_side({str(count): partial(run, count) for count in counts}, min(effort.rounds, 3))
     per_row = [1e6 * times.median(str(count)) / count for count in counts]
     lines = [
         Line(f"`exact` prediction of the Triglide, {count} rows", value, unit="us a row")

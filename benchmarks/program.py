@@ -10,10 +10,11 @@ import sys
 import tempfile
 from pathlib import Path
 
+from pkmcal_cli.calibration.fitted import Treatment
 from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
 from .predictions import MACHINES
-from .timing import Line, children_time, side_by_side
+from .timing import Effort, Line, children_time, side_by_side
 
 _SQUARE = "x=200:700:{0},y=170:380:{0}"  # mm, `--grid` of the Triglide
 
@@ -22,7 +23,7 @@ def _run(*arguments: str) -> None:
     subprocess.run([sys.executable, *arguments], check=True, capture_output=True, cwd=MACHINES.parent)
 
 
-def start_lines(rounds: int) -> list[Line]:
+def start_lines(effort: Effort) -> list[Line]:
     """Cold start of `--help` and `check` against an empty program."""
     machine = str(MACHINES / "triglide.yaml")
     times = side_by_side(
@@ -31,7 +32,7 @@ def start_lines(rounds: int) -> list[Line]:
             "help": lambda: _run("-m", "pkmcal_cli", "--help"),
             "check": lambda: _run("-m", "pkmcal_cli", "check", machine),
         },
-        rounds,
+        effort.rounds,
         children_time,
     )
     note = f"`python -c pass` {1e3 * times.median('pass'):.0f} ms"
@@ -41,27 +42,41 @@ def start_lines(rounds: int) -> list[Line]:
     ]
 
 
-def calibration_line(rounds: int) -> Line:
+def calibration_line(effort: Effort) -> Line:
     """`calibrate` on the Scissors from files to the report, inside the process."""
     machine, measured = str(MACHINES / "scissors.yaml"), str(MACHINES / "scissors.csv")
-    request = CalibrationRequest(machine, (measured,), None, "auto", None, None, None, False, True, False)
+    request = CalibrationRequest(
+        machine=machine,
+        measurements=(measured,),
+        output=None,
+        select="auto",
+        holdout=None,
+        parameters=None,
+        how=Treatment(),
+        max_rms=None,
+        as_json=False,
+        quiet=True,
+        force=False,
+    )
 
     def calibrate() -> None:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            run_calibration(request)
+            if run_calibration(request) != 0:
+                raise RuntimeError("calibrate failed")
 
-    times = side_by_side({"calibrate": calibrate}, rounds)
+    times = side_by_side({"calibrate": calibrate}, effort.rounds)
     what = "`calibrate` on the Scissors, 80 points and 9 parameters, with held-out error"
     return Line(what, times.median("calibrate"), 0.3, unit="s")
 
 
-def million_lines() -> list[Line]:
-    """`simulate` of 250 000 and of a million rows on the Triglide: time a row and peak memory."""
-    quarter, _ = _simulate(500)
-    whole, memory = _simulate(1000)
-    what = "`simulate` of 10^6 rows on the Triglide"
+def million_lines(effort: Effort) -> list[Line]:
+    """`simulate` of a million rows on the Triglide, and of a quarter of them: time a row and peak memory."""
+    side = effort.rows(500)
+    quarter, _ = _simulate(side)
+    whole, memory = _simulate(2 * side)
+    what = f"`simulate` of {4 * side**2} rows on the Triglide"
     return [
-        Line(f"{what}: time a row, against 250 000 rows", whole / quarter / 4, 1.2, note=f"{whole:.0f} s in all"),
+        Line(f"{what}: time a row, against {side**2} rows", whole / quarter / 4, 1.2, note=f"{whole:.0f} s in all"),
         Line(f"{what}: peak memory", memory, 1024, unit="MiB"),
     ]
 

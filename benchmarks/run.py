@@ -1,7 +1,8 @@
 """Speed, as ratios measured side by side in one process on one thread.
 
 `python -m benchmarks.run` prints the table; `--write` also writes docs/performance.md; `--quick` leaves out the
-commands (cold start, a million rows). OpenSees is compared where the package openseespy is installed
+commands (cold start, a million rows); `--once` runs every line once with few rows, to see that all of them run, and
+judges no time. OpenSees is compared where the package openseespy is installed
 (`pip install .[benchmark]`).
 """
 
@@ -20,22 +21,22 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402
 
 from benchmarks import predictions, program, steps  # noqa: E402
-from benchmarks.timing import Line  # noqa: E402
+from benchmarks.timing import ONCE, Effort, Line  # noqa: E402
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "performance.md"
 HEAD = ("what", "measured", "required", "met", "note")
 
 
-def lines(rounds: int, quick: bool) -> Iterator[Line]:
+def lines(effort: Effort, quick: bool) -> Iterator[Line]:
     """All lines of the table."""
-    yield from steps.frames_against_bare(rounds)
-    yield from predictions.hexapod_lines(rounds)
-    yield from steps.against_other_program(rounds)
-    yield from predictions.triglide_lines((20_000, 80_000))
-    yield program.calibration_line(rounds)
+    yield from steps.frames_against_bare(effort)
+    yield from predictions.hexapod_lines(effort)
+    yield from steps.against_other_program(effort)
+    yield from predictions.triglide_lines(effort)
+    yield program.calibration_line(effort)
     if not quick:
-        yield from program.start_lines(rounds)
-        yield from program.million_lines()
+        yield from program.start_lines(effort)
+        yield from program.million_lines(effort)
 
 
 def table(found: list[Line]) -> str:
@@ -67,12 +68,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Speed as ratios measured side by side.")
     parser.add_argument("--rounds", type=int, default=9, help="rounds of every comparison")
     parser.add_argument("--quick", action="store_true", help="leave out cold start and the million rows")
+    parser.add_argument("--once", action="store_true", help="every line once, with few rows; no verdict")
     parser.add_argument("--write", action="store_true", help="write docs/performance.md")
     chosen = parser.parse_args()
     found = []
-    for line in lines(chosen.rounds, chosen.quick):
+    for line in lines(ONCE if chosen.once else Effort(chosen.rounds), chosen.quick):
         found.append(line)
-        print("  ".join(cell for cell in line.cells() if cell), flush=True)
+        print("  ".join(cell for cell in line.cells()[: 1 if chosen.once else None] if cell), flush=True)
+    if chosen.once:
+        return 0
     if chosen.write:
         TARGET.parent.mkdir(exist_ok=True)
         TARGET.write_text(document(found, chosen.rounds), encoding="utf-8")

@@ -15,7 +15,7 @@ from pkmcal_cli.rotation import Array
 
 from . import other_program
 from .frames import REFERENCE, Frame, elastic_step, equations, planar_frame, spatial_frame
-from .timing import Line, side_by_side
+from .timing import Effort, Line, side_by_side
 
 _COMPARED = 60  # configurations that the other program solves in a round
 
@@ -37,39 +37,41 @@ def against_bare(name: str, system: System, slots: Array, state: State, rounds: 
     return Line(f"one elastic step, {name} : bare batched solve", times.ratio("step", "bare"), 3, note=note)
 
 
-def frames_against_bare(rounds: int) -> list[Line]:
+def frames_against_bare(effort: Effort) -> list[Line]:
     """The spatial frame; the planar one has fewer unknowns than the requirement speaks of."""
-    frame = spatial_frame(256)
-    return [against_bare("spatial frame", frame.model.exact, frame.slots, frame.state, rounds)]
+    frame = spatial_frame(effort.rows(256))
+    return [against_bare("spatial frame", frame.model.exact, frame.slots, frame.state, effort.rounds)]
 
 
-def against_other_program(rounds: int) -> list[Line]:
+def against_other_program(effort: Effort) -> list[Line]:
     """Both frames against OpenSees, with the same displacements; nothing where it is not installed."""
     ops = other_program.load()
     if ops is None:
         return []
-    planar, spatial = other_program.planar(ops, _COMPARED), other_program.spatial(ops, _COMPARED)
+    count = effort.rows(_COMPARED, 4)
+    planar, spatial = other_program.planar(ops, count), other_program.spatial(ops, count)
+    frames = planar_frame(effort.rows(2000)), spatial_frame(effort.rows(512))
     return [
-        _compared(ops, "planar three-rod frame", "planar_three_rods", planar_frame(2000), planar, 5, rounds),
-        _compared(ops, "spatial frame", "spatial_gough_stewart", spatial_frame(512), spatial, 2, rounds),
+        _compared(ops, "planar three-rod frame", "planar_three_rods", frames[0], planar, 5, effort),
+        _compared(ops, "spatial frame", "spatial_gough_stewart", frames[1], spatial, 2, effort),
     ]
 
 
 def _compared(
-    ops: Any, name: str, key: str, frame: Frame, other: other_program.Solve, least: float, rounds: int
+    ops: Any, name: str, key: str, frame: Frame, other: other_program.Solve, least: float, effort: Effort
 ) -> Line:
-    rows, system = len(frame.slots), frame.model.exact
+    rows, system, count = len(frame.slots), frame.model.exact, effort.rows(_COMPARED, 4)
     chunks = list(row_chunks(system, rows))
 
     def engine() -> Array:
         return np.concatenate([frame.displacement(chunk) for chunk in chunks])
 
     cases: dict[str, Callable[[], object]] = {"engine": engine}
-    cases |= {solver: partial(other, solver, _COMPARED) for solver in other_program.SOLVERS}
-    deviation = _deviation(key, engine(), np.array(other(other_program.SOLVERS[0], _COMPARED)))
-    times = side_by_side(cases, rounds)
+    cases |= {solver: partial(other, solver, count) for solver in other_program.SOLVERS}
+    deviation = _deviation(key, engine(), np.array(other(other_program.SOLVERS[0], count)))
+    times = side_by_side(cases, effort.rounds)
     fastest = min(other_program.SOLVERS, key=times.median)
-    ratio = times.ratio(fastest, "engine") * rows / _COMPARED
+    ratio = times.ratio(fastest, "engine") * rows / count
     per_row = 1e6 * times.median("engine") / rows
     version = ops.version()
     note = f"{fastest} of OpenSees {version}; engine {per_row:.1f} us; displacements agree to {deviation:.0e}"

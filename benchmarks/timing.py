@@ -17,6 +17,22 @@ Cases = Mapping[str, Callable[[], object]]
 
 
 @dataclass(frozen=True)
+class Effort:
+    """How many rounds, and what share of the rows that a figure needs; at least a few."""
+
+    rounds: int = 9
+    share: float = 1.0
+
+    def rows(self, full: int, least: int = 8) -> int:
+        """Rows, or whatever is counted."""
+        return max(int(full * self.share), least)
+
+
+ONCE = Effort(1, 1e-3)
+"""Every line once, to see that it runs; the times mean nothing."""
+
+
+@dataclass(frozen=True)
 class Times:
     """Times of the rounds, s, by case."""
 

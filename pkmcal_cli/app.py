@@ -79,7 +79,7 @@ def _failed(error: Exception, arguments: list[str]) -> int:
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
         hint = "are stiffnesses, lengths and readings in the right units?"
-        error = BadInput.single(f"such numbers cannot be computed with: {error}", None, hint, "numbers")
+        error = BadInput.single("with these numbers nothing can be computed", None, hint, "numbers")
     if isinstance(error, PkmcalError):
         _tell(error.text())
         return error.exit_code

@@ -1,22 +1,22 @@
-"""Reading and writing files: `-` for stdin and stdout, checksums, results that are whole or absent."""
+"""Files: `-` for stdin and stdout, reading, checksums, which names are one file."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import os
-import secrets
 import shutil
 import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, BinaryIO, TextIO
+from typing import BinaryIO
 
-from pkmcal_cli.errors import BadInput, Location, OutputError, did_you_mean
+from pkmcal_cli.errors import BadInput, Location, did_you_mean
 
 STREAM = "-"
+_STDIN = "<stdin>"
 _BLOCK = 1 << 20
 
 
@@ -27,7 +27,12 @@ def is_stream(name: Path | str) -> bool:
 
 def input_name(source: Path | str) -> str:
     """The name of an input in messages."""
-    return "<stdin>" if is_stream(source) else str(source)
+    return _STDIN if is_stream(source) else str(source)
+
+
+def readable(name: str) -> str:
+    """A name that any file can hold: bytes that are no UTF-8 as escapes."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 @contextlib.contextmanager
@@ -79,117 +84,13 @@ def sha256(source: Path | BinaryIO) -> str:
     return digest.hexdigest()
 
 
-def check_target(target: Path | str, *, force: bool = False) -> None:
-    """Find out before the work whether a result could be written. Raises OutputError."""
-    try:
-        if not is_stream(target):
-            _check_path(Path(target), force)
-    except (OSError, ValueError) as error:
-        what = f"cannot be written: {getattr(error, 'strerror', None) or error}"
-        raise OutputError(what, str(target)) from error
+def identity(name: Path | str) -> tuple[int, int] | None:
+    """What tells a file from all others, however it is called: through links, spelt otherwise, as stdin.
 
-
-def _check_path(path: Path, force: bool) -> None:
-    if _is_device(path):
-        return
-    if path.is_dir():
-        raise OutputError("this is a folder", str(path), "give the name of a file in it", "output")
-    if not path.parent.is_dir():
-        hint = f"make it first: `mkdir -p {path.parent}`"
-        raise OutputError("the folder does not exist", str(path.parent), hint, "output")
-    if path.exists() and not force:
-        raise _exists(path)
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError("the folder cannot be written to", str(path.parent), None, "output")
-
-
-@contextlib.contextmanager
-def write_text(target: Path | str, *, force: bool = False) -> Iterator[TextIO]:
-    r"""A UTF-8 text (lines end in "\n") that appears at `target` when the block ends well, or not at all.
-
-    It is written to a temporary file in the same folder, flushed to the disk and moved into place; `-` writes
-    to stdout as it comes. An existing file is replaced only by `force`. Raises OutputError.
+    None of what is not there, and of pipes and devices.
     """
-    path = Path(target)
-    check_target(target, force=force)
-    if is_stream(target):
-        with _output_errors("<stdout>"):
-            try:
-                yield sys.stdout
-                sys.stdout.flush()
-            except BrokenPipeError:
-                _drop_stdout()
-                raise
-    elif _is_device(path):
-        with _output_errors(str(path)), open(path, "w", encoding="utf-8", newline="\n") as file:
-            yield file
-    else:
-        with _output_errors(str(path)):
-            yield from _write_and_move(path.resolve() if path.is_symlink() else path, force)
-
-
-def _write_and_move(path: Path, force: bool) -> Iterator[TextIO]:
-    temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}.part")
-    descriptor = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
     try:
-        with open(descriptor, "w", encoding="utf-8", newline="\n") as file:
-            if path.exists():
-                os.chmod(temporary, stat.S_IMODE(path.stat().st_mode))
-            yield file
-            _sync(file)
-        _move(temporary, path, force)
-    finally:
-        temporary.unlink(missing_ok=True)
-    _sync_folder(path.parent)
-
-
-def _move(temporary: Path, path: Path, force: bool) -> None:
-    """Into place; without `force` a file that has appeared meanwhile is not overwritten either."""
-    if force:
-        os.replace(temporary, path)
-        return
-    try:
-        os.link(temporary, path)
-    except FileExistsError as error:
-        raise _exists(path) from error
-    except OSError as error:  # a file system without links
-        if path.exists():
-            raise _exists(path) from error
-        os.replace(temporary, path)
-
-
-def _exists(path: Path) -> OutputError:
-    return OutputError("the file exists", str(path), "`--force` replaces it", "output")
-
-
-def _is_device(path: Path) -> bool:
-    """A pipe or device such as /dev/null: written directly, never replaced."""
-    return path.exists() and not path.is_file() and not path.is_dir()
-
-
-def _drop_stdout() -> None:
-    """The reader of the pipe has gone: what is left in the buffer goes nowhere, without a second error."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _sync(file: IO[str]) -> None:
-    file.flush()
-    os.fsync(file.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    with contextlib.suppress(OSError):  # some file systems cannot
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-
-@contextlib.contextmanager
-def _output_errors(name: str) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror or error}", name, None, "output") from error
+        found = os.fstat(sys.stdin.fileno()) if str(name) in (STREAM, _STDIN) else os.stat(name)
+    except (OSError, ValueError):
+        return None
+    return (found.st_dev, found.st_ino) if stat.S_ISREG(found.st_mode) else None

@@ -35,6 +35,11 @@ class LoadedMachine:
         """The compiled model."""
         return self.compiled.model
 
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of the machine's file and of those that it extends."""
+        return dict(self.machine.files)
+
 
 def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
     """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails.
@@ -86,13 +91,15 @@ def load_parameters(model: Model, path: str | None) -> Start:
     values = model.nominal
     if path is None:
         return Start(values, {})
-    read = read_parameters(path, model.parameters)
+    read = read_parameters(path, model.parameters, model.fingerprint)
     for name, value in read.values.items():
         values[model.names.index(name)] = value
     told = [] if read.status in (None, "converged") else [f"warning: {path}: the fit ended as `{read.status}`"]
     far = [p.name for p, v in zip(model.parameters, values, strict=True) if not p.bounds[0] <= v <= p.bounds[1]]
     told += [f"warning: {path}: outside the machine file's bounds: {', '.join(far)}"] if far else []
     told += [f"note: {path}: values of other sessions are not used: {', '.join(read.others)}"] if read.others else []
+    if not read.of_machine:
+        told.append(f"note: {path}: no fingerprint: nothing says which machine these values belong to")
     return Start(values, {read.file: read.sha256}, tuple(told), read.covariance)
 
 

@@ -13,6 +13,7 @@ from pkmcal_cli.equilibrium.branch import Mode, drawn_mode
 from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
+from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.layout import GROUND, Index, Layout
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect, Sockets
@@ -104,6 +105,7 @@ class Model:
     sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
+    fingerprint: Fingerprint = field(default_factory=Fingerprint)  # of the machine that was read
 
     @cached_property
     def names(self) -> tuple[str, ...]:

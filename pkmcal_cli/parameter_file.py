@@ -1,4 +1,4 @@
-"""Parameter files: identified values with uncertainty, correlations and provenance; read by `-p` of every command."""
+"""Parameter files: identified values, their uncertainty, of which machine and where from; read by `-p` everywhere."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.errors import BadInput, FaultList, did_you_mean
+from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.language.yaml_source import read_source
 from pkmcal_cli.language.yaml_tree import SourceMap, SourceNode
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     from pkmcal_cli.rotation import Array
 
 
-_SECTIONS = ("provenance", "parameters", "correlations")
+_FINGERPRINT = "fingerprint"
+_SECTIONS = ("provenance", _FINGERPRINT, "parameters", "correlations")
 _ENTRY = ("value", "std", "unit", "identified", "note")
 _NEIGHBOURS = 3  # floating-point numbers on either side that are tried
 
@@ -63,21 +65,25 @@ def dump_parameters(
     entries: Sequence[ParameterEntry],
     correlations: Correlations | None,
     provenance: Mapping[str, Any],
+    fingerprint: Fingerprint,
 ) -> str:
-    """The text of a parameter file."""
+    """The text of a parameter file; `fingerprint`: of the machine that the values belong to."""
     import yaml
 
-    lines = ["# Parameters identified by pkmcal; `-p FILE` takes them in every command."]
+    lines = [
+        "# Parameters identified by pkmcal; `-p FILE` takes them in every command.",
+        f"# Without the line `{_FINGERPRINT}` they are taken for every machine that has parameters of these names.",
+    ]
     head = yaml.safe_dump({"provenance": dict(provenance)}, sort_keys=False, allow_unicode=True, width=1000)
-    lines += [head.rstrip(), "parameters:"]
+    lines += [head.rstrip(), f"{_FINGERPRINT}: {fingerprint.line()}", "parameters:"]
     for e in entries:
         std = "null" if e.std is None else _real(e.std)
-        unit = f", unit: {_scalar(e.unit)}" if e.unit not in ("", "1") else ""
+        unit = f", unit: {scalar(e.unit)}" if e.unit not in ("", "1") else ""
         identified = "true" if e.identified else "false"
-        lines.append(f"  {_scalar(e.name)}: {{value: {_real(e.value)}, std: {std}{unit}, identified: {identified}}}")
+        lines.append(f"  {scalar(e.name)}: {{value: {_real(e.value)}, std: {std}{unit}, identified: {identified}}}")
     if correlations is not None:
         lines.append("correlations: # std: with what is held at its prior, so that all can be carried on")
-        lines.append(f"  names: [{', '.join(_scalar(n) for n in correlations.names)}]")
+        lines.append(f"  names: [{', '.join(scalar(n) for n in correlations.names)}]")
         lines.append(f"  std: [{', '.join(_real(v) for v in correlations.std)}]")
         lines.append("  matrix:")
         lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in correlations.matrix]
@@ -88,7 +94,8 @@ _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/^*]*")
 _WORDS = frozenset(["y", "n", "yes", "no", "true", "false", "on", "off", "null"])  # other readers convert these
 
 
-def _scalar(text: str) -> str:
+def scalar(text: str) -> str:
+    """A text as a YAML scalar, quoted where it could be taken for something else."""
     return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else json.dumps(text, ensure_ascii=False)
 
 
@@ -106,7 +113,8 @@ def _number(value: float) -> str:
 class ParameterFile:
     """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum.
 
-    covariance: names and matrix (p, p), SI; None where the file has none. others: values of sessions that are not here.
+    covariance: names and matrix (p, p), SI; None where the file has none. others: values of sessions that are not
+    here. of_machine: whether it says of which machine it is; that is then the right one.
     """
 
     file: str
@@ -115,16 +123,18 @@ class ParameterFile:
     sha256: str
     covariance: tuple[tuple[str, ...], Array] | None = None
     others: tuple[str, ...] = ()
+    of_machine: bool = True
 
 
-def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> ParameterFile:
-    """A parameter file; parameters that it lacks stay nominal.
+def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fingerprint) -> ParameterFile:
+    """A parameter file of a machine; parameters that it lacks stay nominal.
 
     Entries are `{value, unit, ...}`, a number in the parameter's unit, or a text with a unit. Raises BadInput with
-    all faults.
+    all faults, and for another machine's file with this fault alone.
     """
     source = read_source(path, "a parameter file", "parameters:")
     tree = SourceMap(source.root, {source.file: source.lines})
+    of_machine = _is_of(machine, tree)
     faults = FaultList()
     for fault in source.faults:
         faults.add(fault)
@@ -152,7 +162,27 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter]) -> Paramete
     status = head.child("status") if head is not None else None
     covariance = _covariance(source.root.child("correlations"), known)
     ended = None if status is None else str(status.value)
-    return ParameterFile(source.file, values, ended, source.sha256, covariance, tuple(others))
+    return ParameterFile(source.file, values, ended, source.sha256, covariance, tuple(others), of_machine)
+
+
+def _is_of(machine: Fingerprint, tree: SourceMap) -> bool:
+    """Whether the file has the machine's fingerprint, or none. Raises BadInput where it is of another machine."""
+    node = tree.root.child(_FINGERPRINT)
+    if node is None or node.value is None:
+        return False
+    try:
+        found = read_fingerprint(node.plain())
+    except ValueError:
+        what, remedy = "this is no fingerprint of a machine", "delete the line"
+    else:
+        difference = machine.difference(found)
+        if difference is None:
+            return True
+        what = f"these values belong to another machine, `{found.of}`: `{machine.of}` {difference}"
+        if found.of == machine.of:
+            what = f"these values belong to `{machine.of}` as it was: now it {difference}"
+        remedy = "give the machine that they belong to; to take them all the same, delete this line"
+    raise BadInput([tree.fault(_FINGERPRINT, what, (_FINGERPRINT,), remedy, at_key=True)])
 
 
 def _of_a_session(name: str, parameters: Sequence[ModelParameter]) -> bool:

@@ -123,7 +123,7 @@ class PoseSource:
         stream = MeasurementStream([self.path], self.loaded.machine, "poses")
         more: dict[str, None] = {}
         for block in stream if not self._joins else [concatenate(stream)]:
-            self.inputs |= dict(zip(block.files, block.sha256, strict=True))
+            self.inputs |= block.inputs
             poses, notes = _table_poses(self.loaded, block)
             more |= dict.fromkeys(notes)
             self.forces = self.forces or not np.isnan(block.forces).all()

@@ -17,7 +17,7 @@ PACKAGE = ROOT / "pkmcal_cli"
 MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
 
 LAYERS: tuple[tuple[str, str], ...] = (
-    ("base", "errors families files rotation slots sparse_map words"),
+    ("base", "errors families files outputs rotation slots sparse_map words"),
     ("elements", "elements effects sensors"),
     ("language", "language"),
     ("tables", "tables"),

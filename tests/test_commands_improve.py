@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.improve import _Rotation, improve
+from pkmcal_cli.diagnosis.improve import improve
+from pkmcal_cli.diagnosis.report_rows import Rotation
 from tests.benchmark.setting import ready
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run
 from tests.truth.campaigns import campaign, unit
@@ -177,14 +178,14 @@ def test_report_rows_see_only_what_their_own_rotation_chose(monkeypatch: pytest.
     there = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4))
     arguments = (there.candidates, there.problem, there.selected, None, 0.005, 0)
     every = improve(*arguments)
-    plain = _Rotation.chose
-    first: list[_Rotation] = []
+    plain = Rotation.chose
+    first: list[Rotation] = []
 
-    def stubborn(turn: _Rotation, hypothesis: Hypothesis) -> bool:
+    def stubborn(turn: Rotation, hypothesis: Hypothesis) -> bool:
         first[:] = first or [turn]
         return turn.report is not first[0].report and plain(turn, hypothesis)
 
-    monkeypatch.setattr(_Rotation, "chose", stubborn)
+    monkeypatch.setattr(Rotation, "chose", stubborn)
     most = improve(*arguments)
     assert [h.name for h in most.accepted] == [h.name for h in every.accepted] == ["backlash@q3"]
     assert [s.chosen for s in most.steps] == [4] and [s.chosen for s in every.steps] == [5]

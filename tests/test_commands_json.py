@@ -73,6 +73,14 @@ def odd_field(folder: Path) -> list[str]:
     return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "field.csv"]
 
 
+def one_lost(text: str, column: int) -> str:
+    """A table with the drive of a column (from 0) a metre off in its tenth row."""
+    lines = text.splitlines()
+    cells = lines[10].split(",")
+    cells[column] = str(float(cells[column]) + 1000)
+    return "\n".join([*lines[:10], ",".join(cells), *lines[11:], ""])
+
+
 def commands(folder: Path) -> dict[str, list[list[str]]]:
     """Runs that together show every key."""
     (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
@@ -86,6 +94,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
+    for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
+        (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
     assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", folder / "p.yaml", "-q", "--force").code == 0
     pin, belts = MACHINES / "delta4.yaml", MACHINES / "belt-router"
     return {
@@ -97,17 +107,17 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "sensitivity": [[TRIGLIDE]],
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"]],
         "calibrate": [
-            [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"],
+            [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
         ],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
-            [SCISSORS, SHOPFLOOR], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
+            [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
         ],
         "effects": [[], [TRIGLIDE]],
         "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
-            [TRIGLIDE, TRIGLIDE_DATA]],
-        "improve": [[SCISSORS, SHOPFLOOR, "-o", "improved.yaml"]],
+            [TRIGLIDE, "lost.csv"]],
+        "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml"]],
     }  # fmt: skip
 
 

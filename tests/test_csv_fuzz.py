@@ -21,17 +21,24 @@ CELL = st.one_of(
     st.integers(-(10**6), 10**6).map(str),
     st.sampled_from(ODD),
 )
-LINE = st.one_of(st.lists(CELL, min_size=3, max_size=3), st.lists(CELL, max_size=5))
+LINE = st.one_of(
+    st.lists(CELL, min_size=3, max_size=3),
+    st.lists(CELL, max_size=5),
+    st.builds(lambda cells, ends: [*cells, *ends], st.lists(CELL, max_size=3), st.lists(st.just(""), max_size=3)),
+)
 
 
 @settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], deadline=None)
-@given(rows=st.lists(LINE, min_size=1, max_size=6), separator=st.sampled_from([",", ";", "\t"]))
-@example(rows=[["1", "2"], ["1", "2", "3", "4"]], separator=",")
-@example(rows=[["1", "2", ""], ["", "", ""]], separator=";")
-def test_fast_and_plain_reader_agree(rows: list[list[str]], separator: str) -> None:
+@given(
+    rows=st.lists(LINE, min_size=1, max_size=6), separator=st.sampled_from([",", ";", "\t"]), trailing=st.integers(0, 2)
+)
+@example(rows=[["1", "2"], ["1", "2", "3", "4"]], separator=",", trailing=0)
+@example(rows=[["1", "2", ""], ["", "", ""]], separator=";", trailing=0)
+@example(rows=[["1", "2", "a", ""], ["1", "2", "a"], ["1", "2", "a", "", ""]], separator=",", trailing=1)
+def test_fast_and_plain_reader_agree(rows: list[list[str]], separator: str, trailing: int) -> None:
     block = "".join(separator.join(row) + "\n" for row in rows)
     header = tuple(split_header(name) for name in ("x", "y", "id"))
-    form = Format(separator, ".", True, 1, header)
+    form = Format(separator, ".", True, 1, header, trailing)
     plan = Plan(("number", "number", "text"))
     results = []
     for fast in (True, False):
@@ -72,6 +79,21 @@ def test_a_fault_deep_in_a_large_file_has_its_line(tmp_path: Path, monkeypatch: 
     with pytest.raises(BadInput) as caught:
         read_table(path)
     assert f"{path}:3459:1: error[csv-width]" in caught.value.text()
+
+
+@pytest.mark.parametrize("large", [0, 1 << 22], ids=["fast", "plain"])
+@pytest.mark.parametrize("odd", ["1.5,7,2.5,,", "1.5,,"])
+def test_an_odd_row_beyond_the_head(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: int, odd: str) -> None:
+    monkeypatch.setattr(csv_table, "_LARGE", large)
+    monkeypatch.setattr(csv_table, "_BLOCK", 5000)
+    rows = ["1.5,2.5,,"] * 20_000
+    rows[15_000] = odd
+    path = tmp_path / "t.csv"
+    path.write_text("x,y,f\n" + "\n".join(rows))
+    with pytest.raises(BadInput) as caught:
+        read_table(path)
+    assert [str(fault.where) for fault in caught.value.faults] == [f"{path}:15002:1"]
+    assert "the other rows have 4" in caught.value.text()
 
 
 @settings(max_examples=300, deadline=None)

@@ -21,7 +21,7 @@ from pkmcal_cli.tables.measurements import read_measurements
 task, path, machine, *names = sys.argv[1:]
 if task == "write":
     rng = np.random.default_rng(0)
-    with open_writer(path, [(name, None) for name in names]) as writer:
+    with open_writer(path, [(name, None) for name in names], ()) as writer:
         for _ in range(100):
             writer.write(list(rng.normal(size=(len(names), 10_000))))
 else:

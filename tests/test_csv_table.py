@@ -51,6 +51,10 @@ SAME = {
     "lines of separators": "x,y\n1.5,2.5\n,\n-3,4.25e-3\n,\n",
     "trailing separators": "x,y,\n1.5,2.5,\n-3,4.25e-3,\n",
     "trailing separators of rows": "x,y\n1.5,2.5,\n-3,4.25e-3,\n",
+    "trailing separators, German": "x;y;;;\n1,5;2,5;;;\n-3;4,25e-3;;;\n",
+    "trailing tabs of rows": "x\ty\n1.5\t2.5\t\n-3\t4.25e-3\t\n",
+    "padded rows, lines of fewer separators": "x,y,,\n1.5,2.5,,\n,\n-3,4.25e-3,,\n,,,,,\n\n",
+    "blanks at the ends": "x   y \n1.5 2.5   \n-3   4.25e-3\n",
     "no end of line at the end": "x,y\n1.5,2.5\n-3,4.25e-3",
     "comments": "# made by hand\n# twice\nx,y\n1.5,2.5\n-3,4.25e-3\n",
     "sep line": "sep=;\nx;y\n1,5;2,5\n-3;4,25e-3\n",
@@ -166,6 +170,26 @@ REFUSED = {
     "unit in the cell": ("x,y\n5 mm,2\n", "help: the unit stands in the header: `x [mm]`"),
     "line of units": ("x,y\nmm,deg\n1,2\n", "t.csv:2:4: error[csv-number]: `deg` in column `y`"),
     "comment below the header": ("x,y\n1,2\n#3,4\n", "help: comments stand before the header only"),
+    "separator too many": (
+        "x,y,f\n1,2,\n3,4,\n5,0,6,\n",
+        "t.csv:4:1: error[csv-width]: the row has 4 cells, the header",
+    ),
+    "separator too few": (
+        "x,y,f\n1,2,,\n3,4,\n5,6,,\n",
+        "t.csv:3:1: error[csv-width]: the row has 3 cells, the other rows have 4",
+    ),
+    "one of two rows": ("x,y,f,\n1,2,,\n3,4,,,\n", "t.csv:3:1: error[csv-width]: the row has 5 cells, the other rows"),
+    "one of two rows, logger": ("x,y,f\n1,2,,\n3,4,\n", "t.csv:2:1: error[csv-width]: the row has 4 cells"),
+    "German, too many": ("x;y;f;\n1,5;2;;\n3,5;4;;;\n5;6;;\n", "t.csv:3:1: error[csv-width]: the row has 5 cells"),
+    "a value at the end": (
+        "x,y,\n1,2,\n3,4,5\n",
+        "t.csv:3:5: error[csv-width]: the row has 3 cells, the header names 2",
+    ),
+    "only the header ends with a separator": (
+        "x,y,\n1,2\n3,4\n",
+        "t.csv:1:5: error[csv-width]: the header ends with 1 cell without a name, the rows with none",
+    ),
+    "the header ends with more": ("x,y,,\n1,2,\n3,4,\n", "without a name, the rows with 1"),
     "narrow rows": ("x,y\n1\n2\n", "t.csv:2:1: error[csv-width]: the header names 2"),
     "title line": ("Report 2021\nx;y\n1,5;2,5\n", "help: line 1 is read as the header"),
     "date": ("x,y\n2021-12-16,4\n", "help: only column `time` holds dates"),
@@ -176,6 +200,20 @@ REFUSED = {
 @pytest.mark.parametrize(("content", "expected"), REFUSED.values(), ids=REFUSED.keys())
 def test_refused(tmp_path: Path, content: str | bytes, expected: str) -> None:
     assert expected in message(tmp_path, content)
+
+
+def test_the_odd_rows_are_named_and_not_the_others(tmp_path: Path) -> None:
+    """Whichever rows are fewer: a cell too many or too few in them, the last column being empty everywhere."""
+    for usual in (0, 1, 2):
+        rows = ["1,2," + "," * usual] * 30
+        rows[4] += ","
+        rows[20] = "1,2" + "," * usual
+        for header in {"x,y,f", "x,y,f" + "," * usual}:
+            text = message(tmp_path, "\n".join([header, *rows]))
+            assert text.count("error[") == 2, (header, text)
+            assert "t.csv:6:1: error[csv-width]" in text
+            assert "t.csv:22:1: error[csv-width]" in text
+            assert "a separator too many moves the cells after it into other columns" in text
 
 
 def test_zero_byte_far_down(tmp_path: Path) -> None:

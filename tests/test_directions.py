@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.identifiability import Directions, combinations, directions, sparse_basis
+from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations, directions, sparse_basis
+from pkmcal_cli.report.parameters import combination_json
+from tests.support import model
 
 
 def found_in(rows: list[list[float]], ranges: list[float] | None = None) -> Directions:
@@ -67,6 +71,41 @@ def test_determined_sums_do_not_feel_null_directions(seed: int) -> None:
     assert np.linalg.matrix_rank(scaled / np.abs(scaled).max(axis=1, keepdims=True)) == len(index) - 2
     shares = (combination.determined @ unseen.T) / np.linalg.norm(scaled, axis=1)[:, None]
     assert np.abs(shares).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_null_direction_is_told_and_the_advice_determines_the_rest(seed: int) -> None:
+    """Random null spaces of one to four dimensions, shared by all or in groups: each parameter that is undetermined is
+    named, no coefficient is 0, and without the parameters to be held the data see all.
+    """
+    rng = np.random.default_rng(seed)
+    names, rank = tuple("abcdefg"), int(rng.integers(3, 7))
+    jacobian = 100 * rng.normal(size=(12, rank)) @ rng.normal(size=(rank, 7))
+    if seed % 2:
+        jacobian[:, :3] = rng.normal(size=(12, 1)) @ [[1e3, 2e3, -1e3]]  # a group of its own
+    found = directions(jacobian, names, np.ones(7))
+    null = [c for c in combinations(found) if c.kind == "null"]
+    assert sum(len(c.motions) for c in null) == int(found.null.sum()) == 7 - found.rank
+    assert np.abs(jacobian @ _full(null, names).T).max() < 1e-6
+    told = {n for n in names if any(re.search(rf"\b{n} ([+-]|has)", text) for c in null for text in c.told)}
+    assert told == {n for n, lost in zip(names, found.undetermined(), strict=True) if lost}
+    shown = [each for c in null for each in combination_json(model("triglide"), c)]
+    assert len(shown) == found.null.sum() and all(v for each in shown for v in each["parameters"].values())
+    hold = [n for c in null for n in c.hold]
+    rest = [k for k, n in enumerate(names) if n not in hold]
+    assert len(hold) == len(set(hold)) == found.null.sum()
+    assert not directions(jacobian[:, rest], tuple(names[k] for k in rest), np.ones(len(rest))).null.any()
+
+
+def _full(null: list[Combination], names: tuple[str, ...]) -> np.ndarray:
+    """Motions (k, p) of all parameters."""
+    rows = []
+    for c in null:
+        for motion in c.motions:
+            row = np.zeros(len(names))
+            row[[names.index(n) for n in c.names]] = motion
+            rows.append(row)
+    return np.array(rows)
 
 
 def test_sparse_basis_spans_the_same() -> None:

@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pkmcal_cli.errors import BadInput, OutputError
-from pkmcal_cli.files import check_target, sha256, write_text
+from pkmcal_cli.files import sha256
+from pkmcal_cli.outputs import check_target, write_text
 from pkmcal_cli.tables import csv_table
 from pkmcal_cli.tables.csv_table import read_table, write_table
 
@@ -58,7 +59,7 @@ def test_infinite_numbers_are_not_written(tmp_path: Path) -> None:
 
 
 def test_blocks_are_appended(tmp_path: Path) -> None:
-    with csv_table.open_writer(tmp_path / "out.csv", [("x", "mm"), ("id", None)]) as writer:
+    with csv_table.open_writer(tmp_path / "out.csv", [("x", "mm"), ("id", None)], ()) as writer:
         for start in range(3):
             writer.write([np.array([start, start + 0.5]), [f"p{start}", "q"]])
     rows = list(csv.reader((tmp_path / "out.csv").open()))
@@ -76,7 +77,7 @@ def test_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
-    with write_text(target) as file:
+    with write_text(target, ()) as file:
         file.write("half")
         assert not target.exists()
     assert target.read_text() == "half"
@@ -90,7 +91,7 @@ def test_a_file_appears_whole(tmp_path: Path) -> None:
 def test_or_not_at_all(tmp_path: Path, error: type[BaseException]) -> None:
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(error), write_text(target, force=True) as file:
+    with pytest.raises(error), write_text(target, (), force=True) as file:
         file.write("half")
         raise error
     assert target.read_text() == "old"
@@ -101,11 +102,11 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
     target.write_text("old")
     target.chmod(0o640)
-    with pytest.raises(OutputError, match="exists") as caught, write_text(target):
+    with pytest.raises(OutputError, match="exists") as caught, write_text(target, ()):
         raise AssertionError
     assert caught.value.exit_code == 4
     assert "`--force` replaces it" in caught.value.text()
-    with write_text(target, force=True) as file:
+    with write_text(target, (), force=True) as file:
         file.write("new")
     assert target.read_text() == "new"
     assert target.stat().st_mode & 0o777 == 0o640
@@ -113,7 +114,7 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
 
 def test_a_file_that_appears_meanwhile_stays(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
-    with pytest.raises(OutputError, match="exists"), write_text(target) as file:
+    with pytest.raises(OutputError, match="exists"), write_text(target, ()) as file:
         file.write("mine")
         target.write_text("theirs")
     assert target.read_text() == "theirs"
@@ -123,35 +124,35 @@ def test_a_file_that_appears_meanwhile_stays(tmp_path: Path) -> None:
 def test_links_are_written_through(tmp_path: Path) -> None:
     (tmp_path / "real.txt").write_text("old")
     (tmp_path / "link.txt").symlink_to("real.txt")
-    with write_text(tmp_path / "link.txt", force=True) as file:
+    with write_text(tmp_path / "link.txt", (), force=True) as file:
         file.write("new")
     assert (tmp_path / "real.txt").read_text() == "new"
     assert (tmp_path / "link.txt").is_symlink()
 
 
 def test_targets_are_checked_before_the_work(tmp_path: Path) -> None:
-    check_target("-")
-    check_target("/dev/null")
-    check_target(tmp_path / "a.csv")
+    check_target("-", ())
+    check_target("/dev/null", ())
+    check_target(tmp_path / "a.csv", ())
     (tmp_path / "b.csv").touch()
     with pytest.raises(OutputError, match="exists"):
-        check_target(tmp_path / "b.csv")
-    check_target(tmp_path / "b.csv", force=True)
+        check_target(tmp_path / "b.csv", ())
+    check_target(tmp_path / "b.csv", (), force=True)
     with pytest.raises(OutputError, match="the folder does not exist"):
-        check_target(tmp_path / "no" / "a.csv")
+        check_target(tmp_path / "no" / "a.csv", ())
     with pytest.raises(OutputError, match="this is a folder"):
-        check_target(tmp_path, force=True)
+        check_target(tmp_path, (), force=True)
 
 
 def test_devices_are_written_directly() -> None:
-    with write_text("/dev/null") as file:
+    with write_text("/dev/null", ()) as file:
         file.write("x")
     assert Path("/dev/null").is_char_device()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_a_full_disk_is_an_output_error() -> None:
-    with pytest.raises(OutputError, match="cannot be written"), write_text("/dev/full") as file:
+    with pytest.raises(OutputError, match="cannot be written"), write_text("/dev/full", ()) as file:
         file.write("x" * 100_000)
 
 

@@ -226,7 +226,7 @@ def test_the_turn_of_the_whole_machine() -> None:
     fit = identify(problem, ("g1", "g2", "g3", "l1", "l2", "l3"))
     null = [c for c in combinations(fit.found) if c.kind == "null"]
     assert [set(c.names) for c in null] == [{"g1", "g2", "g3"}]
-    assert np.abs(null[0].direction) == pytest.approx([1, 1, 1], abs=1e-6)
+    assert np.abs(null[0].motions) == pytest.approx(np.ones((1, 3)), abs=1e-6)
     assert null[0].determined.shape == (2, 3)
     assert null[0].determined @ np.ones(3) == pytest.approx([0, 0], abs=1e-6)
     assert np.isnan(fit.std[:3]).all()
@@ -248,7 +248,7 @@ def test_json_of_a_combination() -> None:
     machine, problem = delta_problem({"R1": 2e-4})
     fit = identify(problem, ("R1", "r1", "l1"))
     (combination,) = combinations(fit.found)
-    shown = combination_json(machine, combination, fit)
+    (shown,) = combination_json(machine, combination, fit)
     assert shown["kind"] == "null"
     assert shown["std_in_ranges"] is None
     assert shown["determined"][0]["value"] == pytest.approx(240.2, abs=1e-6)  # type: ignore[index]

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import pkmcal_cli.calibration.identify as identification
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
@@ -121,14 +122,40 @@ def test_nothing_identifiable() -> None:
     assert identify(blank, ("l1",)).status == "nothing_identifiable"
 
 
-def test_a_row_that_cannot_be_predicted_is_no_number() -> None:
-    """The row is named; the others, which can be fitted, do not hide it."""
+def test_no_empty_system_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LAPACK as scipy 1.11 calls it refuses one, and nothing identifiable would be an internal error."""
+    solve = identification.solve_triangular
+
+    def strict(upper: np.ndarray, right: np.ndarray) -> np.ndarray:
+        if not upper.size:
+            raise ValueError("illegal value in 7th argument of internal trtrs")
+        return np.asarray(solve(upper, right))
+
+    monkeypatch.setattr(identification, "solve_triangular", strict)
+    _, problem, _ = noisy()
+    assert identify(problem, ("k1", "k2")).status == "nothing_identifiable"
+
+
+def test_a_row_that_cannot_be_predicted_has_no_part_in_the_fit() -> None:
+    """It is named, and the fit is that of the others, to the last digit."""
     plan, problem, _ = noisy()
     positions = plan.positions.copy()
     positions[17, 0] -= 1.0
+    fit = identify(plan.problem(problem.readings, positions), plan.selected)
+    alone = identify(problem.without([17]), plan.selected)
+    assert list(fit.failed) == [17] and "out of reach" in fit.failed[17]
+    assert fit.status == "converged" and (fit.dof, fit.iterations) == (alone.dof, alone.iterations)
+    assert fit.values == pytest.approx(alone.values, rel=1e-12) and fit.std == pytest.approx(alone.std, rel=1e-9)
+
+
+def test_rows_of_which_half_cannot_be_predicted_are_no_table() -> None:
+    plan, problem, _ = noisy()
+    positions = plan.positions.copy()
+    positions[::2, 0] -= 1.0
     with pytest.raises(RowsFailed) as caught:
         identify(plan.problem(problem.readings, positions), plan.selected)
-    assert np.nonzero(~caught.value.evaluation.prediction.solved)[0].tolist() == [17]
+    lost = np.nonzero(~caught.value.evaluation.prediction.solved)[0].tolist()
+    assert lost == list(range(0, len(problem), 2))
 
 
 def test_weak_directions_are_not_moved() -> None:

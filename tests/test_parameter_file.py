@@ -11,6 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pkmcal_cli.errors import BadInput
+from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.unit_text import UNITS, parse_unit
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import ModelParameter
@@ -44,7 +45,8 @@ def test_values_may_be_written_by_hand(tmp_path: Path) -> None:
     wanted = {"l1": 0.3005, "l2": 0.3001, "l3": 0.6001, "gamma": 1e-3, "xb1r": 12e-6, "k1": 5e7, "yb1r": 0.1}
     assert {k: found[k] for k in wanted} == pytest.approx(wanted)
     assert found["k2"] == 5e7, "what the file lacks stays nominal"
-    assert list(start.inputs) == [str(file)] and start.warnings == ()
+    assert list(start.inputs) == [str(file)]
+    assert start.warnings == (f"note: {file}: no fingerprint: nothing says which machine these values belong to",)
 
 
 NUMBERS = st.floats(-1e6, 1e6).filter(lambda x: x == 0 or abs(x) > 1e-200)
@@ -87,11 +89,12 @@ def test_files_are_read_as_they_were_written(values: dict[str, tuple[float, bool
         entries,
         Correlations(list(values), [1.0] * len(values), matrix),
         {"status": "converged", "arguments": ["a: b", "#", "é"]},
+        Fingerprint(),
     )
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "p.yaml"
         file.write_text(text, encoding="utf-8")
-        found = read_parameters(str(file), [parameter(n, "m") for n in values])
+        found = read_parameters(str(file), [parameter(n, "m") for n in values], Fingerprint())
     assert dict(found.values) == {n: v for n, (v, _) in values.items()}
     assert found.status == "converged"
     other = yaml.safe_load(text)
@@ -105,12 +108,12 @@ def other_entry(entry: ParameterEntry) -> dict[str, object]:
 
 
 def test_a_plain_number_has_no_unit() -> None:
-    text = dump_parameters([ParameterEntry("f", 2.0, 0.1, "1", True)], None, {})
+    text = dump_parameters([ParameterEntry("f", 2.0, 0.1, "1", True)], None, {}, Fingerprint())
     assert "f: {value: 2.0, std: 0.1, identified: true}" in text and "correlations" not in text
 
 
 def test_undetermined_correlations_are_null() -> None:
-    text = dump_parameters([], Correlations(["a"], [1.0], [[math.nan]]), {})
+    text = dump_parameters([], Correlations(["a"], [1.0], [[math.nan]]), {}, Fingerprint())
     assert "- [null]" in text
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -34,6 +35,13 @@ class Fit:
     iterations: int
     at_bound: tuple[str, ...]
     last: Evaluation  # with derivatives and the drives' errors, as the fit ended
+    failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts had no part in it
+    flat: bool = False  # whether chi-square had hardly changed for some steps when the fit ended
+
+    @property
+    def settled(self) -> bool:
+        """Whether the fit has converged, or chi-square at least: parameters that hardly matter may still wander."""
+        return self.status == "converged" or (self.status == "not_converged" and self.flat)
 
     @property
     def shift(self) -> Array:

@@ -68,18 +68,19 @@ def fitted(
 ) -> Fitted:
     """Calibrate from values (P,); session (N,): number of the session of each row. Raises RowsFailed.
 
-    `tell` announces what takes longer.
+    The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer.
     """
     problem = _with_prior(problem, selected, how)
     first, agreement = identify_from(problem, selected, start, how.starts, how.seed, tell)
-    found = _with_loss(problem, first, how)
+    found = _with_loss(problem.without(first.failed), first, how)
     return Fitted(found, _intervals(found, how, session), agreement)
 
 
 def fitted_again(how: Treatment, problem: Problem, selected: tuple[str, ...], start: Array) -> Fit:
     """The same fit of other rows, from one start. Raises RowsFailed."""
     problem = _with_prior(problem, selected, how)
-    return _with_loss(problem, identify(problem, selected, start), how).fit
+    first = identify(problem, selected, start)
+    return _with_loss(problem.without(first.failed), first, how).fit
 
 
 def _with_prior(problem: Problem, selected: tuple[str, ...], how: Treatment) -> Problem:

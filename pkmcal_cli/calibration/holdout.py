@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figur
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, evaluate
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
 from pkmcal_cli.calibration.same_poses import poses_alike
 from pkmcal_cli.model import Model
 from pkmcal_cli.rotation import Array
@@ -96,16 +96,18 @@ def cross_validate(
         own = _unknown_to(problem.take(outside), part)
         fitted_too |= dict.fromkeys(own)
         found = _predicted(part, trained.values, own)
-        solved = np.nonzero(found.prediction.solved)[0]
-        lost += len(part) - len(solved)
-        if len(solved) < len(part):
-            part = part.take(solved)
-            found = evaluate(part, found.values)
-        after.append(error_figures(part, found))
+        gone = lost_rows(part, found)
+        lost += len(gone)
+        part = part.without(gone)
+        after.append(error_figures(part, predicted_part(part, found)[1]))
         before.append(error_figures(part, evaluate(part, fit.before.values)))
     words = [scheme] + ([f"{', '.join(fitted_too)} fitted to them"] if fitted_too else [])
-    words += [f"{lost} of {len(problem)} rows could not be predicted"] if lost else []
+    words += _lost_words(lost, len(problem))
     return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed)
+
+
+def _lost_words(lost: int, rows: int) -> list[str]:
+    return [f"{lost} of {rows} rows could not be predicted"] if lost else []
 
 
 def _refitted(problem: Problem, fit: Fit, again: Refit) -> Fit | None:
@@ -131,8 +133,9 @@ def _predicted(part: Problem, values: Array, own: tuple[str, ...]) -> Evaluation
 
 def _without_bench(part: Problem) -> Problem:
     """What was measured once is part of every fit, so it is not held out."""
-    once = np.array([not np.isnan(c.once) for c in part.model.channels], dtype=bool)
-    return replace(part, measured=part.measured & ~once) if once.any() else part
+    measured = part.measured.copy()
+    measured[:, part.once] = False
+    return replace(part, measured=measured) if part.once else part
 
 
 def _unknown_to(trained: Problem, part: Problem) -> tuple[str, ...]:
@@ -152,14 +155,18 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
     """
     parameters = problem.model.parameters
     own = tuple(p.name for p in parameters if p.per_session or (p.session and p.session not in model.sessions))
-    figures = []
-    for values, reachable in ((fit.before.values, False), (fit.values, True)):
-        known = dict(zip(model.names, values, strict=True))
-        start = np.array([known.get(n, v) for n, v in zip(problem.model.names, problem.model.nominal, strict=True)])
-        fitted = identify(problem, own, start).values if own or reachable else start
-        figures.append(error_figures(_without_bench(problem), evaluate(problem, fitted)))
-    words = f"{scheme}; {', '.join(own)} fitted to them" if own else scheme
-    return HeldOut(figures[0], figures[1], words, 1, 0)
+
+    def known(values: Array) -> Array:
+        there = dict(zip(model.names, values, strict=True))
+        return np.array([there.get(n, v) for n, v in zip(problem.model.names, problem.model.nominal, strict=True)])
+
+    after = identify(problem, own, known(fit.values))
+    part = problem.without(after.failed)  # these rows count neither before nor after
+    start = known(fit.before.values)
+    before = identify(part, own, start).values if own else start
+    figures = [error_figures(_without_bench(part), evaluate(part, values)) for values in (before, after.values)]
+    words = [scheme, *([f"{', '.join(own)} fitted to them"] if own else [])]
+    return HeldOut(figures[0], figures[1], "; ".join([*words, *_lost_words(len(after.failed), len(problem))]), 1, 0)
 
 
 def enough_rows(problem: Problem, selected: tuple[str, ...]) -> bool:

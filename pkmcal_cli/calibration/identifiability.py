@@ -127,25 +127,34 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, known: in
 class Combination:
     """Parameters that data cannot tell apart, and the combinations of them that are determined.
 
-    `direction`: (name, coefficient) of the motion that is not seen (null) or barely seen (weak), largest 1 in range
-    units. `determined`: coefficient rows in SI with respect to `names`.
+    `motions` (k, m): of the members `names`, each in units of the ranges with largest component 1, that are not seen
+    (null) or barely seen (weak, k is 1). `determined`: coefficient rows in SI with respect to `names`. `hold`: k
+    members; where these are held the data see the others.
     """
 
     kind: str  # "null" or "weak"
     names: tuple[str, ...]
-    direction: tuple[float, ...]
+    motions: Array
     determined: Array  # (d, len(names)) SI coefficients, leading one 1
     std: float  # of a weak direction in ranges, inf for null
+    hold: tuple[str, ...]
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Every motion in words, coefficients in units of the ranges."""
+        return tuple(self._motion(row) for row in self.motions)
+
+    def _motion(self, row: Array) -> str:
+        terms = [(n, c) for n, c in zip(self.names, row, strict=True) if abs(c) >= _SHOWN]
+        if len(terms) == 1:
+            return f"{terms[0][0]} {'has no influence' if self.kind == 'null' else 'is barely seen'}"
+        parts = ", ".join(f"{n} {c:+.2f}" for n, c in terms)
+        return f"{parts} {'apart they are not seen' if self.kind == 'null' else 'are barely told apart'}"
 
     @property
     def text(self) -> str:
-        """In words, coefficients in units of the ranges."""
-        if len(self.names) == 1:
-            seen = "has no influence" if self.kind == "null" else "is barely seen"
-            return f"{self.names[0]} {seen}"
-        terms = zip(self.names, self.direction, strict=True)
-        parts = ", ".join(f"{n} {c:+.2f}" for n, c in terms if abs(c) >= _SHOWN)
-        return f"{parts} {'apart they are not seen' if self.kind == 'null' else 'are barely told apart'}"
+        """All in words."""
+        return "; ".join(self.told)
 
 
 def combinations(found: Directions) -> tuple[Combination, ...]:
@@ -160,7 +169,8 @@ def combinations(found: Directions) -> tuple[Combination, ...]:
         members = np.nonzero(np.abs(vector) > 0.1)[0]
         names = tuple(found.names[m] for m in members)
         std = float(1.0 / found.singular_values[k])
-        out.append(Combination("weak", names, tuple(vector[members]), np.zeros((0, len(names))), std))
+        strongest = (found.names[int(np.argmax(np.abs(vector)))],)
+        out.append(Combination("weak", names, vector[members][None], np.zeros((0, len(names))), std, strongest))
     return tuple(out)
 
 
@@ -210,4 +220,6 @@ def _null_combination(found: Directions, basis: Array) -> Combination:
         lead = np.take_along_axis(scaled, np.argmax(np.abs(scaled) > 1e-9 / found.ranges[members], axis=1)[:, None], 1)
         seen = scaled / lead
     names = tuple(found.names[m] for m in members)
-    return Combination("null", names, tuple(basis[0, members]), seen, float("inf"))
+    motions = basis[:, members]
+    hold = tuple(names[k] for k in sorted(_pivot_order(motions)[: len(motions)].tolist()))
+    return Combination("null", names, motions, seen, float("inf"), hold)

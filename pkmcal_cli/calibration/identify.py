@@ -7,8 +7,8 @@ Each step is the minimum-norm Gauss-Newton step in range units within the direct
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,16 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses, loose_drives
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, linearise
+from pkmcal_cli.calibration.residual import (
+    Evaluation,
+    Linearised,
+    chi_square,
+    evaluate,
+    linearise,
+    lost_rows,
+    reasons,
+    residuals,
+)
 from pkmcal_cli.rotation import Array
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
@@ -28,11 +37,13 @@ _LIGHT = 1e-5  # the smallest damping, as a share of the largest squared column 
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
+_SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
+_LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
 class RowsFailed(Exception):
-    """Some rows cannot be predicted at the starting values."""
+    """Most rows cannot be predicted at the starting values, nor where fits of the others lead."""
 
     def __init__(self, evaluation: Evaluation) -> None:
         super().__init__("rows cannot be predicted")
@@ -69,43 +80,93 @@ def identify(
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
+    Rows that cannot be predicted wherever fits of the others lead are left out: `Fit.failed`, less than half of all.
+    So are those that can be predicted only where nothing is explained any more.
     `shift`: drive errors (N, A) of an earlier fit, to begin with.
     """
+    fit = _identified(problem, selected, start, iterations, progress, shift)
+    doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
+    if not doubt or doubt.keys() <= fit.failed.keys():
+        return fit
+    try:
+        rest = _identified(problem.without(doubt), selected, start, iterations, progress, None)
+    except RowsFailed:
+        return fit
+    spoilt = rest.status == "converged" and fit.chi2_per_dof > _SPOILT * max(rest.chi2_per_dof, 1.0)
+    return replace(rest, before=fit.before, failed={**doubt, **rest.failed}) if spoilt else fit
+
+
+def _identified(
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array | None,
+    iterations: int,
+    progress: Callable[[int, float], None] | None,
+    shift: Array | None,
+) -> Fit:
+    """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate(problem, problem.model.nominal if start is None else start, selected, shift=shift)
-    if problem.count == 0 or not (selected or problem.drive_sigma.any()):
-        if not first.solved:
-            raise RowsFailed(first)
-        return _finished(problem, selected, first, first, "nothing_identifiable", 0)
     scale = _Scaled.of(problem, selected)
-    now = first if shift is not None and first.solved else _begin(problem, scale, first)
-    count, damping, status = 0, 0.0, ""
-    while count < iterations and not status:
-        count += 1
-        near = linearise(problem, now)
-        now, damping, status = _advance(problem, scale, now, near, damping)
+    fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
+    lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first)
+    failed = reasons(problem, lead)
+    kept, now = _kept(problem, first, lead, failed)
+    if fixed:
+        return _finished(kept, selected, first, now, "nothing_identifiable", 0, failed)
+    damping, status, chi2 = 0.0, "", list[float]()
+    while len(chi2) < iterations and not status:
+        near = linearise(kept, now)
+        chi2.append(near.chi2)
+        now, damping, status = _advance(kept, scale, now, near, damping)
+        if status and not (again := evaluate(kept, now.values, None, now.state, now.shift)).solved:
+            failed, status = failed | reasons(kept, again), ""  # a state that does not hold is none
+            kept, now = _kept(problem, first, evaluate(problem, now.values, selected, now.state, now.shift), failed)
         if progress is not None:
-            progress(count, near.chi2)
-    return _finished(problem, selected, first, now, status or "not_converged", count)
+            progress(len(chi2), near.chi2)
+    fit = _finished(kept, selected, first, now, status or "not_converged", len(chi2), failed)
+    return replace(fit, flat=_flat([*chi2, fit.chi2]))
 
 
-def _begin(problem: Problem, scale: _Scaled, first: Evaluation) -> Evaluation:
+def _flat(chi2: Sequence[float]) -> bool:
+    """Whether chi-square has hardly changed in the last steps."""
+    last = chi2[-_LAST:]
+    return len(last) == _LAST and max(last) - min(last) < _LITTLE * min(last)
+
+
+def _kept(problem: Problem, first: Evaluation, now: Evaluation, failed: Collection[int]) -> tuple[Problem, Evaluation]:
+    """The problem without rows that failed, and the evaluation as it is for that.
+
+    Raises RowsFailed with the start's evaluation, `first`, where half of the rows failed, or too few values are left.
+    """
+    if not failed:
+        return problem, now
+    kept, shift = problem.without(failed), now.shift.copy()
+    if 2 * len(failed) >= int(problem.measured.any(axis=1).sum()) or kept.count < len(now.parameters) <= problem.count:
+        raise RowsFailed(first)
+    shift[list(failed)] = 0.0
+    return kept, replace(now, shift=shift, residual=residuals(kept, now.prediction.values))
+
+
+def _led(problem: Problem, scale: _Scaled, first: Evaluation) -> Evaluation:
     """Where all rows can be predicted: the start, or where fits of the rows that can be lead to.
 
-    Raises RowsFailed with the start's evaluation where these do not lead to more and more rows.
+    Where these do not lead to more and more rows, the evaluation that has fewest lost rows.
     """
-    now, best = _nearest(problem, scale, first), 0
+    now = _nearest(problem, scale, first)
     while not now.solved:
         rows = np.nonzero(now.prediction.solved)[0]
-        if len(rows) <= best:
-            raise RowsFailed(first)
-        best = len(rows)
+        if not len(rows):
+            break
         part = problem.take(rows)
         lead, damping, status = evaluate(part, now.values, scale.names, shift=now.shift[rows]), 0.0, ""
-        for _ in range(_LEAD):
+        for _ in range(_LEAD if lead.solved else 0):
             lead, damping, status = _advance(part, scale, lead, linearise(part, lead), damping)
             if status:
                 break
-        now = _nearest(problem, scale, evaluate(problem, lead.values, scale.names))
+        further = _nearest(problem, scale, evaluate(problem, lead.values, scale.names))
+        if len(lost_rows(problem, further)) >= len(lost_rows(problem, now)):
+            break
+        now = further
     return now
 
 
@@ -119,10 +180,9 @@ def _nearest(problem: Problem, scale: _Scaled, plain: Evaluation) -> Evaluation:
     if not shift.any():
         return plain
     posed = evaluate(problem, plain.values, scale.names, shift=shift)
-    counts = [int(e.prediction.solved.sum()) for e in (plain, posed)]
-    if counts[0] == counts[1] == len(problem):
+    if plain.solved and posed.solved:
         return min(plain, posed, key=lambda e: chi_square(problem, e))
-    return posed if counts[1] > counts[0] else plain
+    return posed if len(lost_rows(problem, posed)) < len(lost_rows(problem, plain)) else plain
 
 
 def _advance(
@@ -177,7 +237,7 @@ def _moved(problem: Problem, scale: _Scaled, now: Evaluation, near: Linearised, 
     assert by_step is not None and by_drive is not None
     way = by_step @ (step * scale.ranges) + (by_drive @ (shift - now.shift)[..., None])[..., 0]
     for part in _PARTS:
-        lost = ~trial.prediction.solved[:, None]
+        lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
         posed = errors_at_poses(problem, values, now.prediction.values + part * way)
         shift = np.where(lost & ~np.isnan(posed), posed, shift)
         trial = evaluate(problem, values, scale.names, now.state, shift)
@@ -211,6 +271,8 @@ def _step(scale: _Scaled, values: Array, near: Linearised, damped: Linearised, d
 def _least_squares(matrix: Array, right: Array, damping: float) -> Array:
     """Minimum (k,) of |matrix z - right|^2 + damping |z|^2, columns being independent."""
     k = matrix.shape[1]
+    if not k:  # which not every LAPACK takes
+        return np.zeros(0)
     if damping > 0.0:
         matrix = np.vstack([matrix, np.sqrt(damping) * np.eye(k)])
         right = np.concatenate([right, np.zeros(k)])
@@ -219,8 +281,15 @@ def _least_squares(matrix: Array, right: Array, damping: float) -> Array:
 
 
 def _finished(
-    problem: Problem, selected: tuple[str, ...], first: Evaluation, last: Evaluation, status: str, count: int
+    problem: Problem,
+    selected: tuple[str, ...],
+    first: Evaluation,
+    last: Evaluation,
+    status: str,
+    count: int,
+    failed: Mapping[int, str],
 ) -> Fit:
+    """What is told of a fit of what is left without rows that failed."""
     near = linearise(problem, last)
     scale = _Scaled.of(problem, selected)
     values = last.values[scale.index]
@@ -242,4 +311,5 @@ def _finished(
         count,
         names,
         last,
+        failed,
     )

@@ -83,7 +83,7 @@ def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float, wider
         values = start.copy()
         values[place] = fit.values[place] + step
         trial = identify(problem, others, values, shift=fit.shift)
-        if trial.status == "not_converged" or not trial.after.solved:
+        if trial.status == "not_converged" or trial.failed:
             return float("nan")
         grown = float(np.sqrt(max(trial.chi2 - best, 0.0)))
         if abs(grown - aim) < _NEAR * aim:

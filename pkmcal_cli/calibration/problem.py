@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -59,12 +60,21 @@ class Problem:
         """Standard uncertainty of the drive readings (N, A) from that of their travel."""
         return np.asarray(self.drive_sigma / self.model.gains)
 
+    @property
+    def once(self) -> list[int]:
+        """Channels of what was measured once."""
+        return [k for k, c in enumerate(self.model.channels) if not np.isnan(c.once)]
+
+    @property
+    def joining(self) -> NDArray[np.intp]:
+        """Channels that join two rows."""
+        return np.array([k for s in self.model.sensors if s.kind.joins for k in s.channels], dtype=np.intp)
+
     @cached_property
     def clusters(self) -> Clusters:
         """Rows that measurements join."""
-        joining = [k for s in self.model.sensors if s.kind.joins for k in s.channels]
-        partner = self.rows.partner
-        if partner is None or not joining:
+        partner, joining = self.rows.partner, self.joining
+        if partner is None or not len(joining):
             return Clusters.of(len(self), None)
         return Clusters.of(len(self), np.where(self.measured[:, joining].any(axis=1), partner, -1))
 
@@ -79,6 +89,18 @@ class Problem:
             both = self.measured[:, a] & self.measured[:, b]
             out[:, a, b] = out[:, b, a] = np.where(both, share * size[:, a] * size[:, b], 0.0)
         return out
+
+    def without(self, rows: Collection[int] | NDArray[np.intp]) -> Problem:
+        """The same table with nothing measured in some rows, nor to them; what was measured once goes to another."""
+        if not len(rows):
+            return self
+        gone = np.zeros(len(self) + 1, dtype=bool)  # the last entry answers for rows without partner
+        gone[np.fromiter(rows, dtype=np.intp)] = True
+        measured = self.measured & ~gone[:-1, None]
+        if self.rows.partner is not None:
+            measured[np.ix_(gone[self.rows.partner], self.joining)] = False
+        part = replace(self, measured=measured)
+        return usable(part) if self.measured[:, self.once].any() else part
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Some rows; what joins them to others is lost, what was measured once stays."""
@@ -96,18 +118,21 @@ class Problem:
 
 
 def usable(problem: Problem) -> Problem:
-    """The problem with what was measured once in its first row, and without distances to rows that it has not."""
+    """The problem with what was measured once in its first row, and without distances to rows that it has not.
+
+    The first row in which something else was measured: one that is left out may have no prediction.
+    """
     measured, readings = problem.measured.copy(), problem.readings
-    once = [k for k, c in enumerate(problem.model.channels) if not np.isnan(c.once)]
-    if once:
+    once = problem.once
+    if once and len(problem):
         readings = readings.copy()
         readings[:, once], measured[:, once] = np.nan, False
-        readings[:1, once] = [problem.model.channels[k].once for k in once]
-        measured[:1, once] = True
-    joining = [k for s in problem.model.sensors if s.kind.joins for k in s.channels]
-    if joining:
+        first = int(np.argmax(measured.any(axis=1)))
+        readings[first, once] = [problem.model.channels[k].once for k in once]
+        measured[first, once] = True
+    if len(problem.joining):
         alone = np.ones(len(problem), dtype=bool) if problem.rows.partner is None else problem.rows.partner < 0
-        measured[np.ix_(alone, joining)] = False
+        measured[np.ix_(alone, problem.joining)] = False
     return replace(problem, readings=readings, measured=measured)
 
 

@@ -9,7 +9,7 @@ machine are taken as inputs.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,9 @@ from pkmcal_cli.rotation import Array
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Residuals (N, C), zero where nothing was measured, at parameter values (P,) and drive errors (N, A)."""
+    """Residuals (N, C) at parameter values (P,) and drive errors (N, A): zero where nothing was measured, nan where
+    what was measured is not predicted.
+    """
 
     values: Array
     shift: Array
@@ -32,8 +34,8 @@ class Evaluation:
 
     @property
     def solved(self) -> bool:
-        """Whether every row has numbers."""
-        return bool(self.prediction.solved.all())
+        """Whether all that was measured is predicted."""
+        return bool(np.isfinite(self.residual).all())
 
     @property
     def state(self) -> State:
@@ -59,8 +61,30 @@ def evaluate(
     return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
 
 
+def lost_rows(problem: Problem, evaluation: Evaluation) -> Index:
+    """Rows that are not predicted though something was measured in them, or from another row to them."""
+    short = np.asarray((problem.measured & ~np.isfinite(evaluation.residual)).any(axis=1))
+    partner = problem.rows.partner
+    if partner is not None:
+        short[partner[short & (partner >= 0)]] = True
+    return np.nonzero(short & ~evaluation.prediction.solved)[0]
+
+
+def reasons(problem: Problem, evaluation: Evaluation) -> dict[int, str]:
+    """Why each of these rows is not predicted."""
+    return {int(row): evaluation.prediction.reason(int(row)) for row in lost_rows(problem, evaluation)}
+
+
+def predicted_part(problem: Problem, evaluation: Evaluation) -> tuple[Problem, Evaluation]:
+    """Both without what was measured and is not predicted, so that no linear step sees a nan; themselves if all is."""
+    if evaluation.solved:
+        return problem, evaluation
+    on = problem.measured & np.isfinite(evaluation.residual)
+    return replace(problem, measured=on), replace(evaluation, residual=np.where(on, evaluation.residual, 0.0))
+
+
 def residuals(problem: Problem, predicted: Array) -> Array:
-    """Measured minus predicted (N, C), zero where not measured; turns compared by the shorter way."""
+    """Measured minus predicted (N, C), zero where not measured, nan where not predicted; turns by the shorter way."""
     model, measured = problem.model, problem.readings.copy()
     for sensor in model.sensors:
         turning = [channel for channel, _ in sensor.turns]
@@ -128,9 +152,11 @@ class Linearised:
 def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) -> Linearised:
     """Whiten an evaluation with derivatives by W with W^T W = (S_y + G S_q G^T)^-1, G = dy/dq.
 
-    `damping` holds the drive errors where they are, with this weight in their standard uncertainties: the problem
-    is then that with S_q / (1 + damping) about damping / (1 + damping) of the present errors.
+    Values that are not predicted are left out. `damping` holds the drive errors where they are, with this weight in
+    their standard uncertainties: the problem is then that with S_q / (1 + damping) about damping / (1 + damping) of the
+    present errors.
     """
+    problem, evaluation = predicted_part(problem, evaluation)
     found = evaluation.prediction
     assert found.by_drive is not None and found.jacobian is not None
     free = 1.0 / (1.0 + damping)
@@ -199,7 +225,7 @@ def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
 def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     """Residuals (N, C) in standard uncertainties, of an evaluation with derivatives by drives; without weights."""
     out = np.zeros(problem.readings.shape)
-    for part, rest in _whitened(problem, evaluation, 1.0):
+    for part, rest in _whitened(*predicted_part(problem, evaluation), 1.0):
         out[part.cluster] = rest
     return out
 
@@ -210,6 +236,7 @@ def deletion_residuals(problem: Problem, evaluation: Evaluation) -> tuple[Array,
     In standard uncertainties, zero where not measured: (V^-1 r)_i / sqrt((V^-1)_ii), whatever the order of channels;
     minus its derivatives (N, C, P'); and that standard uncertainty (N, C), 1 / sqrt((V^-1)_ii).
     """
+    problem, evaluation = predicted_part(problem, evaluation)
     jacobian = evaluation.prediction.jacobian
     assert jacobian is not None
     moved = np.where(problem.measured[:, :, None], jacobian, 0.0)

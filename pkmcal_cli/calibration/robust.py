@@ -69,7 +69,7 @@ def plain_fit(problem: Problem, fit: Fit) -> RobustFit:
     """A fit by least squares, with the values that are off by far, which would be weighed down; spread as chi2 asks."""
     fit = fit.widened
     weighted = replace(problem, weight=np.ones_like(problem.readings))
-    if fit.status != "converged" or not fit.after.solved:
+    if fit.status != "converged":
         return RobustFit(fit, problem, (), np.ones(problem.readings.shape[1]))
     _, scale = _deviations(problem, fit)
     return RobustFit(fit, problem, _doubtful(weighted, fit, scale), scale)
@@ -85,7 +85,7 @@ def weights_of(loss: Loss, deviation: Array) -> Array:
 
 def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
     """Identify with a robust loss, from a fit by least squares."""
-    fit, weighted, selected = first, problem, first.selected
+    fit, weighted, selected, failed = first, problem, first.selected, dict(first.failed)
     scale = np.ones(problem.readings.shape[1])
     for stage in ("huber", "tukey") if loss == "tukey" else ("huber",):
         weight = np.ones_like(problem.readings)
@@ -94,6 +94,8 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
             fresh = np.where(problem.measured, weights_of(stage, white / scale), 1.0)  # type: ignore[arg-type]
             weighted = replace(problem, weight=fresh)
             fit = identify(weighted, selected, fit.values, shift=fit.shift)
+            failed |= fit.failed
+            problem, weighted = problem.without(fit.failed), weighted.without(fit.failed)
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
             if change < _SETTLED:
                 break
@@ -104,7 +106,7 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
     size = float((scale**2 * problem.measured.sum(axis=0)).sum() / max(problem.count, 1))
     least, _ = _efficiency(loss, ndtri((np.arange(_NORMAL_VALUES) + 0.5) / _NORMAL_VALUES))
     spread = size * max(spread / freedom, least)  # never narrower than the stated sigma says
-    fit = replace(fit, before=first.before, found=replace(fit.found, spread=spread))
+    fit = replace(fit, before=first.before, found=replace(fit.found, spread=spread), failed=failed)
     return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss, gain)
 
 

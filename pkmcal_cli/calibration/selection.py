@@ -7,24 +7,35 @@ from fnmatch import fnmatchcase
 from pkmcal_cli.errors import UsageError, did_you_mean
 from pkmcal_cli.model import Model
 
+_WORDS = ("auto", "all")
+
 
 def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]:
     """Parameter names for a `--select` text, in the machine file's order.
 
-    A comma-separated list of names and patterns (`l*`); `auto`: all but those declared `identify: false`; `all`:
-    every parameter. `auto,R_low` adds to auto; a leading minus removes (`auto,-gamma`). Raises UsageError.
+    A comma-separated list of names and patterns (`l*`); `auto`: all but those declared `identify: false`; `all`: every
+    declared parameter, and numbers of effects as `auto`. `auto,R_low` adds to auto; a leading minus removes
+    (`auto,-gamma`). A number of an effect that is `identify: false` is freed by its own name only; where some numbers
+    of an effect are named, the others are left alone. Raises UsageError.
     """
     chosen: set[str] = set()
+    asked: set[str] = set()  # by names and patterns
     for part in (p.strip() for p in text.split(",")):
         remove = part.startswith("-")
         pattern = part[1:] if remove else part
-        found = _matching(model, pattern)
-        if not found:
+        found = _matching(model, pattern, remove)
+        if found is None:
             raise UsageError(
                 f"{option}: the machine has no parameter `{pattern}`",
                 hint=did_you_mean(pattern, [*model.names, "auto", "all"]),
             )
         chosen = chosen - found if remove else chosen | found
+        if not remove and pattern not in _WORDS:
+            asked |= found
+    for effect in model.effects:
+        mine = set(effect.parameters)
+        if mine & asked:
+            chosen -= mine - asked
     return tuple(n for n in model.names if n in chosen)
 
 
@@ -33,10 +44,13 @@ def named(model: Model, text: str) -> frozenset[str]:
     return frozenset(p.strip() for p in text.split(",")) & frozenset(model.names)
 
 
-def _matching(model: Model, pattern: str) -> set[str]:
-    if pattern == "all":
-        return set(model.names)
-    if pattern == "auto":
-        return {p.name for p in model.parameters if p.identify}
-    names = {p.name: (p.name, p.shared_name) for p in model.parameters}
-    return {n for n, known in names.items() if any(k == pattern or fnmatchcase(k, pattern) for k in known)}
+def _matching(model: Model, pattern: str, remove: bool) -> set[str] | None:
+    """Parameters that a word, a name or a pattern means; None where there is no such parameter."""
+    held = {n for e in model.effects for n in e.parameters} & {p.name for p in model.parameters if not p.identify}
+    if pattern in _WORDS:
+        return {p.name for p in model.parameters if p.identify or (pattern == "all" and p.name not in held)}
+    by_name = {p.name for p in model.parameters if pattern in (p.name, p.shared_name)}
+    by_pattern = {p.name for p in model.parameters if any(fnmatchcase(n, pattern) for n in (p.name, p.shared_name))}
+    if not by_name | by_pattern:
+        return None
+    return by_name | (by_pattern if remove else by_pattern - held)

@@ -70,6 +70,6 @@ def _counts(problem: Problem, found: Directions, datum: Datum | None) -> str:
 
 def _listed(found: Directions) -> str:
     """The null directions in words."""
-    texts = [c.text for c in combinations(found) if c.kind == "null"]
+    texts = [text for c in combinations(found) if c.kind == "null" for text in c.told]
     more = f" and {len(texts) - _LISTED} more" if len(texts) > _LISTED else ""
     return "; ".join(texts[:_LISTED]) + more

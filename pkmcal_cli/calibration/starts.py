@@ -67,8 +67,7 @@ def identify_from(
         first = _centred(problem, selected, start, identify(problem, selected, start))
     except RowsFailed as error:
         failure = error
-    doubtful = first is None or first.status == "not_converged" or first.chi2_per_dof > _DOUBTFUL
-    if first is not None and (count == 1 or (count == 0 and not doubtful)):
+    if first is not None and (count == 1 or (count == 0 and not _doubtful(first))):
         return first, None
     if not count and tell is not None:
         what = "explains little" if first is not None and first.status == "converged" else "fails"
@@ -80,11 +79,17 @@ def identify_from(
             raise failure
         assert first is not None
         return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
-    best = min(good, key=lambda e: e.chi2)
+    best = min(good, key=lambda e: (len(e.failed), e.chi2))
     if first is not None and first.status == "converged" and _apart(problem, first, best) <= _SAME:
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)
+
+
+def _doubtful(fit: Fit) -> bool:
+    """Whether another start may end in a better fit: this one fails, explains little, or not all with fewer rows."""
+    explained = fit.chi2_per_dof <= _DOUBTFUL and not (fit.failed and fit.excess > 1.0)
+    return fit.status == "not_converged" or not (explained or np.isnan(fit.chi2_per_dof))
 
 
 def _further(
@@ -111,7 +116,8 @@ def _apart(problem: Problem, one: Fit, best: Fit) -> float:
 def _agreement(problem: Problem, ends: list[Fit | None], good: list[Fit], best: Fit) -> Agreement:
     apart = np.array([_apart(problem, e, best) for e in good])
     same = apart <= _SAME
-    as_good = np.array([e.chi2 - best.chi2 <= _SAME**2 * best.excess for e in good])
+    whole = np.array([e.failed.keys() == best.failed.keys() for e in good])
+    as_good = whole & np.array([e.chi2 - best.chi2 <= _SAME**2 * best.excess for e in good])
     agree, rivals = int(same.sum()), int((~same & as_good).sum())
     failed = len(ends) - len(good)
     return Agreement(len(ends), agree, rivals, len(good) - agree - rivals, failed, float(apart[same].max(initial=0.0)))

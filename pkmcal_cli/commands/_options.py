@@ -20,7 +20,7 @@ Parameters = Annotated[
     str | None, typer.Option("-p", "--parameters", metavar="PARAMS.yaml", help="Parameter values; default nominal.")
 ]
 Select = Annotated[
-    str, typer.Option("--select", metavar="NAMES", help="auto, all, or names and patterns: auto,R_low,-g*")
+    str, typer.Option("--select", metavar="NAMES", help="auto, all, names, patterns: auto,R_low,-g*,drift@grid.lag.")
 ]
 Offset = Annotated[
     list[str] | None,

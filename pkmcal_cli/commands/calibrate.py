@@ -41,7 +41,8 @@ def calibrate(
     starts: Starts = 0,
     seed: Seed = 0,
     max_rms: Annotated[
-        str | None, typer.Option("--max-rms", metavar="VALUE", help='Exit 1 if a position rms is above, e.g. "20 um".')
+        str | None,
+        typer.Option("--max-rms", metavar="VALUE", help="Exit 1 if the (held-out) position rms is above."),
     ] = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
-from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
+from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet
 
 
 def sensitivity(
@@ -12,7 +14,10 @@ def sensitivity(
     poses: PosesFile = None,
     grid: Grid = None,
     parameters: Parameters = None,
-    select: Select = "all",
+    select: Annotated[
+        str | None,
+        typer.Option("--select", metavar="NAMES", help="auto, all, or names and patterns; default every parameter."),
+    ] = None,
     offset: Offset = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -24,6 +24,7 @@ from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
 from pkmcal_cli.errors import BadInput
 from pkmcal_cli.language.channels import kind_of_sensor
+from pkmcal_cli.language.fingerprint import fingerprint_of
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.layout import GROUND, DriveKind, Index, Layout, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
@@ -70,7 +71,7 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     found = asm.mobility(layout, length, held_names, loud_names)
     model = _model(machine, layout, drives, sensors, length)
     base, turns = _base_slots(made.structure, machine)
-    model = replace(model, base=base, base_turns=turns, datum=machine.datum)
+    model = replace(model, base=base, base_turns=turns, datum=machine.datum, fingerprint=fingerprint_of(machine))
     if receptive:
         sockets = sockets_of(made.structure, layout, drives, model.sensors, model.drawn_slots[0])
         model = replace(model, sockets=sockets)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.calibration.residual import evaluate, linearise, predicted_part
 from pkmcal_cli.diagnosis.groups import coordinates, scaled
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.search import Search
@@ -44,12 +44,12 @@ def held_out_gain(now: Search, hypothesis: Hypothesis) -> HeldOutGain:
     labels, scheme = blocks(now.problem, hypothesis)
     selected = now.selected
     rest = tuple(n for n in selected if n not in hypothesis.parameters)
-    raw_with, white_with = _held_out(now, selected, (), labels)
-    raw_without, white_without = _held_out(now, rest, hypothesis.parameters, labels)
+    raw_with, white_with, on = _held_out(now, selected, (), labels)
+    raw_without, white_without, _ = _held_out(now, rest, hypothesis.parameters, labels)
     folds = np.unique(labels)
     gains = np.array([(white_without[labels == f] ** 2 - white_with[labels == f] ** 2).mean() for f in folds])
     kind = shown_channels(now.problem)
-    measured = now.problem.measured[:, kind]
+    measured = on[:, kind]
     return HeldOutGain(
         float(np.sqrt((raw_with[:, kind][measured] ** 2).mean())),
         float(np.sqrt((raw_without[:, kind][measured] ** 2).mean())),
@@ -69,11 +69,14 @@ def shown_channels(problem: Problem) -> list[int]:
 
 def _held_out(
     now: Search, selected: tuple[str, ...], nulled: tuple[str, ...], labels: NDArray[np.intp]
-) -> tuple[Array, Array]:
-    """Residuals (N, C) of rows held out by blocks, SI and whitened, with `nulled` parameters at null."""
-    problem, model = now.problem, now.problem.model
-    names = (*selected, *nulled)
-    evaluation = evaluate(problem, now.fit.values, names, now.fit.after.state)
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Residuals (N, C) of rows held out by blocks, SI and whitened, with `nulled` parameters at null; what takes part.
+
+    That is what was measured and is predicted.
+    """
+    model, names = now.problem.model, (*selected, *nulled)
+    there = evaluate(now.problem, now.fit.values, names, now.fit.after.state)
+    problem, evaluation = predicted_part(now.problem, there)
     near = linearise(problem, evaluation)
     index = [model.names.index(n) for n in names]
     ranges = 0.5 * model.ranges[index]
@@ -95,7 +98,7 @@ def _held_out(
         step = np.linalg.solve(a.T @ a + prior, a.T @ white[train].ravel())
         out_raw[test] = raw[test] - by_step[test][..., : len(selected)] @ step
         out_white[test] = white[test] - columns[test] @ step
-    return out_raw, out_white
+    return out_raw, out_white, problem.measured
 
 
 def blocks(problem: Problem, hypothesis: Hypothesis) -> tuple[NDArray[np.intp], str]:

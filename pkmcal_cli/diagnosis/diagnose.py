@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.special import chdtrc
 
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.problem import Problem, usable
+from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.diagnosis.findings import Detectable, Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates
 from pkmcal_cli.diagnosis.linear import Scale
@@ -18,13 +20,14 @@ from pkmcal_cli.diagnosis.noise import RangeNoise, range_noise
 from pkmcal_cli.diagnosis.refine import confirmed_only, swapped
 from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.rows import row_scores
-from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, run_search, score_all
+from pkmcal_cli.diagnosis.search import Alpha, Scored, Search, recalibrated, run_search, score_all
 from pkmcal_cli.diagnosis.stand_in import stand_ins
 from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.prediction import settled_smoothing
 
-Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault"]
+Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
+_TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
@@ -53,6 +56,12 @@ class Diagnosis:
         return tuple(d for d in self.detectable if not d.tested)
 
     @property
+    def failed(self) -> dict[int, str]:
+        """Why rows have no prediction, or have one only with errors of the drives; no test has seen them."""
+        search = self.search
+        return {**search.failed, **reasons(search.problem, search.fit.after)}
+
+    @property
     def bad_rows(self) -> tuple[int, ...]:
         """Rows that are wrong on their own."""
         return tuple(sorted(self.search.bad_rows))
@@ -61,6 +70,7 @@ class Diagnosis:
 def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int) -> Diagnosis:
     """Diagnose a table; `problem` belongs to the candidates' model. Raises RowsFailed."""
     before = identify(problem, selected)
+    problem = problem.without(before.failed)
     model = settled_smoothing(problem.model, before.values, problem.rows)
     problem, found = replace(problem, model=model), replace(found, model=model)
     start = Search(found, problem, selected, before)
@@ -69,13 +79,13 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     found = replace(found, hypotheses=tuple(h for h in found.hypotheses if h.name not in same))
     parts = Alpha(alpha)
     now = confirmed_only(restored(swapped(run_search(found, problem, before, parts, seed))))
-    last, unknown = _left(now, problem, parts)
+    last, unknown = _left(now, parts)
     findings = findings_of(now, last, bool(unknown), seed)
     p = float(Scale().p_value(np.array([first.linear.chi2]), np.array([first.linear.dof]))[0])
     noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / TESTS)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
     return Diagnosis(
-        _verdict(findings, unknown, bool(now.bad_rows or noise)),
+        _verdict(findings, unknown, bool(now.bad_rows or noise), now.fit),
         now.problem,
         before,
         now,
@@ -92,15 +102,15 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     )
 
 
-def _left(now: Search, whole: Problem, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...]]:
-    """All hypotheses scored at the end of a search, and what is unknown then. `whole`: with the bad rows."""
+def _left(now: Search, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...]]:
+    """All hypotheses scored at the end of a search, and what is unknown then."""
     last = score_all(now, now.open)
     unknown = unknown_effects(last.linear, now.problem, last.scale, parts.groups, now.bad_rows)
     if unknown and now.accepted:  # unless a richer shape of what was found explains it
         extra = residue_columns(now.problem, now.fit, now.accepted)
         shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
         unknown = unknown_effects(shaped, now.problem, last.scale, parts.groups, now.bad_rows)
-    every = replace(now.problem, measured=whole.measured)
+    every = _with_rows(now.problem, list(now.bad_rows))
     unknown += local_effects(every, now.fit.values, parts.groups / TESTS)
     return last, tuple(unknown + stand_ins(now, last))
 
@@ -126,26 +136,32 @@ def restored(now: Search) -> Search:
     """The search with rows put back that the accepted effects explain after all."""
     if not now.bad_rows:
         return now
-    measured = now.problem.measured.copy()
     rows = list(now.bad_rows)
-    measured[rows] = ~np.isnan(now.problem.readings[rows]) & ~np.isnan(now.problem.sigma[rows])
-    whole = replace(now, problem=replace(now.problem, measured=measured))
-    again = score_all(replace(whole, fit=now.fit), ())
-    scores = row_scores(again.linear, measured, again.scale)
-    good = [r for r in rows if scores.p_value[r] > _ORDINARY]
+    whole = _with_rows(now.problem, rows)
+    again = score_all(replace(now, problem=whole), ())
+    scores = row_scores(again.linear, again.linear.on, again.scale)
+    good = [r for r in rows if again.linear.on[r].any() and scores.p_value[r] > _ORDINARY]
     if not good:
         return now
     kept = tuple(r for r in rows if r not in good)
-    measured[list(kept)] = False
-    problem = replace(now.problem, measured=measured)
-    return replace(now, problem=problem, bad_rows=kept, fit=identify(problem, now.selected))
+    return recalibrated(replace(now, problem=whole.without(kept), bad_rows=kept))
 
 
-def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool) -> Verdict:
-    if unknown or any(f.beyond for f in findings):
+def _with_rows(problem: Problem, rows: list[int]) -> Problem:
+    """The problem with rows that were taken out."""
+    measured = problem.measured.copy()
+    measured[rows] = ~np.isnan(problem.readings[rows]) & ~np.isnan(problem.sigma[rows])
+    return usable(replace(problem, measured=measured))
+
+
+def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool, fit: Fit) -> Verdict:
+    """`fit`: with all that was found, by the stated sigma."""
+    if unknown:
         return "unknown"
     if any(f.ambiguous for f in findings):
         return "ambiguous"
     if any(not f.hypothesis.measurement for f in findings):
         return "found"
-    return "measurement_fault" if findings or measurement else "clean"
+    if findings or measurement:
+        return "measurement_fault"
+    return "sigma_too_small" if fit.dof > 0 and float(chdtrc(fit.dof, fit.chi2)) < _TOO_MUCH else "clean"

@@ -17,8 +17,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtri, fdtrc
 
 from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise_at
+from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.rotation import Array
 
@@ -82,6 +83,13 @@ class Linear:
     channels: int
     extra: Array | None = None  # (n, k) further columns to project out, without names
     memory: Memory | None = None  # by which successive rows were alike
+    measured: NDArray[np.bool_] | None = None  # (N, C) values that take part: measured, and predicted; None for all
+
+    @cached_property
+    def on(self) -> NDArray[np.bool_]:
+        """Values (N, C) that take part."""
+        shape = len(self.residual) // self.channels, self.channels
+        return np.ones(shape, dtype=bool) if self.measured is None else self.measured
 
     @cached_property
     def fixed(self) -> tuple[Array, Array]:
@@ -143,7 +151,12 @@ class Linear:
 
     def projecting(self, names: tuple[str, ...], extra: Array | None = None, residual: Array | None = None) -> Linear:
         """The same with other columns projected out, or another residual."""
+        extra = None if extra is None else self._taking_part(extra)
         return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
+
+    def _taking_part(self, x: Array) -> Array:
+        """Columns (n, k) or a vector (n,), zero where a value does not take part."""
+        return x if self.on.all() else np.asarray((x.T * self.on.ravel()).T)
 
     def prewhitened(self, memory: Memory | None) -> Linear:
         """The same with successive rows made independent; itself where they are."""
@@ -156,7 +169,10 @@ class Linear:
         )
 
     def whitened(self, x: Array) -> Array:
-        """Further columns (n, k) or a vector (n,) made independent from row to row as the problem's are."""
+        """Further columns (n, k) or a vector (n,) of values that take part, independent from row to row as the
+        problem's are.
+        """
+        x = self._taking_part(x)
         if self.memory is None:
             return x
         order, share = self.memory.order, self.memory.correlation
@@ -171,6 +187,7 @@ class Linear:
 
     def explained(self, columns: Array) -> tuple[float, int]:
         """Statistic T of columns (n, k) of any size, and the number of directions that are left of them."""
+        columns = self._taking_part(columns)
         length = np.sqrt((columns**2).sum(axis=0))
         unit = columns[:, length > 0] / length[length > 0]
         values, vectors = np.linalg.eigh(unit.T @ self.free(unit))
@@ -241,10 +258,18 @@ class Score:
 def linear_problem(
     problem: Problem, values: Array, selected: tuple[str, ...], others: Sequence[str], state: State | None
 ) -> Linear:
-    """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates."""
+    """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates.
+
+    Rows that are not predicted there, without errors of the drives, take no part. Raises RowsFailed where half are not.
+    """
     names = (*selected, *others)
-    near = linearise_at(problem, values, names, state)
+    evaluation = evaluate(problem, values, names, state)
+    if 2 * len(lost_rows(problem, evaluation)) >= max(int(problem.measured.any(axis=1).sum()), 1):
+        raise RowsFailed(evaluation)
+    part, evaluation = predicted_part(problem, evaluation)
+    near = linearise(part, evaluation)
     places = {p.name: k for k, p in enumerate(problem.model.parameters)}
     ranges = problem.model.ranges[[places[n] for n in names]]
     columns = near.jacobian * (0.5 * ranges)
-    return Linear(near.residual, columns, names, ranges, selected, problem.count, problem.readings.shape[1])
+    channels = problem.readings.shape[1]
+    return Linear(near.residual, columns, names, ranges, selected, part.count, channels, measured=part.measured)

@@ -83,7 +83,7 @@ def _pure_error(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     free = linear.projecting(linear.projected, extra=np.hstack([*_none(linear), *slow]))
     rest = (free.rest / np.sqrt(np.maximum(free.freedom, _FREE))).reshape(-1, channels) if slow else linear.residual
     rest = rest.reshape(-1, channels)
-    whole = problem.measured.all(axis=1)
+    whole = linear.on.all(axis=1)
     counts = np.bincount(label[whole])
     dof = int(np.maximum(counts - 1, 0).sum()) * channels
     if dof < _REPEATED:
@@ -112,7 +112,7 @@ def successive(linear: Linear, problem: Problem) -> tuple[float, float]:
     """Correlation of successive rows' residuals, and its p value; large residuals count as three times the usual."""
     rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
     size = np.sqrt((rest**2).mean())
-    on = problem.measured[time_order(problem)]
+    on = linear.on[time_order(problem)]
     pairs = on[1:] & on[:-1]
     rest = np.clip(rest / size, -3.0, 3.0)
     squares = np.where(pairs, rest[1:] ** 2, 0.0).sum() * np.where(pairs, rest[:-1] ** 2, 0.0).sum()
@@ -132,7 +132,7 @@ def independent(linear: Linear, problem: Problem) -> Linear:
     if share <= 0 or p > _ALIKE:
         return linear
     rest = linear.rest.reshape(problem.readings.shape)[time_order(problem)]
-    made = linear.prewhitened(Memory(time_order(problem), share, problem.measured))
+    made = linear.prewhitened(Memory(time_order(problem), share, linear.on))
     size, n = rest.shape[1], np.log(rest.size)
     memory = 0.5 * (linear.chi2 - made.chi2 - (len(rest) - 1) * size * np.log(1 - share**2)) - 0.5 * n
     step = 0.5 * _step(rest) - 0.5 * (size + 1) * n
@@ -177,7 +177,7 @@ def range_noise(linear: Linear, problem: Problem, scale: Scale) -> list[RangeNoi
     found = []
     for sensor in problem.model.sensors:
         places = [channel for channel, _ in sensor.places]
-        rows = problem.measured[:, places].all(axis=1) & (free[:, places] > _FREE).all(axis=1)
+        rows = linear.on[:, places].all(axis=1) & (free[:, places] > _FREE).all(axis=1)
         if len(places) < 2 or rows.sum() < _FEWEST_ROWS:
             continue
         rest = linear.rest.reshape(shape)[rows][:, places]

@@ -64,7 +64,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class Search:
-    """Where the search has come to: the problem without the rows taken out, its fit, what was accepted."""
+    """Where the search has come to: the problem without the rows taken out or left out, its fit, what was accepted."""
 
     candidates: Candidates
     problem: Problem
@@ -73,6 +73,7 @@ class Search:
     accepted: tuple[Hypothesis, ...] = ()
     refused: frozenset[str] = frozenset()
     bad_rows: tuple[int, ...] = ()
+    failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts are left out
     p_values: dict[str, float] = field(default_factory=dict)
     evidence: dict[str, float] = field(default_factory=dict)
     critical: float = 0.0
@@ -94,7 +95,7 @@ class Search:
 
 def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed: int) -> Search:
     """Accept effects and take out rows until nothing significant is left. `problem`: of the candidates' model."""
-    now = Search(found, problem, fit.selected, fit)
+    now = Search(found, problem, fit.selected, fit, failed=fit.failed)
     scored = score_all(now, now.open)
     draws = smallest_p(scored.linear, [scored.linear.of(h.parameters) for h in scored.hypotheses], scored.scores, seed)
     now = replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
@@ -154,7 +155,7 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
     evidence = log_evidence(statistic / scale.variance, count)
-    return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(plain, problem.measured, scale))
+    return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(plain, plain.on, scale))
 
 
 def shape_gains(now: Search, found: Scored) -> Array:
@@ -203,8 +204,7 @@ def _best_of(now: Search, scored: Scored, evidence: Array) -> Search:
         trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), after))
     if not trials:
         return now
-    best = max(trials, key=lambda trial: trial[0])[1]
-    return replace(best, refused=now.refused)
+    return replace(max(trials, key=lambda trial: trial[0])[1], refused=frozenset())  # beside it others may be right
 
 
 def _is_residue(now: Search, scored: Scored, best: int) -> bool:
@@ -241,11 +241,14 @@ def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
 
 def _without_rows(now: Search, rows: NDArray[np.intp]) -> Search:
     """The same without some rows, calibrated again."""
-    measured = now.problem.measured.copy()
-    measured[rows] = False
-    problem = replace(now.problem, measured=measured)
-    fit = identify(problem, now.selected)
-    return replace(now, problem=problem, fit=fit, bad_rows=(*now.bad_rows, *(int(r) for r in rows)))
+    bad = tuple(int(r) for r in rows)
+    return recalibrated(replace(now, problem=now.problem.without(bad), bad_rows=(*now.bad_rows, *bad)))
+
+
+def recalibrated(now: Search) -> Search:
+    """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
+    fit = identify(now.problem, now.selected)
+    return replace(now, problem=now.problem.without(fit.failed), fit=fit, failed={**now.failed, **fit.failed})
 
 
 def _accepted(now: Search, scored: Scored, best: int) -> Search | None:
@@ -261,7 +264,7 @@ def _accepted(now: Search, scored: Scored, best: int) -> Search | None:
 
 
 def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
-    """A calibration with the accepted effects; None where it fails.
+    """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
 
     It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
     (k,), SI.
@@ -275,4 +278,4 @@ def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
         fit = identify(now.problem, now.selected, start, _STEPS)
     except RowsFailed:
         return None
-    return fit if fit.status == "converged" else None
+    return fit if fit.settled and not fit.failed else None

@@ -53,8 +53,8 @@ class SocketInputs:
 
     @property
     def reading(self) -> Array:
-        """Reading of the drive."""
-        read = self.table.readings[:, self.socket.actuator]
+        """Reading of the drive; 0 where nobody read it: then nothing is compared with it either."""
+        read = np.nan_to_num(self.table.readings[:, self.socket.actuator])
         return np.asarray(read + self.step if self.step else read)
 
     @property
@@ -82,9 +82,9 @@ class SocketInputs:
         for a in drives:
             gain = self._gain(a)
             limits = [gain * limit for limit in self.model.actuators[a].limits]
-            travel = gain * self.table.readings[:, a]
-            ends += limits if np.isfinite(limits).all() else [float(travel.min()), float(travel.max())]
-        low, high = min(ends), max(ends)
+            known = self.table.readings[:, a][~np.isnan(self.table.readings[:, a])]
+            ends += limits if np.isfinite(limits).all() else (gain * known).tolist()
+        low, high = min(ends, default=0.0), max(ends, default=0.0)
         return (low, high) if high > low else (low - 0.5, low + 0.5)
 
     @property

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from pkmcal_cli.calibration.identifiability import Combination
 from pkmcal_cli.calibration.observability import Observability
 from pkmcal_cli.calibration.sensitivity import Sensitivity
@@ -80,15 +78,21 @@ def show_observability(to: Reporter, model: Model, found: Observability, rows: i
     to.say(", ".join(f"{k} {short(v)}" for k, v in found.indices.items()))
     to.say("singular values (whitened): " + " ".join(short(float(v)) for v in directions.singular_values))
     for c in found.undetermined:
-        to.say(f"{'not determined' if c.kind == 'null' else 'weak'}: {c.text}; {_advice(c)}")
+        *others, last = c.told
+        head = "not determined" if c.kind == "null" else "weak"
+        for text in others:
+            to.say(f"{head}: {text}")
+        to.say(f"{head}: {last}; {_advice(c)}")
 
 
 def _advice(c: Combination) -> str:
-    """Which parameter to drop, or what to measure otherwise."""
-    strongest = c.names[int(np.argmax(np.abs(c.direction)))]
+    """Which parameters to drop, or what to measure otherwise."""
+    select = f"`--select auto,{','.join(f'-{n}' for n in c.hold)}`"
     if len(c.names) == 1:
-        return f"leave it out (`--select auto,-{strongest}`) or measure where it acts"
-    return f"hold one of them (`--select auto,-{strongest}`), measure it directly, or spread the positions"
+        return f"leave it out ({select}) or measure where it acts"
+    if len(c.hold) == 1:
+        return f"hold one of them ({select}), measure it directly, or spread the positions"
+    return f"hold {len(c.hold)} of them ({select}), measure these directly, or spread the positions"
 
 
 def observability_json(model: Model, found: Observability, rows: int) -> dict[str, Any]:
@@ -109,5 +113,5 @@ def observability_json(model: Model, found: Observability, rows: int) -> dict[st
         "parameters": parameters,
         "datum": None if found.datum is None else list(found.datum.held),
         "gauge": [] if found.datum is None else list(found.datum.gauge.motions),
-        "undetermined": [combination_json(model, c) for c in found.undetermined],
+        "undetermined": [each for c in found.undetermined for each in combination_json(model, c)],
     }

@@ -16,12 +16,14 @@ from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.replicates import replicate_noise
+from pkmcal_cli.calibration.residual import lost_rows
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import Correlations, ParameterEntry, dump_parameters
 from pkmcal_cli.poses import Place
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import figure_unit, figures_json
 from pkmcal_cli.report.numbers import finite, readable, uncertain
 from pkmcal_cli.report.parameters import (
@@ -54,8 +56,12 @@ class CalibrationReport:
         self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
         self.audit, self.intervals = Audit(problem.model, found.robust, place), intervals
         self.rows = parameter_rows(self.model, fit, intervals)
-        self.before = error_figures(problem, fit.before)
-        self.after = error_figures(problem, fit.after)
+        problem = problem.without(fit.failed)
+        self.failed = FailedRows(fit.failed, place, len(problem))
+        self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
+        told = problem.without(self.slipped)
+        self.before, self.after = error_figures(told, fit.before), error_figures(told, fit.after)
+        self.started = len(lost_rows(told, fit.before))
         self.n_rows, self.replicates = len(problem), replicate_noise(problem, fit)
 
     def json(self) -> dict[str, Any]:
@@ -64,6 +70,7 @@ class CalibrationReport:
         return {
             "status": self.fit.status,
             "n_rows": self.n_rows,
+            **self.failed.json(),
             "iterations": self.fit.iterations,
             "parameters": [r.json() for r in self.rows if r.name in self.fit.selected],
             "before": figures_json(self.machine, self.before),
@@ -84,7 +91,7 @@ class CalibrationReport:
             "heldout": self._heldout_json(),
             "condition_number": finite(found.condition_number),
             "rank": found.rank,
-            "undetermined": [combination_json(self.model, c, self.fit) for c in combinations(found)],
+            "undetermined": [each for c in combinations(found) for each in combination_json(self.model, c, self.fit)],
         }
 
     def _heldout_json(self) -> dict[str, Any]:
@@ -124,6 +131,7 @@ class CalibrationReport:
             to.warn(f"warning: many ranges off nominal: {', '.join(far)}: {hint}")
         to.say()
         self._show_errors(to)
+        self.failed.show(to)
         self.audit.show(to)
         show_replicates(to, self.replicates)
         to.say(self.verdict())
@@ -171,9 +179,10 @@ class CalibrationReport:
             "criterion before", "after",
         )  # fmt: skip
         to.table("Error", headers, rows)
-        lost = int((~self.fit.before.prediction.solved).sum())
-        if lost:
-            to.say(f"no error before: {lost} of {self.n_rows} rows cannot be predicted at the start")
+        if self.started:
+            to.say(f"no error before: {self.started} of {self.n_rows} rows cannot be predicted at the start")
+        if len(self.slipped):
+            to.say(f"without {count(len(self.slipped), 'row')} that only errors of the drives make predictable")
         if isinstance(self.held_out, str):
             to.say(f"no held-out error: {self.held_out}")
         else:
@@ -204,7 +213,7 @@ class CalibrationReport:
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified) for r in self.rows]
-        return dump_parameters(entries, _correlations(self.model, self.fit), provenance)
+        return dump_parameters(entries, _correlations(self.model, self.fit), provenance, self.model.fingerprint)
 
 
 def _far(row: ParameterRow) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Literal
 
-from pkmcal_cli.files import write_text
+from pkmcal_cli.outputs import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -114,5 +114,5 @@ def bar(share: float, width: int = _BAR) -> str:
 def emit_json(result: dict[str, Any]) -> None:
     """The result on stdout. Raises OutputError."""
     text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
-    with write_text("-") as file:
+    with write_text("-", ()) as file:
         file.write(text + "\n")

@@ -28,6 +28,7 @@ _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _STDIN = "<stdin>"
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect is found, but sigma is stated too small, or what is missing looks like noise"
+_FOUND = "an effect is missing in the model, and found"
 _BEYOND = "an effect explains it, but larger than is plausible: something else may stand behind it"
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
@@ -49,6 +50,7 @@ class DiagnosisReport(DiagnosisValues):
         self._show_table(to, "Check the measurement first", instrument)
         for row in self.found.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: repeat this pose; it was not used")
+        self.failed.show(to)
         for noise in self.found.noise:
             slope = uncertain(1e6 * noise.slope, 1e6 * noise.std, "um/m")
             to.say(f"noise of {noise.sensor} grows with distance: {slope} beside sigma; weight far points less")
@@ -60,7 +62,7 @@ class DiagnosisReport(DiagnosisValues):
         for unknown in self.found.unknown:
             to.say()
             to.say(self._unknown_sentence(unknown))
-        if self.found.verdict == "clean":
+        if self.found.verdict in ("clean", "sigma_too_small"):
             self._show_seen(to)
         self._show_unseen(to)
 
@@ -71,10 +73,11 @@ class DiagnosisReport(DiagnosisValues):
         rms, sigma = self._rms(), self.sigma
         rms_text, sigma_text = (readable(x, self.length_unit, like=max(rms, sigma)) for x in (rms, sigma))
         words = {
-            "clean": _LIKE_NOISE if found.scale.doubted else "nothing is left above noise",
-            "found": "an effect is missing in the model, and found",
+            "clean": "nothing is left above noise",
+            "sigma_too_small": _LIKE_NOISE,
+            "found": _BEYOND if any(f.beyond for f in found.findings) else _FOUND,
             "ambiguous": "something is missing; several effects explain it alike",
-            "unknown": "something is missing that no effect of the catalogue explains" if found.unknown else _BEYOND,
+            "unknown": "something is missing that no effect of the catalogue explains",
             "measurement_fault": "the measurement is at fault",
         }
         scale = f"{ratio} times what noise explains (sigma {sigma_text}{self._doubt_of_sigma()}"
@@ -84,8 +87,9 @@ class DiagnosisReport(DiagnosisValues):
     def _rms(self) -> float:
         """Root mean square error after calibration, bad rows included: of positions where they are measured, SI."""
         problem = self.found.problem
-        measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma)
-        kinds = error_figures(replace(problem, measured=measured), self.found.before.after)
+        there = self.found.before.after
+        measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma) & np.isfinite(there.residual)
+        kinds = error_figures(replace(problem, measured=measured), there)
         return kinds["position"].rms if "position" in kinds else next(iter(kinds.values())).rms
 
     def _doubt_of_sigma(self) -> str:

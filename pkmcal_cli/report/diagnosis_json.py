@@ -41,6 +41,7 @@ class DiagnosisJson(DiagnosisValues):
             "p_value": finite(found.p_global),
             "effects": [self._finding_json(f) for f in found.findings],
             "outliers": [self._row_json(row) for row in found.bad_rows],
+            **self.failed.json(),
             "unknown": [self._unknown_json(u) for u in found.unknown],
             "not_testable": [{"effect": name, "needs": needs} for name, needs in found.not_testable],
             "detectable": [self._detectable_json(d) for d in found.detectable if d.tested],

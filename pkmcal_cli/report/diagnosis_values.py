@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
+from pkmcal_cli.poses import place_of
+from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.tables.measurement_set import Measurements
 
@@ -28,6 +30,10 @@ class DiagnosisValues:
     @cached_property
     def field(self) -> FieldMap | None:
         return field_map(self.found)
+
+    @cached_property
+    def failed(self) -> FailedRows:
+        return FailedRows(self.found.failed, partial(place_of, self.measured), len(self.measured))
 
     def unit(self, parameter: str) -> Unit:
         found = self.model.parameters[self.model.names.index(parameter)]

@@ -8,12 +8,14 @@ import numpy as np
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
-from pkmcal_cli.diagnosis.improve import Errors, Improvement, Step
+from pkmcal_cli.diagnosis.improve import Improvement, Step
+from pkmcal_cli.diagnosis.report_rows import Errors
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import Unit, parse_unit
-from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters
+from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json
@@ -21,6 +23,11 @@ from pkmcal_cli.report.numbers import finite, readable, uncertain
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
+
+_NOTHING = {
+    "clean": "nothing is left above noise",
+    "sigma_too_small": "no effect is found, though more is left than the stated sigma explains",
+}
 
 
 class ImprovementReport:
@@ -33,9 +40,9 @@ class ImprovementReport:
 
     @property
     def verdict(self) -> str:
-        """`clean`, `improved`, `not_confirmed`, or what the diagnosis says of doubt."""
-        if self.found.whole.verdict == "clean":
-            return "clean"
+        """`clean` and `sigma_too_small` as the diagnosis says; else `improved`, or `not_confirmed`."""
+        if self.found.whole.verdict in _NOTHING:
+            return self.found.whole.verdict
         return "improved" if self.found.confirmed else "not_confirmed"
 
     # --- JSON ------------------------------------------------------------------------------
@@ -62,6 +69,7 @@ class ImprovementReport:
                 "unit": unit.text,
             },
             "outliers": self.diagnosis.json()["outliers"],
+            **self.diagnosis.failed.json(),
             "machine": machine,
             "parameters": parameters,
         }
@@ -71,7 +79,7 @@ class ImprovementReport:
             "effect": step.hypothesis.effect,
             "at": step.hypothesis.at,
             "accepted": step.accepted,
-            "reason": self._reason(step),
+            "reason": step.refused or None,
             "chosen": step.chosen,
             "fit": self._rms_json(step.errors.fit),
             "choose": self._rms_json(step.errors.choose),
@@ -91,6 +99,7 @@ class ImprovementReport:
         to.say(self.diagnosis.verdict_line())
         for row in found.whole.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: not used, neither to fit nor to report")
+        self.diagnosis.failed.show(to)
         if found.steps:
             self._show_steps(to)
             self._show_errors(to)
@@ -102,9 +111,12 @@ class ImprovementReport:
                 to.say(f"  these rows do not tell it from {rivals}; `pkmcal diagnose` says what would")
         for step in found.steps:
             if not step.accepted:
-                to.say(f"not added: {step.hypothesis.name}: {self._reason(step)}")
+                to.say(f"not added: {step.hypothesis.name}: {step.refused}")
         for depends_on in dict.fromkeys(unknown.depends_on for unknown in found.whole.unknown):
             to.say(f"left as it is: something unknown that depends on {depends_on}; see `pkmcal diagnose`")
+        for name, errors in (("before", found.before), ("after", found.after)):
+            if errors.failed:
+                to.warn(f"warning: {count(errors.failed, 'row')} that should report cannot be predicted {name}")
         to.say(f"stopped: {self._stop()}")
         to.say(self._summary())
 
@@ -150,6 +162,8 @@ class ImprovementReport:
 
     def _stop(self) -> str:
         """Why no further effect was tried."""
+        if self.found.broken is not None:
+            return "the next step broke off; what was done before it stands"
         if len(self.found.whole.search.accepted) >= MOST_EFFECTS:
             return f"{MOST_EFFECTS} effects; more of them would be a list, not a cause"
         alpha = f"{100 * self.found.alpha:g} %"
@@ -157,8 +171,8 @@ class ImprovementReport:
 
     def _summary(self) -> str:
         found = self.found
-        if found.whole.verdict == "clean":
-            return "nothing to improve: nothing is left above noise"
+        if found.whole.verdict in _NOTHING:
+            return f"nothing to improve: {_NOTHING[found.whole.verdict]}"
         gain = found.rms_gain
         most = max(abs(gain.low), abs(gain.high))
         value, low, high = (readable(x, self._length, like=most) for x in (gain.value, gain.low, gain.high))
@@ -170,20 +184,12 @@ class ImprovementReport:
         doubt = "; provisional: something unknown is left, which they may stand in for" if found.whole.unknown else ""
         return f"improved by {names}: {interval}{doubt}"
 
-    def _reason(self, step: Step) -> str | None:
-        if step.accepted:
-            return None
-        if 2 * step.chosen <= self.found.rotations:
-            return f"chosen in {step.chosen} of {count(self.found.rotations, 'rotation')} only"
-        if step.gain.low <= 0:
-            return "the error on the report rows does not fall for sure"
-        return "its calibration did not converge"
-
     # --- files -----------------------------------------------------------------------------
     def overlay(self, base: str) -> str:
         """The text of the improved machine."""
         released = [h.at for h in self.found.accepted if h.effect == RELEASE]
-        lines = ["# Written by `pkmcal improve`: effects found in measurements, to be reviewed.", f"extends: {base}"]
+        lines = ["# Written by `pkmcal improve`: effects found in measurements, to be reviewed."]
+        lines.append(f"extends: {scalar(base)}")
         if released:
             lines.append("parameters:")
             lines += [f"  {name}: {{identify: true}}" for name in released]
@@ -243,8 +249,8 @@ class ImprovementReport:
         std = max([std, *told])  # with what the effect's own shape adds
         return value, std if np.isfinite(std) else None
 
-    def parameter_file(self, provenance: dict[str, Any]) -> str:
-        """Text of the parameter file: declared parameters and those of accepted effects."""
+    def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
+        """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
         fit = self.found.fit
         effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
         entries = []
@@ -255,7 +261,7 @@ class ImprovementReport:
             unit = parse_unit(p.unit or "1")
             shown = None if std is None else std / unit.scale
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, p.name in fit.selected))
-        return dump_parameters(entries, None, provenance)
+        return dump_parameters(entries, None, provenance, fingerprint)
 
     @property
     def _length(self) -> Unit:

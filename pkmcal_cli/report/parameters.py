@@ -129,21 +129,25 @@ def _weak_partners(found: Directions) -> dict[str, list[str]]:
     return out
 
 
-def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> dict[str, object]:
-    """A null or weak combination: coefficients in ranges, and the determined sums with value and uncertainty."""
-    out: dict[str, object] = {
-        "kind": c.kind,
-        "parameters": dict(zip(c.names, (float(v) for v in c.direction), strict=True)),
-        "text": c.text,
-        "std_in_ranges": finite(c.std),
-        "determined": [],
-    }
-    if fit is not None:
-        out["determined"] = [
-            {"coefficients": coefficients, "value": value, "std": std, "unit": unit}
-            for coefficients, value, std, unit in determined_sums(model, c, fit)
-        ]
-    return out
+def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> list[dict[str, object]]:
+    """Motions of a null or weak combination: coefficients in ranges, and the determined sums with value and
+    uncertainty, the same for all.
+    """
+    sums = [] if fit is None else determined_sums(model, c, fit)
+    return [
+        {
+            "kind": c.kind,
+            "parameters": {n: float(v) for n, v in zip(c.names, motion, strict=True) if v},
+            "text": text,
+            "hold": list(c.hold),
+            "std_in_ranges": finite(c.std),
+            "determined": [
+                {"coefficients": coefficients, "value": value, "std": std, "unit": unit}
+                for coefficients, value, std, unit in sums
+            ],
+        }
+        for motion, text in zip(c.motions, c.told, strict=True)
+    ]
 
 
 def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[str, float], float, float, str]]:

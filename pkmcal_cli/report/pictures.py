@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from pkmcal_cli.diagnosis.panels import DriverPanel, alike, driver_panel, waterf
 from pkmcal_cli.errors import UsageError
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import UNITS, Unit
+from pkmcal_cli.outputs import check_target, make_folder, write_text
 from pkmcal_cli.rotation import Array
 
 if TYPE_CHECKING:
@@ -45,24 +46,25 @@ def check_library() -> None:
         raise UsageError("--plots DIR needs matplotlib", hint="pip install 'pkmcal[report]', or --plots -") from None
 
 
-def write_pictures(folder: str, machine: Machine, found: Diagnosis) -> list[str]:
-    """Write all pictures into a folder; returns the files. Raises UsageError, OSError."""
+def write_pictures(folder: str, machine: Machine, found: Diagnosis, inputs: Collection[str]) -> list[str]:
+    """Write all pictures into a folder, over none of the inputs; returns the files. Raises UsageError, OutputError."""
     check_library()
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    os.makedirs(folder, exist_ok=True)
-    written = []
+    make_folder(folder)
+    pictures = {os.path.join(folder, f"{name}.svg"): (size, draw) for name, size, draw in _pictures(machine, found)}
+    for file in pictures:
+        check_target(file, inputs, force=True)
     style: Any = {"svg.fonttype": "none", "svg.hashsalt": "pkmcal", "font.size": 9}
     style |= {"axes.grid": True, "grid.alpha": 0.3}
     with rc_context(style):
-        for name, size, draw in _pictures(machine, found):
+        for file, (size, draw) in pictures.items():
             figure = Figure(figsize=size, layout="constrained")
             draw(figure)
-            file = os.path.join(folder, f"{name}.svg")
-            figure.savefig(file, metadata={"Date": None})
-            written.append(file)
-    return written
+            with write_text(file, inputs, force=True) as text:
+                figure.savefig(text, format="svg", metadata={"Date": None})
+    return list(pictures)
 
 
 Picture = tuple[str, tuple[float, float], Callable[["Figure"], Any]]

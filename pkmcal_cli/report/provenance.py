@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from pkmcal_cli import __version__
+from pkmcal_cli.files import readable
 
 
 def provenance(inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:
@@ -22,8 +23,8 @@ def provenance(inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:
         "numpy": numpy.__version__,
         "scipy": scipy.__version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "arguments": sys.argv[1:],
-        "inputs": dict(inputs),
+        "arguments": [readable(argument) for argument in sys.argv[1:]],
+        "inputs": {readable(name): digest for name, digest in inputs.items()},
         **more,
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,9 +24,13 @@ _DIRECTION = Rule(lambda values: np.isin(values, (-1.0, 0.0, 1.0)), "a direction
 
 @dataclass(frozen=True)
 class Binding:
-    """What a table has of a machine: columns, how to read them, whether the actuators give the poses."""
+    """What a table has of a machine: columns, how to read them, whether the actuators give the poses.
+
+    spare: cells of the header, by index, that nothing is made of.
+    """
 
     bound: tuple[Bound, ...]
+    spare: Mapping[int, HeaderCell]
     plan: Plan
     by_actuators: bool
     notes: tuple[str, ...]
@@ -51,13 +55,18 @@ def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog)
             unit, assumed = _unit_of(reader, columns[0], index, log)
             for column in columns:
                 bound.setdefault((column.name, column.role), Bound(column, index, unit, assumed))
-    found = Needs(reader, machine, list(bound.values()), [not columns for columns in matches], log)
+    no_use: set[Role] = {"target"} if require == "measured" else set()  # TCP coordinates that no sensor reads
+    spare = {i: reader.header[i] for i, columns in enumerate(matches) if {c.role for c in columns} <= no_use}
+    found = Needs(reader, machine, list(bound.values()), spare, log)
     by_actuators, required, blank = found.check(require)
     plan = Plan(_kinds(reader, found.bound), required, _rules(found.bound) | dict.fromkeys(blank, _BLANK))
-    notes = [_unused(reader, machine, found.unused), _assumed(found.bound, plan)]
+    used = [b for b in found.bound if b.index not in spare]
+    taken = {reader.header[b.index].name for b in used}
+    free = [c.header for c in columns_of(machine) if c.header not in taken and c.role not in no_use]
+    notes = [_unused(spare, free), _assumed(used, plan)]
     if require == "poses" and by_actuators and found.targets():
         notes.append("the actuator columns give the poses, the TCP coordinates are not used")
-    return Binding(tuple(found.bound), plan, by_actuators, tuple(note for note in notes if note))
+    return Binding(tuple(found.bound), spare, plan, by_actuators, tuple(note for note in notes if note))
 
 
 def _matches(header: Sequence[HeaderCell], machine: Machine) -> list[list[Column]]:
@@ -117,16 +126,13 @@ def _rules(bound: Sequence[Bound]) -> dict[int, Rule]:
     return rules | {b.index: _DIRECTION for b in bound if b.column.name.startswith("dir.")}
 
 
-def _unused(reader: TableReader, machine: Machine, unused: Sequence[bool]) -> str:
-    """The columns that the machine does not know, each with the one that may be meant."""
+def _unused(spare: Mapping[int, HeaderCell], free: Sequence[str]) -> str:
+    """The columns that nothing is made of, each with the one of the free headers that may be meant."""
     texts = []
-    used = {cell.name for cell, no in zip(reader.header, unused) if not no}
-    free = [column.header for column in columns_of(machine) if column.header not in used]
-    for index, (cell, no) in enumerate(zip(reader.header, unused)):
-        if no:
-            near = _likely(cell.name, free)
-            name = f"`{cell.text}`" if cell.text else f"column {index + 1} without a name"
-            texts.append(name + (f" (is it `{near}`?)" if near else ""))
+    for index, cell in spare.items():
+        near = _likely(cell.name, free)
+        name = f"`{cell.text}`" if cell.text else f"column {index + 1} without a name"
+        texts.append(name + (f" (is it `{near}`?)" if near else ""))
     return f"columns not used: {', '.join(texts)}" if texts else ""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,8 +14,9 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.units import Unit
 from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of
 from pkmcal_cli.tables.csv_parse import FaultLog, FloatArray
-from pkmcal_cli.tables.csv_sniff import Flaw
+from pkmcal_cli.tables.csv_sniff import Flaw, HeaderCell
 from pkmcal_cli.tables.csv_table import TableReader
+from pkmcal_cli.tables.near_names import did_you_mean_column, is_near
 
 Require = Literal["actuators", "poses", "measured"]
 """What rows must have: actuator readings; these or TCP coordinates; readings and anywhere a channel."""
@@ -41,9 +42,9 @@ class Needs:
     """What a table needs, and what is missing in it."""
 
     def __init__(
-        self, reader: TableReader, machine: Machine, bound: list[Bound], unused: list[bool], log: FaultLog
+        self, reader: TableReader, machine: Machine, bound: list[Bound], spare: Mapping[int, HeaderCell], log: FaultLog
     ) -> None:
-        self.reader, self.machine, self.bound, self.unused, self.log = reader, machine, bound, unused, log
+        self.reader, self.machine, self.bound, self.spare, self.log = reader, machine, bound, spare, log
         self.columns = {(c.name, c.role): c for c in columns_of(machine)}
         self.found = {(b.column.name, b.column.role): b for b in bound}
 
@@ -105,11 +106,21 @@ class Needs:
         return required
 
     def _channels(self) -> None:
+        """Some channel, and none whose column is there under a name that is nearly its own."""
         channels = [c for c in self.columns.values() if c.role == "channel"]
-        if not any((c.name, "channel") in self.found for c in channels):
+        lost = [c for c in channels if (c.name, "channel") not in self.found]
+        if len(lost) == len(channels):
             names = ", ".join(f"`{c.header}`" for c in channels)
             what = f"nothing measured: the table has none of {names}" if names else "the machine has no sensor"
             self._missing(what, *channels)
+            return
+        for index, cell in self.spare.items():
+            near = next((c for c in lost if is_near(cell, c)), None)
+            if near is not None and self.reader.first_cell(index):
+                what = f"column `{cell.text}` is not used, and channel `{near.name}` has no column"
+                place = self.reader.format.header_line, index
+                flaw = Flaw("csv-missing", what, did_you_mean_column(cell, near), *place)
+                self.log.add(flaw, self.reader.header_source())
 
     def _no_pose(self, placing: Sequence[str]) -> None:
         drives = [self.columns[name, "actuator"] for name in placing]
@@ -124,10 +135,10 @@ class Needs:
 
     def _remedy(self, wanted: Sequence[Column]) -> str:
         """The unused header that may be meant, or what the header has."""
-        cells = [cell for cell, no in zip(self.reader.header, self.unused) if no and cell.name]
+        cells = [cell for cell in self.spare.values() if cell.name]
         for column in wanted:
             for cell in cells:
-                bare = re.sub(r"\s*[(/_,].*", "", cell.text)
+                bare = re.split(r"[(/_,]", cell.text, maxsplit=1)[0].rstrip()
                 if bare == column.header and cell.text != bare and not cell.unit:
                     return f"is it `{cell.text}`? Units stand in square brackets: `{bare} [{column.unit}]`"
             near = nearest(column.header, [cell.name for cell in cells])

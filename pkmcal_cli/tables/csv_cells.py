@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
 from pkmcal_cli.language.units import UnitError, parse_unit
-from pkmcal_cli.tables.csv_sniff import DECIMAL_NAMES, SPACE, Flaw, is_number
+from pkmcal_cli.tables.csv_sniff import DECIMAL_NAMES, SPACE, Flaw, Format, is_number
+from pkmcal_cli.words import count
 
 Convert = Callable[[str], float]
 """From the text of a cell to its value; raises ValueError for a text that is no value."""
@@ -114,22 +115,31 @@ def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Fla
     return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *place)
 
 
-def width_flaw(cells: Sequence[str], names: Sequence[str], separator: str, line: int) -> Flaw:
-    """The flaw of a row that is longer or shorter than the header."""
+def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
+    """The flaw of a row that has not one cell for every name of the header, or does not end as the others do."""
+    names = [cell.name for cell in form.header]
     more = len(cells) - len(names)
-    what = f"the row has {_cells(len(cells))}, the header names {len(names)}"
+    what = f"the row has {count(len(cells), 'cell')}, the header names {len(names)}"
     if more < 0:
         after = " and after" if more < -1 else ""
         hint = f"nothing for `{names[more]}`{after}; a cell that is empty still has its separator"
         return Flaw("csv-width", what, hint, line)
+    if not any(cells[len(names) :]):
+        return _end_flaw(more, form, line)
     hint = f"the cell after `{names[-1]}` belongs to no column"
-    if separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
+    if form.separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
         hint += "; is it a decimal comma or a thousands separator?"
     return Flaw("csv-width", what, hint, line, len(names))
 
 
-def _cells(number: int) -> str:
-    return "1 cell" if number == 1 else f"{number} cells"
+def _end_flaw(more: int, form: Format, line: int) -> Flaw:
+    """The flaw of a row that ends with more or fewer empty cells than the others; the odd one may be any."""
+    names = len(form.header)
+    others = f"the other rows have {names + form.trailing}"
+    what = f"the row has {count(names + more, 'cell')}, {others if form.trailing else f'the header names {names}'}"
+    odd, remedy = ("many", "take it out") if more > form.trailing else ("few", "put it in")
+    hint = f"a separator too {odd} moves the cells after it into other columns: {remedy}, or end all rows alike"
+    return Flaw("csv-width", what, hint, line)
 
 
 def _short(cell: str) -> str:

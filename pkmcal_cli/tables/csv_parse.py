@@ -95,7 +95,7 @@ class Parser:
         return chunk or self._parse_slow(block.split("\n")[:-1], first_line, log)
 
     def _parse_fast(self, block: str, first_line: int, lines: int) -> Chunk | None:
-        """By pandas; None if any row is longer or shorter than the header, or a cell no finite number."""
+        """By pandas; None if any row is longer or shorter than the others, or a cell no finite number."""
         separator, width = self.format.separator, len(self.names) + self.format.trailing
         if any(c in block for c in ('"', "\0", "\n\n")) or block.count(separator) != (width - 1) * lines:
             return None
@@ -139,7 +139,7 @@ class Parser:
             elif not any(cells) and '"' not in line:
                 self._blank_before += 1
             elif not self.format.fits(cells):
-                log.add(width_flaw(cells, self.names, self.format.separator, number), line)
+                log.add(width_flaw(cells, self.format, number), line)
             else:
                 rows.append(cells)
                 numbers.append(number)

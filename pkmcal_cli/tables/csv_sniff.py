@@ -9,8 +9,11 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+
+from pkmcal_cli.words import count
 
 SPACE = " "  # stands for any run of spaces and tabs
 SEPARATORS = (",", ";", "\t", "|", SPACE)
@@ -24,7 +27,6 @@ _NUMBER = {
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
 QUOTE_HINT = "close the quote; a cell may not run over the end of its line"
-_UNIT = re.compile(r"(.*?)\s*\[([^\[\]]*)\]")
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class HeaderCell:
 
 @dataclass(frozen=True)
 class Format:
-    """How the file is written. Lines count from 1; `trailing` nameless empty cells may end every row."""
+    """How the file is written. Lines count from 1; `trailing` nameless empty cells end every row."""
 
     separator: str
     decimal: str
@@ -60,7 +62,7 @@ class Format:
     comments: tuple[str, ...] = ()
 
     def fits(self, cells: Sequence[str]) -> bool:
-        """Whether a row has one cell for every name of the header."""
+        """Whether a row has one cell for every name of the header, and ends as all rows do."""
         return _fits(cells, len(self.header), self.trailing)
 
     def describe(self) -> str:
@@ -89,10 +91,10 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def split_header(text: str) -> HeaderCell:
     """Name and unit of a header cell such as "x [mm]"."""
-    match = _UNIT.fullmatch(text)
-    if match is None or not match[1]:
+    name, bracket, unit = text[:-1].rpartition("[")
+    if not (text.endswith("]") and bracket and name) or "]" in unit:
         return HeaderCell(text, text, None)
-    return HeaderCell(text, match[1].strip(), match[2].strip())
+    return HeaderCell(text, name.strip(), unit.strip())
 
 
 def find_encoding(head: bytes, is_utf8: bool) -> tuple[str, str]:
@@ -148,9 +150,10 @@ class _Trial:
     separator: str
     decimal: str
     header: tuple[str, ...]
+    nameless: int  # empty cells at the end of the header
     widths: tuple[int, ...]  # cells in every row
-    trailing: int
-    fitting: int  # rows that have as many cells as the header
+    trailing: int  # empty cells at the end of a row
+    fitting: int  # rows that have as many cells as the header and `trailing` more, or nothing at all
     failing: int  # cells that are no numbers
     seen: bool  # some cell tells the decimal mark
 
@@ -160,13 +163,19 @@ class _Trial:
 
 
 def _fits(cells: Sequence[str], columns: int, trailing: int) -> bool:
-    return columns <= len(cells) <= columns + trailing and not any(cells[columns:])
+    return len(cells) == columns + trailing and not any(cells[columns:])
+
+
+def _trailing(rows: Sequence[Sequence[str]], columns: int, header: int) -> int:
+    """How many nameless empty cells end a row: as most rows have it, of equals the one next to the header's."""
+    ends = Counter(len(row) - columns for row in rows if any(row) and len(row) >= columns and not any(row[columns:]))
+    return max(ends, key=lambda number: (ends[number], -abs(number - header)), default=header)
 
 
 def _header_cells(line: str, separator: str) -> list[str]:
     """Cells of the header; between blanks a unit belongs to the name before it ("x [mm] y [mm]")."""
     if separator == SPACE:
-        line = re.sub(r"\s+\[", "[", line)
+        line = re.sub(r"(?<!\s)\s++\[", "[", line)
     return split_line(line, separator) or []
 
 
@@ -184,14 +193,14 @@ def _try(header: str, rows: Sequence[str], separator: str, decimal: str) -> _Tri
         return None
     split = [split_line(row, separator) or [] for row in rows]
     columns = len(names)
-    ends = [len(row) - columns for row in split if not any(row[columns:])]
-    trailing = max(*ends, len(_header_cells(header, separator)) - columns, 0, 0)
-    fitting = sum(1 for row in split if _fits(row, columns, trailing))
+    nameless = len(_header_cells(header, separator)) - columns
+    trailing = _trailing(split, columns, nameless)
+    fitting = sum(1 for row in split if _fits(row, columns, trailing) or (row and not any(row)))
     cells = [cell for row in split for cell in row if cell]
     failing = sum(1 for cell in cells if not is_number(cell, decimal))
     seen = any(is_number(cell, ".") != is_number(cell, ",") for cell in cells)
     widths = tuple(len(row) for row in split)
-    return _Trial(separator, decimal, tuple(names), widths, trailing, fitting, failing, seen)
+    return _Trial(separator, decimal, tuple(names), nameless, widths, trailing, fitting, failing, seen)
 
 
 def _trials(header: str, rows: Sequence[str], separators: Iterable[str]) -> list[_Trial]:
@@ -229,6 +238,8 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
         return Flaw("csv-header", "the first line holds numbers, no names of columns", hint, number)
     if rows and not trial.fitting:
         return _misfit(trial, number, 1 + lines.index(rows[0], number))
+    if trial.nameless not in (0, trial.trailing):
+        return _header_end(trial, number)
     header = tuple(split_header(name) for name in trial.header)
     return Format(trial.separator, trial.decimal, trial.seen, number, header, trial.trailing, tuple(comments))
 
@@ -236,13 +247,18 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
 def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     """No row has as many cells as the header: one flaw for all of them."""
     names, widths = len(trial.header), sorted(set(trial.widths))
-    cells = _count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
+    cells = count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
     hint = f"line {header_line} is read as the header; lines before the header begin with `#`"
     if trial.separator == "," and widths == [2 * names]:
         hint = "a decimal comma cannot be told from the separator: export with `;`, or with decimal points"
-    what = f"the header names {_count(names, 'column')}, the rows have {cells}"
+    what = f"the header names {count(names, 'column')}, the rows have {cells}"
     return Flaw("csv-width", what, hint, line)
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("" if number == 1 else "s")
+def _header_end(trial: _Trial, line: int) -> Flaw:
+    """The header ends with empty cells, but not with as many as the rows."""
+    what = (
+        f"the header ends with {count(trial.nameless, 'cell')} without a name, the rows with {trial.trailing or 'none'}"
+    )
+    hint = "end all lines with the same number of separators, or the header with none"
+    return Flaw("csv-width", what, hint, line, len(trial.header))

@@ -147,7 +147,7 @@ class TableReader:
             lines = [line for line in block.split("\n") if "." in line or "," in line]
             found = find_format([*names, *lines[:50]])
             if isinstance(found, Format) and found.decimal_seen and len(found.header) == len(first.header):
-                return replace(found, trailing=max(found.trailing, first.trailing))
+                return replace(found, trailing=first.trailing)
         return first
 
 

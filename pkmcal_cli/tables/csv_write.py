@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.errors import OutputError
-from pkmcal_cli.files import write_text
 from pkmcal_cli.language.units import Unit, parse_unit
+from pkmcal_cli.outputs import write_text
 
 Values = NDArray[Any] | Sequence[str]
 """A column (N,): numbers in SI, or texts."""
@@ -70,6 +70,7 @@ def _in_unit(unit: Unit, values: NDArray[np.float64]) -> NDArray[np.float64]:
 def open_writer(
     target: Path | str,
     columns: Sequence[tuple[str, str | None]],
+    inputs: Collection[str],
     *,
     comments: Sequence[str] = (),
     digits: int | None = None,
@@ -77,10 +78,11 @@ def open_writer(
 ) -> Iterator[TableWriter]:
     """A new table of columns (name, unit or None), whole at the end or absent; `-` is stdout.
 
-    `comments` become lines before the header that begin with "#". Raises OutputError.
+    `inputs`: names of the files that it is made from; `comments` become lines before the header that begin with "#".
+    Raises OutputError.
     """
     units = [parse_unit(unit) if unit else None for _, unit in columns]
-    with write_text(target, force=force) as file:
+    with write_text(target, inputs, force=force) as file:
         for comment in comments:
             file.writelines(f"# {line}\n" for line in comment.splitlines() or [""])
         writer = TableWriter(file, units, digits, [name for name, _ in columns])
@@ -96,11 +98,11 @@ def write_table(
     digits: int | None = None,
     force: bool = False,
 ) -> None:
-    """Write a table of columns (name, unit, values (N,)): numbers are in SI and written in the unit.
+    """Write columns (name, unit, values (N,)), made from no file: numbers are in SI and written in the unit.
 
     The header is "x [mm]". Floats have the fewest digits that give them back, or are rounded to `digits`
     significant ones; NaN is an empty cell. Labels have the unit None. Raises OutputError.
     """
     heads = [(name, unit) for name, unit, _ in columns]
-    with open_writer(target, heads, comments=comments, digits=digits, force=force) as writer:
+    with open_writer(target, heads, (), comments=comments, digits=digits, force=force) as writer:
         writer.write([values for _, _, values in columns])

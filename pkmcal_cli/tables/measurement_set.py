@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.errors import Fault
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Rows = slice | NDArray[np.int64] | NDArray[np.bool_] | Sequence[int]
@@ -27,7 +29,7 @@ class Measurements:
     covariates (N,) by name: "time", "T", "T.PART", "dir.ACTUATOR", "payload", "replicate"; NaN where empty
     labels (N) by name: "id", "session", "tool", "part", "to"; "" where empty
     session (N,) index into `sessions`; file_index (N,) index into `files`; line (N,) in the file
-    sha256: of the files; notes: what to announce of them
+    sha256: of the files; notes: what to announce of them; warnings: what is doubtful
     Arrays that have nothing but NaN take no memory and cannot be written to.
     """
 
@@ -50,9 +52,15 @@ class Measurements:
     sha256: tuple[str, ...]
     line: IntArray
     notes: tuple[str, ...] = ()
+    warnings: tuple[Fault, ...] = ()
 
     def __len__(self) -> int:
         return len(self.line)
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of the files."""
+        return dict(zip(self.files, self.sha256, strict=True))
 
     @property
     def has_actuators(self) -> bool:

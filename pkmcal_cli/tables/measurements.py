@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location
-from pkmcal_cli.files import input_name, is_stream
+from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
+from pkmcal_cli.files import identity, input_name, is_stream
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
 from pkmcal_cli.tables.column_needs import Bound, Require
@@ -23,6 +23,7 @@ from pkmcal_cli.tables.csv_sniff import Flaw
 from pkmcal_cli.tables.csv_table import TableReader, no_rows, open_table
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
+from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
 
 __all__ = [
     "Column", "MeasurementStream", "Measurements", "Require", "columns_of", "concatenate",
@@ -39,23 +40,24 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     stream = MeasurementStream(paths, machine, require)
     found = concatenate(stream)
     check_partners(found, machine)
-    return replace(found, notes=(*stream.notes, *partner_notes(found, machine)))
+    return replace(found, notes=(*stream.notes, *partner_notes(found, machine)), warnings=stream.warnings)
 
 
 class MeasurementStream:
     """Measurements read block by block, for tables larger than memory.
 
-    Iterating gives the rows, and at the end raises BadInput with all faults of all files. `notes` is complete
-    then.
+    Iterating gives the rows, and at the end raises BadInput with all faults of all files. `notes` and `warnings`
+    are complete then.
     """
 
     def __init__(self, paths: Sequence[Path | str], machine: Machine, require: Require = "measured") -> None:
         self.paths, self.machine, self.require = tuple(paths), machine, require
         self.notes: tuple[str, ...] = ()
+        self.warnings: tuple[Fault, ...] = ()
 
     def __iter__(self) -> Iterator[Measurements]:
         faults, total, notes = list(_twice(self.paths)), 0, []
-        clock = _Clock()
+        clock, files = _Clock(), []
         for path, session in zip(self.paths, _session_names(self.paths), strict=True):
             file = _File(self.machine, self.require, session, clock)
             try:
@@ -66,9 +68,20 @@ class MeasurementStream:
                 faults += error.faults
                 total += error.total - len(error.faults)
             notes += [f"{input_name(path)}: {note}" for note in file.notes]
+            files.append(file)
+        if not faults and self.require == "measured":
+            faults = self._silent(files)
         self.notes = (*notes, *clock.notes)
         if faults:
             raise BadInput(faults[:MAX_FAULTS], total + len(faults))
+
+    def _silent(self, files: Sequence[_File]) -> list[Fault]:
+        """Errors of sensors without a reading; their warnings are kept."""
+        found = FaultList()
+        for fault in silent_sensors(self.machine, [file.use for file in files if file.use]):
+            found.add(fault)
+        self.warnings = tuple(found.warnings)
+        return found.errors
 
 
 @dataclass
@@ -110,6 +123,7 @@ class _File:
     rows: int = 0
     gaps: Counter[str] = field(default_factory=Counter)  # empty cells of channels and forces
     idle: int = 0  # rows in which nothing was measured
+    use: TableUse | None = None
 
     def read(self, path: Path | str) -> Iterator[Measurements]:
         """The rows block by block; raises BadInput with the faults at the end."""
@@ -125,6 +139,7 @@ class _File:
                     yield part
             if not self.rows and not log.total:
                 log.add(no_rows(reader))
+            self.use = TableUse.of(reader, {c for c, n in self.gaps.items() if n < self.rows}, binding.spare)
             self.notes += [*reader.notes, *binding.notes, *self._counts(binding)]
             log.raise_if_any()
 
@@ -215,9 +230,9 @@ class _Getter:
 
 def _twice(paths: Sequence[Path | str]) -> Iterator[Fault]:
     """Files that are given twice."""
-    seen = set()
+    seen: set[object] = set()
     for path in paths:
-        key = str(path) if is_stream(path) else str(Path(path).resolve())
+        key = identity(path) or str(path)
         if key in seen:
             yield Fault("file", "this file is given twice", Location(input_name(path), 1), "give it once")
         seen.add(key)

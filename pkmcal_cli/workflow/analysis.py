@@ -39,7 +39,7 @@ class AnalysisRequest:
     poses: str | None
     grid: str | None
     parameters: str | None
-    select: str
+    select: str | None  # None: every parameter
     offsets: tuple[str, ...]
     as_json: bool
     quiet: bool
@@ -69,7 +69,8 @@ def _prepare(request: AnalysisRequest) -> _Setting:
     for fault in loaded.warnings:
         to.warn(fault.text())
     model = loaded.model
-    selected = selection(model, request.select)
+    every = request.select is None and bool(model.names)
+    selected = model.names if every else selection(model, "all" if request.select is None else request.select)
     start = load_parameters(model, request.parameters)
     for text in start.warnings:
         to.warn(text)
@@ -139,7 +140,7 @@ def run_observability(request: AnalysisRequest) -> int:
     if request.as_json:
         emit_json(observability_json(model, found, len(s.poses)))
     lost = {n for n, gone in zip(found.selected, found.found.undetermined(), strict=True) if gone}
-    missed = [n for n in s.selected if n in lost & named(model, request.select)]
+    missed = [n for n in s.selected if n in lost & named(model, request.select or "")]
     if missed:
         s.to.fail(f"named in --select but not determined: {', '.join(missed)}")
     elif not found.found.rank:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
-
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.errors import OutputError, UsageError
+from pkmcal_cli.errors import UsageError
 from pkmcal_cli.files import is_stream
 from pkmcal_cli.model import Model
 
@@ -17,13 +14,9 @@ def one_stdin(*inputs: str | None) -> None:
         raise UsageError("only one input can be `-`, stdin", hint="give the others as files")
 
 
-def no_input(target: str, inputs: Iterable[str]) -> None:
-    """A result never replaces what it was made from, not even with --force. Raises OutputError."""
-    if is_stream(target):
-        return
-    files = {os.path.realpath(i) for i in inputs if not is_stream(i)}
-    if os.path.realpath(target) in files:
-        raise OutputError("this file is an input of the command", target, "give the result another name", "output")
+def given(*texts: str | None) -> list[str]:
+    """Those arguments that were given."""
+    return [text for text in texts if text is not None]
 
 
 def selection(model: Model, text: str, option: str = "--select") -> tuple[str, ...]:

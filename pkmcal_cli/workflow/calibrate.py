@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -21,20 +21,24 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
 from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
-from pkmcal_cli.files import check_target, is_stream, write_text
+from pkmcal_cli.files import is_stream
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
+from pkmcal_cli.outputs import check_target, write_text
 from pkmcal_cli.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.figures import figure_unit
+from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.words import count
 from pkmcal_cli.workflow.amounts import amount
-from pkmcal_cli.workflow.arguments import no_input, one_stdin, selection
+from pkmcal_cli.workflow.arguments import given, one_stdin, selection
 from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
 _FOLDS = "5"
+_SCHEMES = ("session", "cells", "none")
 _NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
 _DIGITS = 9
 
@@ -67,7 +71,14 @@ class _Setting:
     selected: tuple[str, ...]
     start: Start
     limit: float | None
+    apart: Measurements | None  # the rows of a file that is held out
     datum: Datum | None = None
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of all that was read."""
+        apart = {} if self.apart is None else self.apart.inputs
+        return self.loaded.inputs | self.start.inputs | self.measured.inputs | apart
 
 
 def run_calibration(request: CalibrationRequest) -> int:
@@ -75,7 +86,7 @@ def run_calibration(request: CalibrationRequest) -> int:
     to = Reporter(request.quiet)
     s = _prepare(request)
     to.notes(s.measured.notes)
-    for text in (*(f.text() for f in s.loaded.warnings), *s.start.warnings):
+    for text in (*(f.text() for f in (*s.loaded.warnings, *s.measured.warnings)), *s.start.warnings):
         to.warn(text)
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
@@ -84,13 +95,13 @@ def run_calibration(request: CalibrationRequest) -> int:
     how = s.request.how
     found = _fit(s, replace(how, starts=how.starts or 1) if hints else how, to)  # no start mends a wrong column
     fit = found.robust.fit
-    held_out, inputs = _held_out(s, fit)
+    s = replace(s, problem=s.problem.without(fit.failed))
+    held_out = _held_out(s, fit)
     report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, _places(s))
     report.show(to)
     if request.output is not None:
-        inputs = _inputs(s) | inputs
-        text = report.parameter_file(provenance(inputs, seed=None, status=fit.status))
-        with write_text(request.output, force=request.force) as file:
+        text = report.parameter_file(provenance(s.inputs, seed=None, status=fit.status))
+        with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     if request.as_json:
         emit_json(report.json())
@@ -104,10 +115,9 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
     request.how.check()
     limit = _limit(request.max_rms)
-    _check_holdout(request.holdout)
-    if request.output is not None:
-        check_target(request.output, force=request.force)
-        no_input(request.output, [request.machine, *request.measurements])
+    file = _file_of(request.holdout)
+    inputs = given(request.machine, *request.measurements, request.parameters, file)
+    check_target(request.output, inputs, force=request.force)
     loaded = load_machine(request.machine)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
@@ -124,7 +134,10 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         raise BadInput(absurd)
     if limit is not None and "position" not in _measured_kinds(problem):
         raise UsageError("--max-rms: no positions were measured", hint="leave it out")
-    return _Setting(request, loaded, measured, problem, selected, start, limit)
+    apart = None if file is None else _apart(loaded, measured, file)
+    s = _Setting(request, loaded, measured, problem, selected, start, limit, apart)
+    check_target(request.output, s.inputs, force=request.force)
+    return s
 
 
 def _determined(s: _Setting, to: Reporter) -> _Setting:
@@ -137,23 +150,26 @@ def _determined(s: _Setting, to: Reporter) -> _Setting:
     return replace(s, selected=settled.selected, datum=settled.datum)
 
 
-def _check_holdout(scheme: str | None) -> None:
-    """A word that is neither a scheme nor a file. Raises UsageError."""
-    words = ("session", "cells", "none")
-    if scheme is None or scheme in words or _NUMBER.fullmatch(scheme) or is_stream(scheme):
-        return
-    if not Path(scheme).suffix and not Path(scheme).exists():
-        hint = did_you_mean(scheme, words, "a number of folds, session, cells, FILE.csv or none")
+def _file_of(scheme: str | None) -> str | None:
+    """The file that --holdout names, None where it names none. Raises UsageError for a word that is nothing."""
+    if scheme is None or scheme in _SCHEMES or _NUMBER.fullmatch(scheme):
+        return None
+    if not is_stream(scheme) and not os.path.splitext(scheme)[1] and not os.path.exists(scheme):
+        hint = did_you_mean(scheme, _SCHEMES, "a number of folds, session, cells, FILE.csv or none")
         raise UsageError(f"--holdout: `{scheme}` is none", hint=hint)
+    return scheme
+
+
+def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurements:
+    """The rows of a file that is held out. Raises BadInput, and UsageError for rows that are fitted."""
+    other = load_measurements(loaded, [file])
+    if set(other.sha256) & set(measured.sha256):
+        raise UsageError(f"--holdout: the rows of {file} are fitted", hint="another file, or a number of folds: 5")
+    return other
 
 
 def _measured_kinds(problem: Problem) -> set[str]:
     return {c.quantity for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
-
-
-def _inputs(s: _Setting) -> dict[str, str]:
-    """sha256 of all that was read."""
-    return dict(s.loaded.machine.files) | s.start.inputs | dict(zip(s.measured.files, s.measured.sha256, strict=True))
 
 
 def _fit(s: _Setting, how: Treatment, to: Reporter) -> Fitted:
@@ -177,42 +193,38 @@ def unsolved(measured: Measurements, prediction: Prediction) -> BadInput:
     return failed_rows(lambda row: place_of(measured, row), {int(k): prediction.reason(int(k)) for k in lost})
 
 
-def _held_out(s: _Setting, fit: Fit) -> tuple[HeldOut | str, dict[str, str]]:
-    """Held-out figures, or why there are none; sha256 of the file that was held out."""
+def _held_out(s: _Setting, fit: Fit) -> HeldOut | str:
+    """Held-out figures, or why there are none."""
     scheme = s.request.holdout
     if scheme == "none":
-        return "not asked for", {}
-    if scheme is not None and scheme not in ("session", "cells") and not _NUMBER.fullmatch(scheme):
-        return _validated(s, fit, scheme)
+        return "not asked for"
+    if s.apart is not None:
+        return _validated(s, fit, s.apart)
     if fit.status != "converged":
-        return f"the fit has not succeeded ({fit.status})", {}
+        return f"the fit has not succeeded ({fit.status})"
     if scheme is not None and not 0 < len(scheme) <= _DIGITS:
         raise UsageError("--holdout: no such number of folds", hint="for example --holdout 5")
     if scheme is None and not enough_rows(s.problem, fit.selected):
         rows, parameters = count(len(s.problem), "row"), count(len(fit.selected), "parameter")
-        return f"{rows} for {parameters}: fewer than 3 rows a parameter", {}
+        return f"{rows} for {parameters}: fewer than 3 rows a parameter"
     try:
         labels, words = fold_labels(scheme or _FOLDS, s.problem, s.measured)
     except ValueError as error:
         if scheme is None:
-            return str(error), {}
+            return str(error)
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(s.problem, fit, labels, words, partial(fitted_again, s.request.how)), {}
+    return cross_validate(s.problem, fit, labels, words, partial(fitted_again, s.request.how))
 
 
-def _validated(s: _Setting, fit: Fit, file: str) -> tuple[HeldOut | str, dict[str, str]]:
+def _validated(s: _Setting, fit: Fit, other: Measurements) -> HeldOut | str:
     """Figures on the rows of another file."""
-    other = load_measurements(s.loaded, [file])
     problem = problem_of(s.loaded.model, other)
-    inputs = dict(zip(other.files, other.sha256, strict=True))
-    if set(other.sha256) & set(s.measured.sha256):
-        raise UsageError(f"--holdout: the rows of {file} are fitted", hint="another file, or a number of folds: 5")
     if not problem.count:
-        return f"nothing in {file} was measured with a sigma", inputs
+        return f"nothing in {other.files[0]} was measured with a sigma"
     if fit.status != "converged":
-        return f"the fit has not succeeded ({fit.status})", inputs
+        return f"the fit has not succeeded ({fit.status})"
     try:
-        return validate(problem, s.problem.model, fit, f"rows of {other.files[0]}"), inputs
+        return validate(problem, s.problem.model, fit, f"rows of {other.files[0]}")
     except RowsFailed as failure:
         raise unsolved(other, failure.evaluation.prediction) from None
 
@@ -237,7 +249,16 @@ def _exit_code(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
     if lost:
         to.fail(f"named in --select but not determined: {', '.join(lost)}")
         return 1
-    if s.limit is not None and not report.after["position"].rms <= s.limit:
-        to.fail(f"position rms above the limit of {s.request.max_rms}")
+    if s.limit is not None and (missed := _above(report, s.limit)):
+        to.fail(f"{missed} is above the limit of {s.request.max_rms}")
         return 1
     return 0
+
+
+def _above(report: CalibrationReport, limit: float) -> str:
+    """Which figure misses the limit, m: the held-out one where there is one, else that of fitted rows; "" if none."""
+    held = None if isinstance(report.held_out, str) else report.held_out.after.get("position")
+    figures = held or report.after["position"]
+    told = readable(figures.rms, figure_unit(report.machine, figures))
+    rows = "of held-out rows" if held else "of the rows that were fitted"
+    return "" if figures.rms <= limit else f"position rms {rows}, {told},"

@@ -98,6 +98,8 @@ def _check_tables(
         _reraise_unreadable(error)
         return {"n_rows": None}, list(error.faults), error.total
     to.notes(measured.notes)
+    for fault in measured.warnings:
+        to.warn(fault.text())
     problem = problem_of(loaded.model, measured)
     prediction = evaluate(problem, problem.model.nominal).prediction
     lost = np.nonzero(~prediction.solved)[0]
@@ -113,5 +115,5 @@ def _check_tables(
     sessions = count(len(measured.sessions), "session")
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
-    counts["warnings"] = list(copied)
+    counts["warnings"] = [*(f.what for f in measured.warnings), *copied]
     return counts, hints + faults, len(hints) + len(lost)

@@ -14,9 +14,10 @@ from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.errors import BadInput, Location, OutputError, UsageError
+from pkmcal_cli.errors import BadInput, Location, UsageError
 from pkmcal_cli.files import is_stream
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
+from pkmcal_cli.outputs import check_folder
 from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
@@ -55,6 +56,11 @@ class Case:
     problem: Problem  # of the candidates' model
     selected: tuple[str, ...]
 
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of all that was read."""
+        return self.loaded.inputs | self.measured.inputs
+
 
 def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter, fewest: int = FEWEST_ROWS) -> Case:
     """Read the files and gather the hypotheses; the table needs some rows. Raises PkmcalError."""
@@ -74,7 +80,7 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
     to.notes(measured.notes)
     for gap in _gaps(measured):
         to.warn(f"warning: {gap}")
-    for fault in loaded.warnings:
+    for fault in (*loaded.warnings, *measured.warnings):
         to.warn(fault.text())
     hints = measurement_hints(loaded, problem, found.model.nominal, measured)
     for hint in (*hints, *copied_rows(problem, measured)):
@@ -118,6 +124,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     if request.plots is not None and not is_stream(request.plots):
         from pkmcal_cli.report.pictures import check_library
 
+        check_folder(request.plots)
         check_library()
     to = Reporter(request.quiet)
     case = prepare(request.machine, request.measurements, request.select, to)
@@ -134,8 +141,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
 
 def _origin(case: Case) -> dict[str, Any]:
     """Versions and inputs; no time and no command line, so that the same data give the same bytes."""
-    inputs = dict(case.loaded.machine.files) | dict(zip(case.measured.files, case.measured.sha256, strict=True))
-    return {k: v for k, v in provenance(inputs).items() if k not in ("created", "arguments")}
+    return {k: v for k, v in provenance(case.inputs).items() if k not in ("created", "arguments")}
 
 
 def _draw(request: DiagnosisRequest, case: Case, found: Diagnosis, to: Reporter) -> None:
@@ -149,11 +155,7 @@ def _draw(request: DiagnosisRequest, case: Case, found: Diagnosis, to: Reporter)
         return
     from pkmcal_cli.report.pictures import write_pictures
 
-    try:
-        written = write_pictures(request.plots, case.loaded.machine, found)
-    except OSError as error:
-        raise OutputError(f"{request.plots}: {error.strerror}", hint="--plots takes a folder") from None
-    for file in written:
+    for file in write_pictures(request.plots, case.loaded.machine, found, case.inputs):
         to.say(f"written: {file}")
 
 
@@ -166,6 +168,6 @@ def diagnosed(case: Case, alpha: float, seed: int) -> Diagnosis:
 
 
 def exit_code(found: Diagnosis) -> int:
-    """0 for clean, or found and confirmed; 1 for ambiguous, unknown or a fault of the measurement."""
+    """0 for clean, or found and confirmed; 1 for what is in doubt, unknown, a fault of the measurement or its sigma."""
     good = found.verdict == "clean" or (found.verdict == "found" and not any(f.provisional for f in found.findings))
     return 0 if good else 1

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
-from pkmcal_cli.errors import BadInput, UsageError
-from pkmcal_cli.files import check_target, is_stream, write_text
+from pkmcal_cli.errors import BadInput, Location, UsageError
+from pkmcal_cli.files import is_stream
+from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
+from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading import load_measurements
+from pkmcal_cli.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.workflow.arguments import no_input
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, check_alpha, prepare
 from pkmcal_cli.workflow.hints import nothing_measured
@@ -42,22 +46,27 @@ class ImproveRequest:
 def run_improvement(request: ImproveRequest) -> int:
     """Run the loop, show it, write what was accepted; returns the exit code. Raises PkmcalError."""
     check_alpha(request.alpha)
+    one_stdin(request.machine, *request.measurements, request.validation)
     targets = _targets(request)
     to = Reporter(request.quiet)
     fewest = FEWEST_TO_SPLIT if request.validation is None else FEWEST_ROWS
     case = prepare(request.machine, request.measurements, request.select, to, fewest)
+    apart = None if request.validation is None else _apart(case, request.validation)
+    inputs = case.inputs | ({} if apart is None else apart.inputs)
     for target in targets or ():
-        no_input(target, [*(name for name, _ in case.loaded.machine.files), *case.measured.files])
-    validation = None if request.validation is None else _validation(case, request.validation)
+        check_target(target, inputs, force=request.force)
+    validation = None if apart is None else _validation(case, apart)
     try:
         found = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
     report = ImprovementReport(case.loaded.machine, case.measured, found)
     report.show(to)
-    written = _write(request, case, report, found, targets, to)
+    written = _write(request, inputs, report, found, targets, to)
     if request.as_json:
         emit_json(report.json(*written))
+    if found.broken is not None:
+        raise found.broken
     return 0 if found.confirmed or found.whole.verdict == "clean" else 1
 
 
@@ -67,20 +76,28 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
         return None
     if is_stream(request.machine):
         raise UsageError("-o: what is written extends the machine's file, and stdin is none", hint="give a file")
-    if is_stream(request.output):
+    if takes_directly(request.output):
         raise UsageError("improve: the machine and its parameters go to two files", hint="-o M-improved.yaml")
+    if not _base(request.machine, request.output).isprintable():
+        raise UsageError("-o: what is written extends the machine's file, whose name is no text", hint="rename it")
     stem = os.path.splitext(request.output)[0]
     targets = (request.output, f"{stem}.params.yaml")
+    inputs = given(request.machine, *request.measurements, request.validation)
     for target in targets:
-        check_target(target, force=request.force)
+        check_target(target, inputs, force=request.force)
     return targets
 
 
-def _validation(case: Case, file: str) -> Problem:
-    """The rows of a validation file, of the candidates' model."""
+def _apart(case: Case, file: str) -> Measurements:
+    """The rows of a validation file. Raises BadInput, and UsageError for rows that are fitted."""
     measured = load_measurements(case.loaded, [file])
     if set(measured.sha256) & set(case.measured.sha256):
         raise UsageError("--validation: these rows are those that are fitted", hint="give rows that were kept apart")
+    return measured
+
+
+def _validation(case: Case, measured: Measurements) -> Problem:
+    """The rows that only report, of the candidates' model. Raises BadInput."""
     problem = problem_of(case.candidates.model, measured)
     if not problem.count:
         raise BadInput([nothing_measured(case.loaded, problem)])
@@ -89,7 +106,7 @@ def _validation(case: Case, file: str) -> Problem:
 
 def _write(
     request: ImproveRequest,
-    case: Case,
+    inputs: dict[str, str],
     report: ImprovementReport,
     found: Improvement,
     targets: tuple[str, str] | None,
@@ -100,11 +117,29 @@ def _write(
         if targets is not None:
             to.say("nothing written: no effect was accepted")
         return None, None
-    inputs = dict(case.loaded.machine.files) | dict(zip(case.measured.files, case.measured.sha256, strict=True))
     head = provenance(inputs, seed=request.seed, status=found.fit.status)
-    base = os.path.relpath(request.machine, os.path.dirname(targets[0]) or ".")
-    for target, text in zip(targets, (report.overlay(base), report.parameter_file(head)), strict=True):
-        with write_text(target, force=request.force) as file:
-            file.write(text)
-    to.say(f"written: {targets[0]} (effects, an overlay of {base}), {targets[1]} (parameters)")
+    machine, parameters = targets
+    base = _base(request.machine, machine)
+    with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
+        overlay.write(report.overlay(base))
+        overlay.flush()
+        values.write(report.parameter_file(head, replace(_fingerprint(overlay.name, inputs), of=machine)))
+    to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
     return targets
+
+
+def _fingerprint(overlay: str, inputs: dict[str, str]) -> Fingerprint:
+    """Of the improved machine, as every command will read it. Raises BadInput where its base is no longer the same."""
+    improved = read_machine(overlay)
+    for name, digest in improved.files[1:]:
+        if digest not in inputs.values():
+            what = "this file has changed since it was read: the improved machine would be another one"
+            raise BadInput.single(what, Location(name), "run the command again", "file")
+    return fingerprint_of(improved)
+
+
+def _base(machine: str, target: str) -> str:
+    """The machine's file, seen from the folder of what extends it; from anywhere where that is called by a link."""
+    if os.path.islink(target):
+        return os.path.abspath(machine)
+    return os.path.relpath(machine, os.path.dirname(target) or ".")

@@ -9,21 +9,24 @@ import numpy as np
 from pkmcal_cli.calibration.bench import bench_proposals
 from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
+from pkmcal_cli.calibration.residual import evaluate, reasons
 from pkmcal_cli.covariates import with_directions
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, best_points, plan_of, whitened_blocks, with_rows
 from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
-from pkmcal_cli.files import check_target, is_stream
+from pkmcal_cli.files import is_stream
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import Model
-from pkmcal_cli.poses import PoseSource
+from pkmcal_cli.outputs import check_target
+from pkmcal_cli.poses import PoseSource, failed_rows
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.plan import PlanReport
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.workflow.arguments import no_input, one_stdin, selection
+from pkmcal_cli.workflow.arguments import given, one_stdin, selection
 from pkmcal_cli.workflow.schedule import write_schedule
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
@@ -52,48 +55,65 @@ class PlanRequest:
 
 def run_plan(request: PlanRequest) -> int:
     """Show what a plan can do and which points to add; returns the exit code. Raises PkmcalError."""
-    aims = [a for a in (request.see, request.separate, request.determine) if a is not None]
-    if len(aims) > 1:
-        raise UsageError("give one of --see, --separate and --determine", hint="one aim at a time")
-    if request.as_json and request.output is not None and is_stream(request.output):
-        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
-    if request.output is not None:
-        check_target(request.output, force=request.force)
-        no_input(request.output, [n for n in (request.machine, request.poses, request.parameters) if n is not None])
-    one_stdin(request.machine, request.poses, request.parameters)
+    _check(request)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine, receptive=True)
     selected = selection(loaded.model, request.select)
     source = PoseSource(loaded, request.poses, request.grid)
     poses = source.together()
     rows = with_directions(poses.rows, [a.name for a in loaded.model.actuators])
+    start = load_parameters(loaded.model, request.parameters)
+    for text in start.warnings:
+        to.warn(text)
+    inputs = loaded.inputs | start.inputs | source.inputs
+    check_target(request.output, inputs, force=request.force)
     found = candidates_of(loaded.model, selected, rows)
-    values = np.append(load_parameters(loaded.model, request.parameters).values, _nulls(found, loaded.model))
+    values = np.append(start.values, _nulls(found, loaded.model))
     problem = design_problem(found.model, rows, poses.measured)
     if not problem.count:
         what, hint = "no channel has a sigma: nothing would be measured", "declare a sensor with `reads:` and `sigma:`"
         raise BadInput.single(what, Location(request.machine), hint, "sensors")
+    failed = FailedRows(reasons(problem, evaluate(problem, values)), poses.place, len(problem))
+    failed.show(to)
+    problem = _predicted(problem, failed)
     plan = plan_of(found, problem, values, selected)
-    aim = None if not aims else _aim(request, found, loaded.model, selected)
+    aim = _aim(request, found, loaded.model, selected)
     added, chosen = _added(plan, problem, values, selected, aim, request) if aim is not None else (None, None)
     bench = bench_proposals(problem.model, observability(problem, values, selected).found)
     report = PlanReport(loaded.machine, plan, request.parameters is None, aim, added, chosen, bench)
     report.show(to)
     if request.output is not None:
         every = problem.rows if added is None else with_rows(problem, added).rows
-        count = write_schedule(loaded, every, len(problem), request.seed, request.output, request.force)
+        count = write_schedule(loaded, every, len(problem), request.seed, request.output, inputs, request.force)
         to.say(f"written: {request.output} ({count} rows in the order of measurement)")
     if request.as_json:
-        emit_json(report.json())
+        emit_json(report.json() | failed.json())
     return 0
+
+
+def _predicted(problem: Problem, failed: FailedRows) -> Problem:
+    """The rows of a plan that can be predicted. Raises BadInput where half cannot."""
+    if 2 * len(failed.reasons) >= len(problem):
+        raise failed_rows(failed.place, dict(failed.reasons))
+    return problem.take(np.array([k for k in range(len(problem)) if k not in failed.reasons], dtype=np.intp))
 
 
 def _nulls(found: Candidates, model: Model) -> Array:
     return found.model.nominal[len(model.parameters) :]
 
 
-def _aim(request: PlanRequest, found: Candidates, model: Model, selected: tuple[str, ...]) -> Aim:
-    """What further points are for. Raises UsageError."""
+def _check(request: PlanRequest) -> None:
+    """Whether the arguments go together, and the result can be written. Raises UsageError and OutputError."""
+    if len(given(request.see, request.separate, request.determine)) > 1:
+        raise UsageError("give one of --see, --separate and --determine", hint="one aim at a time")
+    if request.as_json and request.output is not None and is_stream(request.output):
+        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    one_stdin(request.machine, request.poses, request.parameters)
+    check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+
+
+def _aim(request: PlanRequest, found: Candidates, model: Model, selected: tuple[str, ...]) -> Aim | None:
+    """What further points are for, None where none are wanted. Raises UsageError."""
     if request.determine is not None:
         names = selection(model, request.determine, "--determine")
         lost = [n for n in names if n not in selected]
@@ -101,7 +121,8 @@ def _aim(request: PlanRequest, found: Candidates, model: Model, selected: tuple[
             raise UsageError(f"--determine: `{lost[0]}` is not selected", hint=f"--select auto,{lost[0]}")
         return Aim("determine", (names,))
     text, option = (request.see, "--see") if request.see is not None else (request.separate, "--separate")
-    assert text is not None
+    if text is None:
+        return None
     chosen = [_hypothesis(part.strip(), found, option) for part in text.split(",")]
     if option == "--see":
         return Aim("see", tuple(h.parameters for h in chosen))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from pkmcal_cli.loading import LoadedMachine
@@ -13,7 +15,9 @@ _OVERRUN = 0.01  # of a drive's travel in the plan: how far away the approach be
 _SHORT = 1e-3  # m or rad, where a drive stands still in the whole plan
 
 
-def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, target: str, force: bool) -> int:
+def write_schedule(
+    loaded: LoadedMachine, rows: Rows, planned: int, seed: int, target: str, inputs: Collection[str], force: bool
+) -> int:
     """Write a table of poses in the order of measurement; returns the number of its rows. Raises OutputError.
 
     Rows in random order; each approached from a random side (`dir.ACTUATOR`; rows after the first `planned` keep
@@ -36,7 +40,7 @@ def write_schedule(loaded: LoadedMachine, rows: Rows, planned: int, seed: int, t
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in partners]]
     headers += [(loaded.machine.actuators[n].column or n, u) for n, u in zip(names, units, strict=True)]
     headers += [(f"dir.{n}", None) for n in names] + [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
-    with open_writer(target, headers, digits=9, force=force) as writer:
+    with open_writer(target, headers, inputs, digits=9, force=force) as writer:
         writer.write([ids, *partners, *readings[index].T, *side[index].T, *begin[index].T])
     return len(ids)
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.errors import UsageError, did_you_mean
-from pkmcal_cli.files import check_target, is_stream
+from pkmcal_cli.files import is_stream
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import Model
+from pkmcal_cli.outputs import check_target
 from pkmcal_cli.poses import Place, Poses, PoseSource
 from pkmcal_cli.prediction import Method, Prediction, Request, predict
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -23,7 +24,7 @@ from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.csv_write import TableWriter, open_writer
 from pkmcal_cli.words import count
-from pkmcal_cli.workflow.arguments import no_input, one_stdin
+from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.noise import Noise
 from pkmcal_cli.workflow.table import SimulatedTable
@@ -95,15 +96,14 @@ def run_simulation(request: SimulationRequest) -> int:
     noise = Noise.of(model, request.noise, request.seed)
     if noise.silent:
         to.warn(f"warning: no sigma is declared for {', '.join(noise.silent)}: no noise there")
-    head = provenance(
-        dict(loaded.machine.files) | start.inputs | source.inputs,
-        seed=request.seed, noise=request.noise, method=request.method,
-    )  # fmt: skip
+    inputs = loaded.inputs | start.inputs | source.inputs
+    head = provenance(inputs, seed=request.seed, noise=request.noise, method=request.method)
     joined = _names_others(first)
     table = SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined)
     work = _Work(model, request, start.values, noise, table, errors)
     comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
-    with open_writer(target, work.columns, comments=comments, force=request.force) as writer, to.progress() as tick:
+    writing = open_writer(target, work.columns, inputs, comments=comments, force=request.force)
+    with writing as writer, to.progress() as tick:
         for block in chain([first] if first is not None else [], blocks):
             work.simulate(block, writer, tick)
     to.notes(source.notes)
@@ -133,8 +133,7 @@ def _checked(request: SimulationRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both go to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
-    check_target(target, force=request.force)
-    no_input(target, [n for n in (request.machine, request.poses, request.parameters) if n is not None])
+    check_target(target, given(request.machine, request.poses, request.parameters), force=request.force)
     return target
 
 

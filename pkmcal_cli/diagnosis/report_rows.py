@@ -1,0 +1,162 @@
+"""Rows that only report: errors on them, and what effects gain there, with intervals by resampling blocks of rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, whitened_residual
+from pkmcal_cli.diagnosis.confirm import cells, shown_channels
+from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.rotation import Array
+
+_DRAWS = 4000
+_FEWEST_BLOCKS = 5
+_SINGLE = 1_000_000  # cells, each a block of its own
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Figures by kind on the rows that fitted, that chose (held out by cells of them) and that only reported.
+
+    Of rows that are predicted; `failed` of those that report are not.
+    """
+
+    fit: dict[str, ErrorFigures]
+    choose: dict[str, ErrorFigures]
+    report: dict[str, ErrorFigures]
+    channels: dict[str, ErrorFigures]  # by channel, on the report rows
+    chi2: float  # mean square whitened residual on the report rows
+    failed: int = 0
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """Rows that fit and choose, rows that report, what the former find; their effects and fit so far."""
+
+    train: Problem
+    report: Problem
+    found: Diagnosis
+    fit: Fit
+    accepted: tuple[Hypothesis, ...] = ()
+
+    def chose(self, hypothesis: Hypothesis) -> bool:
+        """Whether these rows name the effect too, or cannot tell theirs from it, and their own blocks confirm it."""
+        return any(
+            f.held_out.confirmed and hypothesis in [f.hypothesis, *(r.hypothesis for r in f.rivals)]
+            for f in self.found.findings
+        )
+
+
+def errors_of(turns: Sequence[Rotation]) -> Errors:
+    """Figures over all rotations."""
+    fit = [error_figures(*_predicted(t.train, t.fit.after)) for t in turns]
+    choose, report, channels, squares, values, failed = [], [], [], 0.0, 0, 0
+    for t in turns:
+        choose += [error_figures(*_predicted(p, evaluate(p, fold.values))) for p, fold in _inner(t)]
+        there = evaluate(t.report, t.fit.values, ())
+        failed += len(lost_rows(t.report, there))
+        part, there = _predicted(t.report, there)
+        report.append(error_figures(part, there))
+        channels.append(channel_figures(part, there))
+        squares += float((whitened_residual(part, there) ** 2).sum())
+        values += part.count
+    return Errors(pooled(fit), pooled(choose), pooled(report), pooled(channels), squares / max(values, 1), failed)
+
+
+def _predicted(problem: Problem, evaluation: Evaluation) -> tuple[Problem, Evaluation]:
+    """Both without rows that are not predicted."""
+    return predicted_part(problem.without(lost_rows(problem, evaluation)), evaluation)
+
+
+def _inner(turn: Rotation, folds: int = 3) -> list[tuple[Problem, Fit]]:
+    """Fits without each of a few groups of cells of the training rows, and the rows left out."""
+    labels = cells(turn.train, folds)
+    out = []
+    for k in np.unique(labels):
+        rest, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
+        out.append((turn.train.take(rows), identify(turn.train.take(rest), turn.fit.selected)))
+    return out
+
+
+def whitened_rows(problem: Problem, values: Array) -> Array:
+    """Sum of squares of each row's whitened residual (N,), nan in rows that are not predicted."""
+    there = evaluate(problem, values, ())
+    out = np.asarray((whitened_residual(problem, there) ** 2).sum(axis=1))
+    out[lost_rows(problem, there)] = np.nan
+    return out
+
+
+def gain_of(before: Sequence[Rotation], after: Sequence[Rotation], seed: int) -> Interval:
+    """Fall of the mean square whitened residual on the report rows, by resampling blocks of rows together.
+
+    Of rows that are predicted before and after.
+    """
+    sums = []
+    for old, new in zip(before, after, strict=True):
+        change = whitened_rows(old.report, old.fit.values) - whitened_rows(new.report, new.fit.values)
+        sums.append(_block_sums(old.report, np.stack([change, old.report.measured.sum(axis=1)], axis=1)))
+    total, drawn = _resampled(np.vstack(sums), seed)
+    return _interval(total[0] / total[1], drawn[0] / drawn[1])
+
+
+def rms_gain_of(before: Sequence[Rotation], after: Sequence[Rotation], seed: int) -> Interval:
+    """Fall of the root mean square error of positions (of all channels without any), SI; rows as in `_gain`."""
+    positions = shown_channels(before[0].report)
+    sums = []
+    for old, new in zip(before, after, strict=True):
+        residuals = [evaluate(t.report, t.fit.values).residual[:, positions] for t in (old, new)]
+        squares = [(r**2).sum(axis=1) for r in residuals]
+        used = old.report.measured[:, positions].any(axis=1)
+        sums.append(_block_sums(old.report, np.stack([*squares, used], axis=1)))
+    total, drawn = _resampled(np.vstack(sums), seed)
+    value = np.sqrt(total[0] / total[2]) - np.sqrt(total[1] / total[2])
+    return _interval(value, np.sqrt(drawn[0] / drawn[2]) - np.sqrt(drawn[1] / drawn[2]))
+
+
+def _block_sums(problem: Problem, columns: Array) -> Array:
+    """Sums (B, k) of columns (N, k) over cells of the workspace, or single rows where there are few cells.
+
+    Rows with a nan count nowhere.
+    """
+    labels: NDArray[np.intp] = cells(problem, _SINGLE)
+    if len(np.unique(labels)) < _FEWEST_BLOCKS:
+        labels = np.arange(len(problem))
+    _, index = np.unique(labels, return_inverse=True)
+    out = np.zeros((int(index.max()) + 1, columns.shape[1]))
+    known = np.isfinite(columns).all(axis=1)
+    np.add.at(out, index[known], columns[known])
+    return out
+
+
+def _resampled(sums: Array, seed: int) -> tuple[Array, Array]:
+    """Totals (k,), and totals (k, draws) over blocks drawn with replacement."""
+    rng = np.random.default_rng(seed)
+    counts = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), size=_DRAWS)
+    return sums.sum(axis=0), np.asarray((counts @ sums).T)
+
+
+def _interval(value: float, drawn: Array) -> Interval:
+    """A value and the middle 95 % of what was drawn; without bounds where nothing could be drawn."""
+    known = drawn[np.isfinite(drawn)]
+    if not len(known):
+        return Interval(float("nan"), -np.inf, np.inf)
+    low, high = np.quantile(known, [0.025, 0.975])
+    return Interval(float(value), float(low), float(high))

@@ -1,0 +1,159 @@
+"""The fingerprint of a machine: what it is made of without its numbers, so that values are not taken for another one.
+
+Every thing has a hash of its kind, of what it joins, of which numbers it states and on which parameters they depend;
+not of the numbers, units, columns or notes. A file, the same one written out or flattened, and one with other values
+have one fingerprint.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.effect_entries import Entries
+from pkmcal_cli.language.fields import Entity
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.language.sensing import Sensor
+from pkmcal_cli.language.walk import quantities
+
+_WHOLE = (
+    "guides", "nodes", "bodies", "materials", "sections", "beams", "bars", "ropes", "joints", "actuators", "loads",
+)  # fmt: skip
+_PLACES = ("ground", "frames")
+"""Sections of which only those count that depend on parameters: the others are numbers, or are named by what joins."""
+
+_LEFT_OUT = {"limits", "sigma", "sigma_per_length", "correlation", "period", "column", "unit", "reads", "reading"}
+_AXES = {"along", "axis", "axes"}
+_POINTS = {"between", "at", "to"}
+_SETS = {"fixed"}
+_DIGITS = 8
+_LISTED = 3
+_OF = "of"
+_WORDS = {"bodies": "body", "ground": "ground point", "machine": "key"}
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """`of`: name of the machine's file; `things`: a hash by section and name."""
+
+    of: str = ""
+    things: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def line(self) -> str:
+        """One line of YAML (and JSON)."""
+        shown = "".join(c if c.isprintable() else "?" for c in self.of)
+        return json.dumps({_OF: shown, **self.things}, ensure_ascii=False)
+
+    def difference(self, other: Fingerprint) -> str | None:
+        """What this machine has, lacks and has otherwise than the other, in words; None where they are alike."""
+        mine, others = dict(self._flat()), dict(other._flat())
+        parts = (
+            ("has {} in addition", [k for k in mine if k not in others]),
+            ("lacks {}", [k for k in others if k not in mine]),
+            ("has {} joined or made otherwise", [k for k in mine if mine[k] != others.get(k, mine[k])]),
+        )
+        return "; ".join(words.format(_listed(keys)) for words, keys in parts if keys) or None
+
+    def _flat(self) -> Iterator[tuple[tuple[str, str], str]]:
+        for section, things in self.things.items():
+            for name, digits in things.items():
+                yield (section, name), digits
+
+
+def _listed(keys: list[tuple[str, str]]) -> str:
+    shown = [f"{_WORDS.get(section, section.removesuffix('s'))} `{name}`" for section, name in keys[:_LISTED]]
+    more = f" and {len(keys) - _LISTED} more" if len(keys) > _LISTED else ""
+    return ", ".join(shown) + more
+
+
+def fingerprint_of(machine: Machine) -> Fingerprint:
+    """The fingerprint of a machine as read: merged, expanded, resolved."""
+    owners = {point: f"{body}.{point}" for body, about in machine.bodies.items() for point in about.points}
+    things = {
+        "machine": {"space": machine.space, "gravity": _form(machine.gravity)},
+        "parameters": {name: p.per or "" for name, p in machine.parameters.items()},
+        **{section: _forms(getattr(machine, section), owners) for section in _WHOLE},
+        **{section: _forms(_dependent(getattr(machine, section)), owners) for section in _PLACES},
+        "sensors": _forms(_own(machine), owners),
+        "effects": {name: _effect(name, entries, machine) for name, entries in machine.effects.items()},
+    }
+    hashes = {section: {name: _hash(form) for name, form in forms.items()} for section, forms in things.items()}
+    name = machine.files[0][0] if machine.files else ""
+    return Fingerprint(name, {section: found for section, found in hashes.items() if found})
+
+
+def read_fingerprint(plain: Any) -> Fingerprint:
+    """The fingerprint of a file's plain value. Raises ValueError where it is none."""
+    if not isinstance(plain, dict) or not isinstance(plain.get(_OF, ""), str):
+        raise ValueError("no map")
+    things = {section: found for section, found in plain.items() if section != _OF}
+    for section, found in things.items():
+        if not isinstance(found, dict) or not all(isinstance(v, str) for v in found.values()):
+            raise ValueError("no hashes by name")
+        if not all(text.isprintable() for text in (section, *found)):
+            raise ValueError("no names")
+    return Fingerprint(plain.get(_OF, ""), things)
+
+
+def _hash(form: Any) -> str:
+    return hashlib.sha256(json.dumps(form, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+
+
+def _forms(things: Mapping[str, Any], owners: Mapping[str, str]) -> dict[str, Any]:
+    return {name: _form(thing, owners) for name, thing in things.items()}
+
+
+def _form(value: Any, owners: Mapping[str, str] | None = None, key: str = "") -> Any:
+    """What of a value counts: texts, names of parameters, and that a number is there ([]); None for nothing."""
+    if isinstance(value, Quantity):
+        return sorted(value.names)
+    if isinstance(value, str):
+        if key in _AXES:  # a letter for a vector of numbers
+            return []
+        return (owners or {}).get(value, value) if key in _POINTS else value
+    if isinstance(value, Entity):
+        forms = {name: _form(child, owners, name) for name, child in value.__dict__.items() if name not in _LEFT_OUT}
+        return {name: form for name, form in forms.items() if form is not None}
+    if isinstance(value, dict):  # points of a body
+        return {name: form for name, child in value.items() if (form := _form(child, owners))}
+    if isinstance(value, tuple) and value:
+        parts = [_form(part, owners, key) for part in value]
+        if key in _SETS:
+            return sorted(parts)
+        return parts if any(parts) else []
+    return None
+
+
+def _dependent(things: Mapping[str, Any]) -> dict[str, Any]:
+    """Those that depend on parameters."""
+    return {name: thing for name, thing in things.items() if _names(thing)}
+
+
+def _names(value: Any) -> set[str]:
+    """Parameters that are used in a part of a machine."""
+    return {name for _, quantity in quantities(value) for name in quantity.names}
+
+
+def _own(machine: Machine) -> dict[str, Sensor]:
+    """Sensors that bring parameters: their own, or the place of their frame. Others say nothing of the machine."""
+    elsewhere = set().union(*(_names(getattr(machine, s)) for s in (*_WHOLE, *_PLACES, "gravity")))
+    return {
+        name: sensor
+        for name, sensor in machine.sensors.items()
+        if sensor.frame not in (None, "machine") or _names(sensor) - elsewhere
+    }
+
+
+def _effect(name: str, entries: Entries, machine: Machine) -> Any:
+    """An effect's parameters; its constants too, since they say what the parameters mean."""
+    effect = catalogue()[name.partition("@")[0]]
+    constants = {o.name: entries[o.name] for o in effect.options if o.name in entries}
+    return {
+        "parameters": [p.name for p in effect.used(machine.space == "planar")],
+        **{key: [f"{v:.6g}" for v in entry.interval or (entry.value,)] for key, entry in constants.items()},
+    }

@@ -1,0 +1,177 @@
+"""Fingerprints: one for all ways of writing a machine and all values, another for another machine, checked by `-p`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of, read_fingerprint
+from pkmcal_cli.language.machine_yaml import read_machine
+from tests.command import MACHINES
+
+SHIPPED = sorted(f for f in MACHINES.glob("*.yaml") if "." not in f.stem)
+
+BASE = """
+units: {length: mm, angle: deg, force: N}
+space: planar
+ranges: {length: 0.1}
+parameters: {l1: 400, l2: 400, b: 50, k: {nominal: 60 kN/mm, range: 10 kN/mm}}
+guides: {rail: {along: x}}
+ground: {A: [1000, 300]}
+nodes: {tcp: {at: [500, 350], fixed: [rz]}}
+bodies:
+  c1: {on: rail, at: 235, points: {B1: [0, b], C1: [0, 0]}}
+  c2: {on: rail, at: 765, points: {B2: [0, 50]}}
+bars:
+  rod1: {between: [B1, tcp], length: l1, k: k}
+  rod2: {between: [B2, tcp], length: l2 + 3, k: 70 kN/mm}
+ropes: {rope: {between: [tcp, A], EA: 20 kN}}
+actuators:
+  q1: {moves: c1, stiffness: 90 kN/mm}
+  q2: {moves: c2}
+  q3: {winds: rope, radius: 20, redundant: true, control: force, force: 40, unit: deg, zero: home, sigma: 1 mm}
+loads: {weight: {at: tcp, force: [0, -10]}}
+sensors: {tracker: {at: tcp, reads: [x, y], sigma: 5 um, frame: machine}}
+effects: {"pitch_curve@q1": {over: [200, 300]}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def of(text: str, name: str = "m.yaml") -> Fingerprint:
+    Path(name).write_text(text, encoding="utf-8")
+    return fingerprint_of(read_machine(name))
+
+
+def changed(old: str, new: str) -> str:
+    """The base machine with another text in one place."""
+    assert BASE.count(old) == 1, old
+    return BASE.replace(old, new)
+
+
+# --- one machine ---------------------------------------------------------------------------
+VALUES = [
+    ("l1: 400", "l1: 401"),
+    ("l1: 400", "l1: {nominal: 0.4 m, range: 1, bounds: [399, 402], identify: false, note: a rod}"),
+    ("l2 + 3", "4 + l2"),
+    ("[0, 50]", "[7, 51]"),
+    ("at: 235", "at: 236"),
+    ("A: [1000, 300]", "A: [1001, 300]"),
+    ("70 kN/mm", "71000 N/mm"),
+    ("along: x", "along: [1, 0]"),
+    ("force: [0, -10]", "force: [0, -11]"),
+    ("k: {nominal: 60 kN/mm, range: 10 kN/mm}", "k: {nominal: 61 kN/mm, range: 9 kN/mm}"),
+    ("ranges: {length: 0.1}", "ranges: {length: 0.2, angle: 1}"),
+    ("q2: {moves: c2}", "q2: {moves: c2, limits: [0, 2000], column: Q2, sigma: 1 um, period: 5, scale: 1.0001}"),
+    ("q2: {moves: c2}", "q2: {moves: c2, redundant: true}"),
+    ("sigma: 5 um", "sigma: 6 um, offset: [0, 3]"),
+    ("reads: [x, y]", "reads: {y: Y, x: X}"),
+    ("sensors: {", "sensors: {touch: {kind: touch, at: C1, on: bed, sigma: 1 um}, "),
+    ("sensors: {", "sensors: {tape: {kind: bench, of: l1, reading: 400.1, sigma: 0.1}, "),
+    ("sensors: {", "sensors: {wire: {kind: distance, at: tcp, to: A, sigma: 10 um}, "),
+    ("space: planar", "space: planar\ndatum: [b]\nown_weight: false"),
+    ("over: [200, 300]", "p2: {value: 20 um, std: 3 um, range: 30 um}, over: [20 cm, 30 cm]"),
+]
+
+
+@pytest.mark.parametrize(("old", "new"), VALUES)
+def test_values_do_not_count(old: str, new: str) -> None:
+    """Nor ranges, notes, units, columns, and instruments without parameters of their own."""
+    text = changed(old, new) + ("frames: {bed: {at: [0, 0]}}\n" if "bed" in new else "")
+    assert of(text).things == of(BASE).things
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda f: str(f.stem))
+def test_every_way_of_writing_a_machine(file: Path) -> None:
+    """Flattened, with `each` written out and keys in another order; as an overlay that changes values."""
+    machine = read_machine(str(file))
+    own = fingerprint_of(machine)
+    assert own.difference(own) is None and own.of == str(file)
+    first = next(iter(machine.parameters))
+    over = of(f"extends: {file}\nparameters: {{{first}: {{note: changed, range: 0.01}}}}\n")
+    assert over.things == own.things
+
+    def backwards(value: object) -> object:
+        return {k: backwards(v) for k, v in reversed(value.items())} if isinstance(value, dict) else value
+
+    plain = machine.source.root.plain()
+    listed = yaml.safe_load(yaml.safe_dump(backwards(_listed(plain))))
+    listed.pop("extends", None)
+    assert of(yaml.safe_dump(listed, sort_keys=False), "flat.yaml").things == own.things
+
+
+def _listed(value: object) -> object:
+    if isinstance(value, dict):
+        return {k: _listed(v) for k, v in value.items()}
+    return [_listed(v) for v in value] if isinstance(value, tuple) else value
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda f: str(f.stem))
+def test_a_line_is_yaml_and_is_read_as_written(file: Path) -> None:
+    """One line of a few kilobytes, for every reader of YAML."""
+    own = fingerprint_of(read_machine(str(file)))
+    line = own.line()
+    assert "\n" not in line and len(line) < 4000
+    assert read_fingerprint(yaml.safe_load(line)) == own
+    assert {len(v) for things in own.things.values() for v in things.values()} == {8}
+
+
+# --- another machine -----------------------------------------------------------------------
+STRUCTURE: list[tuple[str, str, str]] = [
+    ("[B2, tcp]", "[C1, tcp]", "has bar `rod2` joined or made otherwise"),
+    (
+        "points: {B2: [0, 50]}",
+        "points: {}",
+        "has bar `rod2` joined or made otherwise",
+    ),  # the bar ends on the other carriage
+    ("length: l2 + 3", "length: l2 + l1", "has bar `rod2` joined or made otherwise"),
+    ("k: 70 kN/mm", "k: k", "has bar `rod2` joined or made otherwise"),
+    (", k: 70 kN/mm", "", "has bar `rod2` joined or made otherwise"),
+    ("B2: [0, 50]", "B2: [0, b]", "has body `c2` joined or made otherwise"),
+    ("B1: [0, b]", "B1: [b, 0]", "has body `c1` joined or made otherwise"),
+    ("A: [1000, 300]", "A: [1000, 300 + b]", "has ground point `A` in addition"),
+    ("fixed: [rz]", "mass: 2", "has node `tcp` joined or made otherwise"),
+    ("moves: c2", "moves: c2, stiffness: 80 kN/mm", "has actuator `q2` joined or made otherwise"),
+    ("control: force, ", "", "has actuator `q3` joined or made otherwise"),
+    ("zero: home, ", "", "has actuator `q3` joined or made otherwise"),
+    ("along: x", "along: x, stiffness: {y: 200 kN/mm}", "has guide `rail` joined or made otherwise"),
+    ("b: 50, ", "b: 50, w: {nominal: 0, per: session}, ", "has parameter `w`, sensor `wire` in addition"),
+    ("weight: {at: tcp,", "weight: {at: C1,", "has load `weight` joined or made otherwise"),
+    ("space: planar", "space: planar\ngravity: [0, -g]", "has key `gravity` joined or made otherwise"),
+    ("effects: {", "effects: {backlash@q2: {}, ", "has effect `backlash@q2` in addition"),
+    ("over: [200, 300]", "over: [200, 301]", "has effect `pitch_curve@q1` joined or made otherwise"),
+    ("frame: machine", "frame: fitted", "has sensor `tracker` in addition"),
+    ("ropes: {rope: {", "ropes: {cable: {", "has rope `cable` in addition; lacks rope `rope`"),
+]
+
+
+def told(other: Fingerprint, mine: Fingerprint) -> str:
+    difference = other.difference(mine)
+    assert difference is not None
+    return difference
+
+
+@pytest.mark.parametrize(("old", "new", "words"), STRUCTURE)
+def test_what_a_machine_is_made_of_counts(old: str, new: str, words: str) -> None:
+    text = changed(old, new)
+    if "points: {}" in new:
+        text = text.replace("C1: [0, 0]", "C1: [0, 0], B2: [0, 50]")
+    if "w:" in new:
+        text = text.replace("sensors: {", "sensors: {wire: {kind: distance, at: tcp, to: C1, sigma: 1 um, zero: w}, ")
+    if "gravity" in new:
+        text = text.replace("b: 50, ", "b: 50, g: {nominal: 9.81, unit: m/s^2, range: 0.01}, ")
+    if "cable" in new:
+        text = text.replace("winds: rope", "winds: cable")
+    assert words in told(of(text), of(BASE))
+
+
+def test_a_difference_is_told_from_both_sides() -> None:
+    more = of(changed("effects: {", "effects: {backlash@q1: {}, backlash@q2: {}, zero@q1: {}, zero@q2: {}, "))
+    words = "effect `backlash@q1`, effect `backlash@q2`, effect `zero@q1` and 1 more"
+    assert told(more, of(BASE)) == f"has {words} in addition"
+    assert told(of(BASE), more) == f"lacks {words}"

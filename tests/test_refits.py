@@ -1,0 +1,71 @@
+"""Fits within a diagnosis: what counts as a fit, what is refused and tried again, what is never called clean."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.diagnosis import search
+from tests.benchmark.setting import diagnosed
+from tests.command import MACHINES, clean, run
+from tests.hangprinter_cases import measured
+from tests.truth.campaigns import campaign, unit
+
+
+def test_a_fit_settles_before_it_has_converged() -> None:
+    """The hangprinter takes eight steps; after six chi-square stands still, after two it falls by far."""
+    problem, _ = measured("2021-12-16")
+    selected = select(problem.model, "auto")
+    fits = {steps: identify(problem, selected, iterations=steps) for steps in (2, 6, 60)}
+    assert [f.status for f in fits.values()] == ["not_converged", "not_converged", "converged"]
+    assert [f.settled for f in fits.values()] == [False, True, True]
+    assert fits[6].chi2 == pytest.approx(fits[60].chi2, rel=1e-3) and fits[2].chi2 > 1.01 * fits[60].chi2
+
+
+@pytest.mark.parametrize(("flat", "found"), [(True, ["backlash@q3"]), (False, [])])
+def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parameters that hardly matter may wander for more steps than a refit has."""
+    plain = search.identify
+
+    def wandering(problem: Problem, selected: tuple[str, ...], *more: Any) -> Fit:
+        fit = plain(problem, selected, *more)
+        return replace(fit, status="not_converged", flat=flat) if any("@" in n for n in selected) else fit
+
+    monkeypatch.setattr(search, "identify", wandering)
+    d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
+    assert [f.hypothesis.name for f in d.findings] == found
+    assert d.verdict == ("found" if flat else "unknown") and (flat or d.unknown)
+
+
+def test_what_was_refused_is_tried_again_beside_what_was_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Backlash of q3 has no fit as long as the larger effect is not in the model."""
+    plain = search.refit
+
+    def one_after_the_other(now: search.Search, starts: Any) -> Fit | None:
+        names = {h.name for h in now.accepted}
+        return None if names == {"backlash@q3"} else plain(now, starts)
+
+    monkeypatch.setattr(search, "refit", one_after_the_other)
+    planted = [unit("scissors", "backlash", "q3", 4).scaled(0.4), unit("scissors", "pitch_curve", "q2", 4).scaled(1.0)]
+    d = diagnosed(campaign("scissors", planted, 4), 4)
+    assert {f.hypothesis.name for f in d.findings} == {"backlash@q3", "pitch_curve@q2"}
+
+
+@pytest.mark.parametrize("command", ["diagnose", "improve"])
+def test_more_than_the_stated_sigma_leaves_is_never_clean(command: str, tmp_path: Path) -> None:
+    """The noise of the Scissors' table is twice what this machine file states."""
+    machine = tmp_path / "half.yaml"
+    machine.write_text(f"extends: {MACHINES}/scissors.yaml\nsensors: {{grid: {{sigma: 0.25 um}}}}\n", encoding="utf-8")
+    done = clean(run(command, machine, MACHINES / "scissors.csv", "--json"))
+    assert (done.code, done.json["verdict"]) == (1, "sigma_too_small")
+    assert "sigma is stated too small" in done.err
+    assert not done.json.get("effects") and not done.json.get("steps")
+    honest = clean(run(command, MACHINES / "scissors.yaml", MACHINES / "scissors.csv", "--json"))
+    assert (honest.code, honest.json["verdict"]) == (0, "clean")
