@@ -172,3 +172,20 @@ def test_a_product_that_is_too_large(tmp_path: Path) -> None:
 def test_all_of_them_are_told_at_once(tmp_path: Path) -> None:
     found = faults(tmp_path, ("tube: [30, 20]", "tube: [20, 30]"), ("E: 210 GPa", "E: 210 GPa, nu: 2"))
     assert len(told(found)) == 2
+
+
+IMPOSSIBLE = {
+    "stiffness@leg1: {k: 1000}": "`k` of `stiffness@leg1` cannot be 1000",
+    "self_weight@all: {w: -1}": "`w` of `self_weight@all` cannot be -1",
+    "self_weight@all: {w: -2}": "`w` of `self_weight@all` cannot be -2",
+    "thermal_strut@leg1: {a: 11 um/(m*K), lag: -5 min}": "`lag` of `thermal_strut@leg1` cannot be -5",
+    "pitch@q1: {c: 5 um, period: 0}": "`period` of `pitch@q1` must be positive",
+    "clearance@leg1: {c: 5 um, smooth: -1 N}": "`smooth` of `clearance@leg1` must be positive",
+}
+"""Masses and stiffnesses that effects would make zero, negative or infinite, and constants that divide."""
+
+
+@pytest.mark.parametrize("entry", IMPOSSIBLE)
+def test_effects_that_cannot_be(tmp_path: Path, entry: str) -> None:
+    found = faults(tmp_path, ("ropes:", f"effects: {{{entry}}}\nropes:"))
+    assert IMPOSSIBLE[entry] in found and told(found)[0].startswith("20:") and "help: " in found

@@ -90,7 +90,20 @@ class EffectResolver:
                 self._fault("unknown-name", f"`{effect.keyword}` has no parameter `{key}`", path, hint, True)
             else:
                 out[key] = self._number(entry, known[key], path)
+                spec = next(p for p in every if p.name == key)
+                self._check_possible(spec, out[key], known[key], path)
         return out
+
+    def _check_possible(self, spec: EffectParameter | Option, entry: EffectNumber, unit: Unit, path: Path) -> None:
+        """Values that nothing has: a stiffness e^1000 times the declared one, a negative lag or period."""
+        what, value = f"`{spec.name}` of `{path[1]}`", entry.value / unit.scale
+        if isinstance(spec, Option):
+            if spec.positive and not entry.value >= SMALLEST:
+                self._fault("value", f"{what} must be positive", (*path, "value"), f"{spec.name}: 5 {unit.text}")
+        elif not spec.possible[0] <= value <= spec.possible[1]:
+            low, high = (f"{limit:g}" for limit in spec.possible)
+            hint = f"{spec.text}: from {low} to {high}" + ("" if unit.text == "1" else f" {unit.text}")
+            self._fault("value", f"{what} cannot be {value:g}", (*path, "value"), hint)
 
     def _number(self, entry: EffectNumber, unit: Unit, path: Path) -> EffectNumber:
         changes: dict[str, Any] = {}
