@@ -15,7 +15,7 @@ from scipy.optimize import root
 from pkmcal_cli.prediction import Request
 from pkmcal_cli.rotation import Array
 from tests.command import clean, run
-from tests.elastic_guide import sliders
+from tests.elastic_guide import TOWERS, sliders
 from tests.support import at, model
 
 READINGS = np.array([[0.1354, 0.6646, 1.0325], [0.2354, 0.7646, 1.1325], [0.3354, 0.8646, 1.2325]])
@@ -105,6 +105,32 @@ def test_forces_of_the_drives_follow() -> None:
     assert forces[0] is not None and forces[1] is not None and bare is not None
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-4)
     assert np.abs(forces[1] - bare).max() > 100
+
+
+IN_SPACE = {
+    "straight@rail1.x": "n2: 200 um, over: [0, 900]",
+    "straight@rail4.y": "n3: 200 um, over: [0, 900]",
+    "guide_angle@rail2.y": "g: 500 urad",
+    "carriage_angle@c1.rx": "a1: 600 urad, over: [0, 600]",
+    "carriage_angle@c2.ry": "a1: 600 urad, over: [0, 600]",
+    "carriage_angle@c3.rz": "a2: 600 urad, over: [0, 600]",
+}
+
+
+@pytest.mark.parametrize("name", IN_SPACE)
+def test_stiff_springs_are_a_rigid_guide_in_space(name: str) -> None:
+    """Every direction with its sign: what the effect does on stiff springs is what it does on an ideal guide."""
+    spring = TOWERS[TOWERS.index("stiffness: {x: 40") : TOWERS.index("}}\n    bodies") + 1]
+    stiff = "stiffness: {x: 1e12 N/m, y: 1e12 N/m, rx: 1e11 Nm/rad, ry: 1e11 Nm/rad, rz: 1e11 Nm/rad}"
+    readings = 0.433 + np.array([[0.0, 0, 0, 0], [0.02, -0.03, 0.01, 0.05], [-0.04, 0.02, 0.05, -0.02]])
+    change = []
+    for guidance in (stiff, ""):
+        text = TOWERS.replace(spring, guidance).replace("along: z,\n        }", "along: z}")
+        bare = at(model(text), readings)
+        moved = at(model(f"{text}    effects: {{{name}: {{{IN_SPACE[name]}}}}}\n"), readings)
+        change.append(moved.values - bare.values)
+    assert np.abs(change[1]).max() > 3e-7
+    assert np.abs(change[0] - change[1]).max() < 2e-3 * np.abs(change[1]).max()
 
 
 def campaign(folder: Path, entry: str) -> tuple[Path, Path]:
