@@ -26,7 +26,7 @@ from pkmcal_cli.sensors import sensor_kinds
 TEXTS = ("column", "extends", "note")
 _SENSOR_KIND = " or ".join(f"`{kind}`" for kind in sensor_kinds())
 """Keys whose text is no name of a thing of the machine."""
-SIGNS = {"+": " > 0", "0+": " >= 0", "": ""}
+SIGNS = {"+": " > 0", "0+": " >= 0", "+-": " not 0", "": ""}
 Cells = tuple[str, ...]
 
 

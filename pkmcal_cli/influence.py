@@ -29,7 +29,7 @@ def idle_parameters(model: Model) -> tuple[str, ...]:
 def _slot_influence(model: Model) -> Array:
     """Whether each slot (S,) enters the balance of forces or a TCP coordinate at a machine out of balance."""
     system, layout = model.exact, model.layout
-    slots = layout.slots.constants[None].copy()
+    slots = model.drawn_slots.copy()  # at reading 0 of its drive a member may have no length
     for group in layout.groups:
         slots[:, group.prestress] += 1.5 + 0.5 * _scattered(group.prestress.stop - group.prestress.start)
     state = drawn_state(layout, slots, 1, system.constraints)

@@ -52,8 +52,11 @@ def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
         compiled = compile_machine(machine, receptive)
     except BadDrawing as error:
         raise BadInput([drawing_fault(machine, error)]) from None
-    except (ValueError, KeyError, np.linalg.LinAlgError) as error:
-        what = f"this machine cannot be built: {error}"
+    except np.linalg.LinAlgError as error:
+        what, hint = "the numbers of this machine leave nothing to compute with", "are lengths and stiffnesses right?"
+        raise BadInput.single(what, Location(machine.files[0][0]), hint, "machine") from error
+    except (ValueError, KeyError) as error:
+        what = f"this machine cannot be built: {error.args[0] if error.args else error}"
         raise BadInput.single(what, Location(machine.files[0][0]), code="machine") from error
     warnings = _raise_errors(mechanism_faults(machine, compiled))
     return LoadedMachine(machine, compiled, (*machine.warnings, *warnings))

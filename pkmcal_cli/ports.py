@@ -34,6 +34,15 @@ class Port:
 
 
 @dataclass(frozen=True)
+class Rail:
+    """A guide: origin and frame rotation, unit vector along it in the frame's axes."""
+
+    origin: Point
+    rotation: int
+    along: Array
+
+
+@dataclass(frozen=True)
 class Link:
     """What a link carries: an element between two ports, with its numbers."""
 

@@ -11,6 +11,7 @@ from pkmcal_cli.effects import Effect, Port
 from pkmcal_cli.layout import Index
 from pkmcal_cli.rotation import Array
 
+_FELT = 1e-12  # m, rad, ... at effects of the size of one: less is rounding
 NONE: Index = np.zeros(0, dtype=np.intp)
 
 
@@ -65,16 +66,52 @@ class PlacedEffect:
         return replace(self, parameters=tuple(f"{p}[{session}]" for p in self.parameters), session=session)
 
 
+@dataclass(frozen=True)
+class _Ordinary:
+    """What formulas may ask for in an ordinary row: nothing is zero by chance; see `effects.Inputs`."""
+
+    socket: Socket
+    rows: int = 1
+    travel = share = reading = warmth = time = moment = payload = spindle = pull = np.array([0.7])
+    direction = np.array([1.0])
+    chord = np.array([[0.48, 0.6, 0.64]])
+
+    @property
+    def length(self) -> float:
+        return self.socket.length
+
+    @property
+    def at(self) -> Array:
+        return self.socket.at
+
+    @property
+    def down(self) -> Array:
+        return self.socket.down
+
+    def lagged(self, tau: float) -> Array:
+        return self.warmth
+
+    def option(self, name: str) -> float:
+        return 1.9
+
+
+def _acts(effect: Effect, socket: Socket) -> bool:
+    """Whether an effect displaces a socket at all: sag needs gravity across the guide, growth something that grows."""
+    sizes = [0.3 + 0.1 * k for k in range(len(effect.parameters))]
+    moved = effect.displacement(_Ordinary(socket), sizes, planar=False) @ socket.matrix.T
+    return bool(np.abs(moved).max(initial=0.0) > _FELT)
+
+
 def places(sockets: Sockets, effect: Effect, sessions: tuple[str, ...] = ()) -> dict[str, tuple[Socket, ...]]:
-    """Where an effect can sit, by name; `all` where it can be the same at several places."""
+    """Where an effect can sit and does something, by name; `all` where it can be the same at several places."""
     named = {
         name: fitting
         for name, found in sockets.get(effect.port, {}).items()
-        if (fitting := tuple(s for s in found if effect.where in ("any", s.kind)))
+        if (fitting := tuple(s for s in found if effect.where in ("any", s.kind) and _acts(effect, s)))
     }
     everywhere = tuple(s for found in named.values() for s in found)
     if effect.places == "session":
-        return dict.fromkeys(sessions, everywhere)
+        return dict.fromkeys(sessions if everywhere else (), everywhere)
     if effect.places == "all":
         return {"all": everywhere} if everywhere else {}
     if effect.common and len(named) > 1:

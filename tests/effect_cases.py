@@ -16,9 +16,16 @@ from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.rotation import Array
 from tests.command import MACHINES
+from tests.elastic_guide import TOWERS, sliders
+from tests.kinds import PLANAR_KINDS, SPATIAL_KINDS
+from tests.support import described
 
 NAMES = ("triglide", "triglide-nonredundant", "biglide", "scissors", "delta4", "hexapod7", "hangprinter")
-_REACH = {"hangprinter": 0.012}  # of the machine's size; the others are moved by 4 %
+WRITTEN = {"elastic-guide": sliders(), "elastic-towers": TOWERS, "planar-kinds": PLANAR_KINDS,
+           "spatial-kinds": SPATIAL_KINDS}  # fmt: skip
+"""Machines of the tests, by name."""
+_REACH = {"hangprinter": 0.012, "planar-kinds": 0.004}  # of the machine's size; the others are moved by 4 %
+_MOVES = {"spatial-kinds": (1e-3, -0.3, 5e-4, 0.01, -1e-3)}  # of drives, m or rad; its inverse positions are many
 _ERRORS = {"hangprinter": 0.003}  # of the ranges; the others' parameters are off by a third
 _PERIOD = EffectNumber().model_copy(update={"value": 0.01})
 
@@ -40,15 +47,19 @@ class Case:
 
 @cache
 def case(name: str, rows: int = 10) -> Case:
-    """A shipped machine at random poses, with every column that an effect can need."""
-    machine = read_machine(MACHINES / f"{name}.yaml")
+    """A machine at random poses, with every column that an effect can need."""
+    machine = described(WRITTEN[name]) if name in WRITTEN else read_machine(MACHINES / f"{name}.yaml")
     model = compile_machine(machine, receptive=True).model
     rng = np.random.default_rng(1)
     pose = np.full((rows, 6), np.nan)
     for k, c in enumerate(DIRECTIONS[:3]):
         if c in model.independent_coordinates:
             pose[:, k] = model.tcp_drawn[k] + rng.uniform(-1, 1, rows) * _REACH.get(name, 0.04) * model.length
-    readings = drive_positions(model, pose).readings
+    moves = np.array(_MOVES.get(name, np.zeros(len(model.actuators))))
+    if moves.any():
+        readings = model.drawn_readings + moves * rng.uniform(0.3, 1, (rows, len(moves)))
+    else:
+        readings = drive_positions(model, pose).readings
     columns = {
         "time": np.linspace(0, 3600, rows),
         "T": 293.15 + rng.uniform(-5, 5, rows),

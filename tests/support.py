@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.compiler import Compiled, compile_machine
+from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
@@ -29,10 +30,15 @@ def compiled(text: str) -> Compiled:
     """The machine that a YAML text describes; a shipped machine's name stands for its file."""
     if text in SHIPPED:
         return compile_machine(read_machine(MACHINES / f"{text}.yaml"))
+    return compile_machine(described(text))
+
+
+def described(text: str) -> Machine:
+    """The machine that a YAML text describes, read."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "machine.yaml"
         file.write_text(textwrap.dedent(text), encoding="utf-8")
-        return compile_machine(read_machine(file))
+        return read_machine(file)
 
 
 def overlay(name: str, changes: str = "") -> str:

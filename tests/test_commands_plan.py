@@ -39,7 +39,8 @@ def test_sizes_follow_the_noise_and_the_number_of_poses(tmp_path: Path) -> None:
 
 def test_columns_decide_what_is_testable() -> None:
     bare = {n["effect"] for n in planned().json["not_testable"]}
-    assert {"drift", "thermal_strut", "payload"} <= bare
+    assert {"drift", "thermal_strut", "runout"} <= bare
+    assert "payload" not in bare, "without gravity no column would make it testable"
     logged = clean(run("plan", SCISSORS, SHOPFLOOR, "--json"))
     assert not {"drift", "thermal_strut"} & {n["effect"] for n in logged.json["not_testable"]}
     assert effects(logged)["thermal_strut@all"]["status"] == "detectable"

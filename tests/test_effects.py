@@ -12,14 +12,14 @@ from pkmcal_cli.language.units import parse_unit
 from pkmcal_cli.prediction import Request, predict
 from pkmcal_cli.prediction.inputs import lag
 from tests.command import SCISSORS, run
-from tests.effect_cases import NAMES, case
+from tests.effect_cases import NAMES, WRITTEN, case
 
 STEPS = {"hangprinter": 1e-4}  # of the plausible range; its ropes pull with 0.1 N and must not go slack
 ROUNDING = 1e-11  # m or rad: of a predicted reading, by which differences are off
 TURNING = "ovality"  # the directions of the pass before are held in derivatives: second order
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *WRITTEN])
 def test_at_null_every_effect_is_the_identity(name: str) -> None:
     c = case(name)
     bare = predict(c.model, c.values, c.rows)
@@ -29,7 +29,7 @@ def test_at_null_every_effect_is_the_identity(name: str) -> None:
     np.testing.assert_array_equal(bare.values, predict(without, c.values, c.rows).values)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *WRITTEN])
 def test_signatures_are_derivatives(name: str) -> None:
     """Central differences of the converged model, at a strained pose; a lag has one side only."""
     c = case(name)

@@ -69,11 +69,8 @@ def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
     driven = {d.target[0] for d in layout.drives if d.kind is DriveKind.TRAVEL}
     ease = np.array([_CHEAP if int(k) in driven else 1.0 for k in system.free])
     unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
-    rows = strain_rows(system, slots, state, length)
+    rows = _strains(system, slots, state, length)
     for _ in range(50):
-        lost = np.nonzero(~np.isfinite(rows.jacobian).all(axis=1))[0]
-        if len(lost):
-            raise BadDrawing(rows.names[lost[0]][0])
         if not len(rows.values):
             break
         step = -np.linalg.lstsq(rows.jacobian * ease, rows.values, rcond=1e-13)[0] * ease
@@ -88,6 +85,15 @@ def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
         if abs(v) > 1e-9
     ]
     return state, sorted(gaps, key=lambda g: -abs(g.value))
+
+
+def _strains(system: System, slots: Array, state: State, length: float) -> StrainRows:
+    """Strains at a state and their gradient. Raises BadDrawing where an element has no direction."""
+    rows = strain_rows(system, slots, state, length)
+    lost = np.nonzero(~np.isfinite(rows.jacobian).all(axis=1))[0]
+    if len(lost):
+        raise BadDrawing(rows.names[lost[0]][0])
+    return rows
 
 
 def _closer(
@@ -111,11 +117,11 @@ def drawing_of(layout: Layout, state: State) -> Drawing:
 
 
 def free_motions(layout: Layout, length: float) -> tuple[Array, System]:
-    """Basis (n, k) of motions that nothing holds with all drives engaged, and that system."""
+    """Basis (n, k) of motions that nothing holds with all drives engaged, and that system. Raises BadDrawing."""
     system = all_drives(layout, DriveState.ENGAGED)
     slots = layout.slots.constants[None]
     state = drawn_state(layout, slots, 1, system.constraints)
-    return null_space(strain_rows(system, slots, state, length).jacobian), system
+    return null_space(_strains(system, slots, state, length).jacobian), system
 
 
 def coordinate_name(layout: Layout, coordinate: int) -> str:
@@ -167,7 +173,7 @@ def near_drawing(layout: Layout, length: float) -> int:
     slots = layout.slots.constants[None]
     state = drawn_state(layout, slots, 1, system.constraints)
     unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
-    basis = null_space(strain_rows(system, slots, state, length).jacobian)
+    basis = null_space(_strains(system, slots, state, length).jacobian)
     if basis.shape[1] == 0:
         return 0
     way = basis @ np.cos(np.arange(basis.shape[1]))  # all of them at once, none like another
@@ -175,11 +181,11 @@ def near_drawing(layout: Layout, length: float) -> int:
     for _ in range(30):
         full = np.concatenate([step * unit, np.zeros(system.constraints)])
         state = advance(system, state, full[None], 1.0)
-        rows = strain_rows(system, slots, state, length)
+        rows = _strains(system, slots, state, length)
         step = -np.linalg.lstsq(rows.jacobian, rows.values, rcond=1e-9)[0] if len(rows.values) else 0.0 * step
         if np.abs(step).max(initial=0.0) < 1e-14:
             break
-    return system.unknowns - rank(strain_rows(system, slots, state, length).jacobian)
+    return system.unknowns - rank(_strains(system, slots, state, length).jacobian)
 
 
 def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[str, ...]) -> Mobility:
@@ -187,7 +193,7 @@ def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[s
     slots = layout.slots.constants[None]
 
     def at(system: System) -> tuple[Array, np.ndarray]:  # type: ignore[type-arg]
-        rows = strain_rows(system, slots, drawn_state(layout, slots, 1, system.constraints), length)
+        rows = _strains(system, slots, drawn_state(layout, slots, 1, system.constraints), length)
         return rows.jacobian, rows.rigid
 
     released_system = all_drives(layout, DriveState.RELEASED)
@@ -201,7 +207,7 @@ def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[s
     substructure, _ = at(build_system(layout, states, False))
     rs = rank(substructure)
     engaged_system = all_drives(layout, DriveState.ENGAGED)
-    engaged = strain_rows(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
+    engaged = _strains(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
     return Mobility(
         released.shape[1],
         freedom,

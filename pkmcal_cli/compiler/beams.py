@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.compiler.assemble import BadDrawing
 from pkmcal_cli.compiler.bars import rest_length
 from pkmcal_cli.compiler.joints import add_joint_link, elastic_rows, joint_rows, joint_triad
 from pkmcal_cli.compiler.numbers import combined, is_zero, triad_along
@@ -17,11 +18,13 @@ from pkmcal_cli.rotation import Array
 
 
 def add_beams(structure: Structure) -> list[Weight]:
-    """Beams with their end joints; returns their lumped masses."""
+    """Beams with their end joints; returns their lumped masses. Raises BadDrawing."""
     weights = []
     for name, beam in structure.machine.beams.items():
         nodes = [structure.point(p) for p in beam.between]
         chord = structure.position(nodes[1]) - structure.position(nodes[0])
+        if not chord.any():
+            raise BadDrawing(name)
         up = np.array([q.number(structure.nominal) for q in beam.up]) if not is_zero(beam.up) else None
         triad = triad_along(chord, np.array([0.0, 0.0, 1.0]) if structure.planar else up)
         ports = [_beam_end(structure, name, side, beam, chord) for side in (0, 1)]

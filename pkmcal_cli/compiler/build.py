@@ -13,6 +13,7 @@ from pkmcal_cli.compiler.beams import add_beams
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, leg_lengths
 from pkmcal_cli.compiler.effects import declared_effects
 from pkmcal_cli.compiler.joints import add_guides, add_joints
+from pkmcal_cli.compiler.physical import number_faults
 from pkmcal_cli.compiler.sensors import SensorTable
 from pkmcal_cli.compiler.sockets import LOAD, sockets_of
 from pkmcal_cli.compiler.structure import Drawing, Structure
@@ -21,6 +22,7 @@ from pkmcal_cli.elements import Joint, Load
 from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
+from pkmcal_cli.errors import BadInput
 from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.fingerprint import fingerprint_of
 from pkmcal_cli.language.machine import Machine
@@ -45,11 +47,15 @@ class Compiled:
 def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     """The model of a machine. Faults of the mechanism are in `mobility` and `gaps`; `check` reports them.
 
+    Raises BadInput where it has numbers that cannot be, or effects at places that it does not have.
+
     `receptive`: effects can enter (they have slots of their own); so it is where the machine declares effects.
     """
     fitted = frozenset(n for n, s in machine.sensors.items() if s.frame not in (None, "machine"))
     receptive = receptive or bool(machine.effects) or bool(fitted)
     first = _draft(machine, Drawing(), receptive)
+    if wrong := number_faults(machine, first.layout, first.drives):
+        raise BadInput(wrong)
     length = first.length
     state, gaps = asm.assemble(first.layout, length)
     made = _draft(machine, asm.drawing_of(first.layout, state), receptive)
@@ -67,7 +73,8 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     base, turns = _base_slots(made.structure, machine)
     model = replace(model, base=base, base_turns=turns, datum=machine.datum, fingerprint=fingerprint_of(machine))
     if receptive:
-        model = replace(model, sockets=sockets_of(made.structure, layout, drives, model.sensors))
+        sockets = sockets_of(made.structure, layout, drives, model.sensors, model.drawn_slots[0])
+        model = replace(model, sockets=sockets)
         model = replace(model, fitted_frames=fitted)
         model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
     return Compiled(model, found, tuple(gaps))

@@ -75,8 +75,8 @@ def placed_effect(
     for spec in effect.used(planar):
         unit, entry = unit_at(spec, rotary), entries.get(spec.name, EffectNumber())
         spread = spec.range_in(rotary) * unit.scale if entry.range is None else entry.range
-        natural = (-math.inf, math.inf) if spec.most is None else (0.0, spec.most * unit.scale)
-        bounds = entry.bounds or natural
+        low, high = spec.possible
+        bounds = entry.bounds or (low * unit.scale, high * unit.scale)
         name = f"{effect.keyword}@{at}.{spec.name}"
         dimension = unit.dimension.name
         text = "" if unit.text == "1" else unit.text

@@ -8,6 +8,8 @@ from pkmcal_cli.compiler.assemble import BadDrawing, Gap, Mobility
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.connection import loose_parts
 from pkmcal_cli.compiler.numbers import is_zero
+from pkmcal_cli.compiler.paths import path_of
+from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.springs import stiffness_faults
 from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.machine import End, Joint, Machine
@@ -28,9 +30,12 @@ def structure_faults(machine: Machine) -> list[Fault]:
     loose = [_loose_fault(machine, name) for name in loose_parts(machine)]
     return [
         *_frozen_directions(machine),
+        *_no_directions(machine),
         *_turned_carriages(machine),
+        *_unhinged(machine),
         *_reversed_limits(machine),
         *stiffness_faults(machine),
+        *section_faults(machine),
         *loose,
     ]
 
@@ -38,7 +43,7 @@ def structure_faults(machine: Machine) -> list[Fault]:
 def drawing_fault(machine: Machine, error: BadDrawing) -> Fault:
     """A drawing from which nothing can be built."""
     return machine.source.fault(
-        "drawing", str(error), _path(machine, error.element), "draw its ends apart", at_key=True
+        "drawing", str(error), path_of(machine, error.element), "draw its ends apart", at_key=True
     )
 
 
@@ -57,6 +62,16 @@ def _frozen_directions(machine: Machine) -> list[Fault]:
         machine.source.fault("direction", f"`{_key(path)}` must not depend on parameters", path, hint)
         for path, axis in _directions(machine)
         if isinstance(axis, tuple) and any(q.names for q in axis)
+    ]
+
+
+def _no_directions(machine: Machine) -> list[Fault]:
+    """Directions of length 0."""
+    hint = "for example " + ("[1, 0]" if machine.space == "planar" else "[0, 0, 1]")
+    return [
+        machine.source.fault("direction", f"`{_key(path)}` has length 0: it is no direction", path, hint)
+        for path, axis in _directions(machine)
+        if isinstance(axis, tuple) and axis and path[-1] != "turn" and is_zero(axis)
     ]
 
 
@@ -90,6 +105,20 @@ def _turned_carriages(machine: Machine) -> list[Fault]:
         )
         for name, body in machine.bodies.items()
         if body.on is not None and not is_zero(body.turn)
+    ]
+
+
+def _unhinged(machine: Machine) -> list[Fault]:
+    """Cranks that nothing lets turn."""
+    owner = {point: name for name, body in machine.bodies.items() for point in body.points}
+    ends = {owner.get(e, e) for joint in machine.joints.values() if joint.type == "revolute" for e in joint.between}
+    hint = "join it to the base by a joint: {between: [POINT, BODY], type: revolute}"
+    return [
+        machine.source.fault(
+            "value", f"`{actuator.turns}` is at no revolute joint: nothing turns", ("actuators", name, "turns"), hint
+        )
+        for name, actuator in machine.actuators.items()
+        if actuator.turns in machine.bodies and actuator.turns not in ends
     ]
 
 
@@ -135,7 +164,7 @@ def _worst_gaps(gaps: tuple[Gap, ...]) -> list[Gap]:
 
 
 def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
-    path = _path(machine, gap.element)
+    path = path_of(machine, gap.element)
     lengthwise = gap.strain in ("elongation", "x", "y", "z")
     size = machine.file_units.length.format(gap.value) if lengthwise else f"{gap.value:.3g} rad"
     large = abs(gap.value) > GAP * (length if lengthwise else 1.0)
@@ -155,7 +184,7 @@ def _mobility_faults(machine: Machine, found: Mobility) -> list[Fault]:
         faults = [machine.source.fault("mobility", told, at, _mobility_hint(found))] if _immobile(found) else []
     if found.rigid_loops:
         members = ", ".join(f"`{n}`" for n in found.rigid_loops)
-        path = _path(machine, found.rigid_loops[0])
+        path = path_of(machine, found.rigid_loops[0])
         hint = "give one of them, a joint or a drive in the loop a stiffness"
         what = f"closed loop in which nothing yields: {members}"
         faults.append(machine.source.fault("rigid-loop", what, path, hint, at_key=True))
@@ -199,12 +228,3 @@ def _counts(found: Mobility) -> str:
         f"{count(found.degrees_of_freedom, 'degree')} of freedom, {count(found.actuators, 'actuator')}, "
         f"{count(max(found.redundancy, 0), 'time')} redundant, {count(found.self_stress, 'self-stress')}"
     )
-
-
-def _path(machine: Machine, element: str) -> tuple[str, ...]:
-    """The place of an element in the machine file."""
-    name = element.split(".")[0]
-    for section in ("beams", "bars", "ropes", "joints", "actuators", "bodies", "nodes"):
-        if name in getattr(machine, section):
-            return (section, name)
-    return ()

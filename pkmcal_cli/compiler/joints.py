@@ -57,7 +57,7 @@ def add_guides(structure: Structure) -> None:
         turns = any(d[0] == "r" for d in elastic)
         all_turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
         rows = tuple(d for d in elastic if d in "xyz") + (all_turns if turns else ())
-        ports = (Port(rail.origin, rail.rotation), structure.port(name))
+        ports = (Port(structure.rail_at(name), rail.rotation), structure.port(name))
         triad = structure.orientation(rail.rotation)
         add_joint_link(
             structure,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -20,12 +21,19 @@ def number(quantity: Quantity | None, default: float = 0.0) -> Number:
 
 
 def combined(function: Callable[..., complex], *parts: Number | Quantity) -> Number:
-    """function(parts) as one number: a float where all parts are constant."""
+    """function(parts) as one number: a float where all parts are constant; nan where it has no value."""
     values = [number(p) if isinstance(p, Quantity) else p for p in parts]
     names = tuple(dict.fromkeys(n for v in values if isinstance(v, Formula) for n in v.names))
+
+    def safe(*at: complex) -> complex:
+        try:
+            return function(*at)
+        except (ZeroDivisionError, OverflowError):
+            return math.nan
+
     if not names:
-        return float(np.real(function(*values)))
-    return Formula(names, lambda p: function(*(v.function(p) if isinstance(v, Formula) else v for v in values)))
+        return float(np.real(safe(*values)))  # type: ignore[arg-type]
+    return Formula(names, lambda p: safe(*(v.function(p) if isinstance(v, Formula) else v for v in values)))
 
 
 def vector(parts: Sequence[Quantity]) -> tuple[Number, Number, Number]:

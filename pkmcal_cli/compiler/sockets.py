@@ -28,6 +28,7 @@ class _Collector:
     layout: Layout
     drives: Sequence[PlacedDrive]
     sensors: Sequence[PlacedSensor]
+    drawn: Array  # (S,) slots with the drives at the drawing
 
     @property
     def axes(self) -> int:
@@ -47,10 +48,10 @@ class _Collector:
 
 
 def sockets_of(
-    structure: Structure, layout: Layout, drives: Sequence[PlacedDrive], sensors: Sequence[PlacedSensor]
+    structure: Structure, layout: Layout, drives: Sequence[PlacedDrive], sensors: Sequence[PlacedSensor], drawn: Array
 ) -> Sockets:
-    """All sockets of a machine compiled to take effects."""
-    c = _Collector(structure, layout, drives, sensors)
+    """All sockets of a machine compiled to take effects; `drawn` (S,): slots with the drives at the drawing."""
+    c = _Collector(structure, layout, drives, sensors, drawn)
     out: dict[EffectPort, dict[str, tuple[Socket, ...]]] = {
         "command": dict(_commands(c)),
         "drive_force": dict(_drive_forces(c)),
@@ -100,7 +101,7 @@ def _lengths(c: _Collector) -> Named:
         pieces = []
         for g, e, group in c.found(name):
             slot = group.rest.start + e * len(group.element.strains)
-            pieces.append((slot, (g, e), float(c.layout.slots.constants[slot])))
+            pieces.append((slot, (g, e), float(c.drawn[slot])))
         share = 1.0 / len(pieces)
         total = sum(length for _, _, length in pieces)
         slots = np.array([slot for slot, _, _ in pieces])
@@ -135,12 +136,17 @@ def _guides(c: _Collector) -> Named:
 
 
 def _carriages(c: _Collector) -> Named:
-    """Turns of carriages, as moves of their points; not where members feel the orientation of the carriage."""
+    """Turns of carriages: of the rail's side of the springs where they tilt, else as moves of their points.
+
+    Not where members feel the orientation of a carriage that does not tilt.
+    """
     machine = c.structure.machine
-    felt = {int(r) for g in c.layout.groups if g.element.uses_triads for r in g.rotation.ravel()}
-    for body, _, a in _travelling(c):
+    for body, guide, a in _travelling(c):
         points = machine.bodies[body].points
-        if not points or c.structure.rotation(body) in felt:
+        if any(d[0] == "r" for d in c.structure.elastic_directions(guide)):
+            yield from _tilts(c, body, a)
+            continue
+        if not points or _turn_is_felt(c, body):
             continue
         slots = np.concatenate([c.offset("point", p) for p in points])
         arms = c.layout.slots.constants[slots].reshape(-1, 3)
@@ -148,6 +154,28 @@ def _carriages(c: _Collector) -> Named:
             moved = (skew(np.eye(3)[k]) @ arms.T).T.reshape(-1, 1)
             if moved.any():
                 yield f"{body}.r{_AXES[k]}", (Socket(body, slots, moved, actuator=a),)
+
+
+def _tilts(c: _Collector, body: str, a: int) -> Named:
+    """Turns at which the springs of a carriage that tilts are at rest."""
+    for _, e, group in c.found(f"{body}.guidance"):
+        strains = group.element.strains
+        for m, strain in enumerate(strains):
+            if strain[0] == "r":
+                slot = group.rest.start + e * len(strains) + m
+                yield f"{body}.{strain}", (Socket(body, _slots(slot), _ONE, actuator=a),)
+
+
+def _turn_is_felt(c: _Collector, body: str) -> bool:
+    """Whether a beam or joint is fixed to the orientation of a carriage; its guide and drive look along the rail."""
+    travel = c.structure.carriage_travel[body]
+    return any(
+        link.element is not None
+        and link.element.uses_triads
+        and any(t == travel for port in link.ports for _, t, _ in port.point.travels)
+        and link.name not in (f"{body}.guidance", *(f"{d.drive.name}.drive" for d in c.drives))
+        for link in c.structure.builder.links
+    )
 
 
 def _base(c: _Collector) -> Named:

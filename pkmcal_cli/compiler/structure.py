@@ -17,7 +17,7 @@ from pkmcal_cli.language.machine import Body, Guide, Joint, Machine, axis_vector
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.layout import GROUND, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
-from pkmcal_cli.ports import Number, Point, Port
+from pkmcal_cli.ports import Number, Point, Port, Rail
 from pkmcal_cli.rotation import Array, exp
 
 
@@ -27,15 +27,6 @@ class Drawing:
 
     travels: dict[str, float] = field(default_factory=dict)
     orientations: dict[str, Array] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Rail:
-    """A guide: origin and frame rotation, unit vector along it in the frame's axes."""
-
-    origin: Point
-    rotation: int
-    along: Array
 
 
 @dataclass
@@ -188,10 +179,15 @@ class Structure:
             if direction in "xyz":
                 axis = np.eye(3)["xyz".index(direction)]
                 moves.append((rail.rotation, self.new_travel(f"{name}.{direction}", 0.0), tuple(axis)))
-        error = Point()
         if self.receptive:
-            error = self.anchored("carriage", name, rail.rotation, (0.0, 0.0, 0.0), f"{name}.error")
-        return rail.origin + error + Point((), tuple(moves))
+            self.anchored("carriage", name, rail.rotation, (0.0, 0.0, 0.0), f"{name}.error")
+        return self.rail_at(name) + Point((), tuple(moves))
+
+    def rail_at(self, carriage: str) -> Point:
+        """Travel 0 of a carriage's guide, where effects on the guide move it for this carriage: the rail's side."""
+        rail = self.rails[self.machine.bodies[carriage].on or ""]
+        error = self.anchors.get(("carriage", carriage))
+        return rail.origin + (Point() if error is None else Point(((rail.rotation, 1.0, error),)))
 
     def elastic_directions(self, guide: str) -> tuple[str, ...]:
         """Directions of a guide with stiffness, in its frame's axes; not the travel itself."""

@@ -7,6 +7,7 @@ the parameters have their null value, 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -102,8 +103,8 @@ Formula = Callable[..., Any]
 class EffectParameter:
     """A parameter: `range` in `unit` is the half-width of what is plausible, two standard deviations; null is 0.
 
-    `rotary`: the unit where the drive turns, `turning`: the range then, in it; `spatial`: only in space; `most`: from 0
-    to this, else unbounded.
+    `rotary`: the unit where the drive turns, `turning`: the range then, in it; `spatial`: only in space; `possible`:
+    the interval, in `unit`, out of which no value can be.
     """
 
     name: str
@@ -112,8 +113,8 @@ class EffectParameter:
     text: str
     rotary: str | None = None
     spatial: bool = False
-    most: float | None = None
     turning: float | None = None
+    possible: tuple[float, float] = (-math.inf, math.inf)
 
     def range_in(self, rotary: bool) -> float:
         """What is plausible, in the unit of a drive that turns or moves."""
@@ -122,7 +123,10 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Option:
-    """A constant of an effect, not identified: a value with a unit, or an interval; `needed` if it has no default."""
+    """A constant of an effect, not identified: a value with a unit, or an interval; `needed` if it has no default.
+
+    `positive`: whether its value must be.
+    """
 
     name: str
     unit: str
@@ -130,6 +134,7 @@ class Option:
     interval: bool = False
     needed: bool = False
     rotary: str | None = None
+    positive: bool = False
 
 
 @dataclass(frozen=True)

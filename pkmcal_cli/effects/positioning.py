@@ -83,7 +83,9 @@ PITCH = Effect(
         EffectParameter("s", "um", 40, "sine part", rotary="urad", turning=400),
     ),
     _wave,
-    options=(Option("period", "mm", "lead of screw or period of encoder; default the drive's", rotary="deg"),),
+    options=(
+        Option("period", "mm", "lead of screw or period of encoder; default the drive's", rotary="deg", positive=True),
+    ),
     common=False,
     cause="The screw, its coupling or the encoder of {at} runs out once in every period.",
     result="The positioning error of {at} oscillates with the period.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
 
-_SMOOTH = Option("smooth", "N", "force over which the sign of a reaction is smoothed; default 10 N")
+_SMOOTH = Option("smooth", "N", "force over which the sign of a reaction is smoothed; default 10 N", positive=True)
 _OVER = Option(
     "over", "mm", "travel on which the shape is spread; default the limits, else the table's", True, rotary="deg"
 )

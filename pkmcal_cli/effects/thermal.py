@@ -8,7 +8,7 @@ from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
 
 _REFERENCE = Option("reference", "degC", "temperature at which the effect is zero; default 20 degC")
 _EXPANSION = "um/(m*K)"
-_LAG = EffectParameter("lag", "min", 120, "time constant of the part behind its sensor", most=1000)
+_LAG = EffectParameter("lag", "min", 120, "time constant of the part behind its sensor", possible=(0, 1000))
 
 
 def _per_kelvin(size: float, what: str) -> tuple[EffectParameter, ...]:

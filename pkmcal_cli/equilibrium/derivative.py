@@ -14,7 +14,7 @@ import numpy as np
 
 from pkmcal_cli.elements import Element
 from pkmcal_cli.equilibrium.assembly import View, group_view, stresses_of
-from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given
+from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given, natural_lengths
 from pkmcal_cli.equilibrium.kinematics import State, advance, turned_arms, views
 from pkmcal_cli.equilibrium.newton import Slack
 from pkmcal_cli.equilibrium.system import System
@@ -82,9 +82,10 @@ def _add_group(
         acting = acting * ~loose[:, :, None]
     energy, pull = _energies(spec.element, acting), stress
     if spec.element.per_length and mine.stiffness is not None:
-        energy = energy / mine.rest[..., :1]
+        length = natural_lengths(group, mine.rest)
+        energy = energy / length[..., None]
         pull = stress.copy(order="F")
-        pull[..., 0] += 0.5 * np.einsum("nekl,nek,nel->ne", mine.stiffness, acting, acting) / mine.rest[..., 0]
+        pull[..., 0] += 0.5 * np.einsum("nekl,nek,nel->ne", mine.stiffness, acting, acting) / length
     _slot_view(sums.slots, spec.stiffness, spec.shape[0], energy.shape[2])[...] = energy
     np.negative(pull, out=_slot_view(sums.slots, spec.rest, *spec.shape))
     if system.loaded:

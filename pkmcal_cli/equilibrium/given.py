@@ -86,14 +86,18 @@ def arm_bodies(layout: Layout, slots: Array) -> Array:
 def group_numbers(system: System, group: GroupMap, slots: Array) -> GroupNumbers:
     """Numbers of one group."""
     spec = group.group
-    rest = common(slots[:, spec.rest])
     stiffness = stiffness_matrices(system, group, slots) if group.yields else None
     coupled = np.asarray(False if stiffness is None else stiffness.any(axis=(0, 1)))
     prestress = None
     if system.loaded and slots[:, spec.prestress].any():
         prestress = group.stressed * _shaped(common(slots[:, spec.prestress]), *spec.shape)
     pairs = tuple((int(k), int(l)) for k, l in np.argwhere(coupled))
-    return GroupNumbers(_shaped(rest, *spec.shape), stiffness, pairs, prestress)
+    return GroupNumbers(rest_values(group, slots), stiffness, pairs, prestress)
+
+
+def rest_values(group: GroupMap, slots: Array) -> Array:
+    """Strains' rest values, (1 or N, E, m): natural length, commanded travel, ..."""
+    return _shaped(common(slots[:, group.group.rest]), *group.group.shape)
 
 
 def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
@@ -102,13 +106,21 @@ def stiffness_matrices(system: System, group: GroupMap, slots: Array) -> Array:
     patterns = group.group.element.patterns
     numbers = _shaped(common(slots[:, group.group.stiffness]), count, len(patterns))
     if group.group.element.per_length:
-        numbers = numbers / _shaped(common(slots[:, group.group.rest]), count, width)[..., :1]
+        numbers = numbers / natural_lengths(group, rest_values(group, slots))[..., None]
     acting = group.elastic[:, :, None] * group.elastic[:, None, :]
     full: Array = np.zeros((len(numbers), count, width, width), dtype=numbers.dtype, order="F")
     used = np.asarray(numbers.any(axis=(0, 1)))  # most couplings of joints are zero
     for p, k, l in zip(*np.nonzero(patterns * used[:, None, None]), strict=True):
         full[..., k, l] += numbers[..., p] * (patterns[p, k, l] * acting[:, k, l])
     return full
+
+
+def natural_lengths(group: GroupMap, rest: Array) -> Array:
+    """Lengths (1 or N, E) of rest (1 or N, E, m) by which stiffness numbers are divided; 1 where nothing yields.
+
+    The rest length of a member whose drive is released or force-controlled means nothing; it may be zero.
+    """
+    return np.where(group.elastic[:, 0] > 0, rest[..., 0], 1.0)
 
 
 def typical_stiffness(system: System, slots: Array | Given) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.elements import Load
 from pkmcal_cli.equilibrium.assembly import group_view
-from pkmcal_cli.equilibrium.given import group_numbers
+from pkmcal_cli.equilibrium.given import rest_values
 from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, views
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.rotation import Array
@@ -38,7 +38,7 @@ def strain_rows(system: System, slots: Array, state: State, length: float) -> St
         if isinstance(spec.element, Load):
             continue
         ti, tj, delta, _ = group_view(system, index, stacked)
-        e, b = spec.element.evaluate(delta, ti, tj, group_numbers(system, group, slots).rest)
+        e, b = spec.element.evaluate(delta, ti, tj, rest_values(group, slots))
         jacobian, _ = input_jacobian(system.layout, group.map, state, arms)
         active = group.elastic > 0
         active[group.rigid] = True

@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.derivative import point_gradient, strain_gradient
-from pkmcal_cli.equilibrium.given import Given, group_numbers
+from pkmcal_cli.equilibrium.given import Given, rest_values
 from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import Drive, DriveKind, Group
@@ -146,7 +146,7 @@ def _strain_position(
     group = system.groups[index]
     arms = arm_vectors(system.layout, slots, state)
     ti, tj, delta, _ = group_view(system, index, views(system, state, arms))
-    rest = group_numbers(system, group, slots).rest
+    rest = rest_values(group, slots)
     strain, b = group.group.element.evaluate(delta, ti, tj, rest)
     position = strain[:, e, m] + rest[:, e, m]
     if derivatives:

@@ -18,6 +18,7 @@ from pkmcal_cli.language.expressions import (
     operator_of,
     source_of,
 )
+from pkmcal_cli.language.limits import HINT, beyond
 from pkmcal_cli.language.quantities import Draft, Quantity
 from pkmcal_cli.language.unit_text import Unit
 from pkmcal_cli.language.units import FileUnits
@@ -56,8 +57,8 @@ class Binder:
             if fitting is None and draft.unit is not None:
                 what = f"`{draft.text}` is {article(unit.dimension)}, {_a_of(dimensions)} is wanted here"
                 raise Slip(what, 0, self._unit_hint(dimensions[0]))
-            si = unit.to_si(draft.number)
-            return Quantity(draft.text, fitting or dimensions[0], (), ("number", si))
+            term: Term = ("number", unit.to_si(draft.number))
+            return Quantity(draft.text, fitting or dimensions[0], (), _sized(term, draft))
         term, dimension = self.typed(draft.tree, draft.text)
         if dimension is None:
             unit = bare or self.units.unit(dimensions[0])
@@ -66,7 +67,7 @@ class Binder:
         if fitting is None:
             what = f"`{draft.text}` is {article(dimension)}, {_a_of(dimensions)} is wanted here"
             raise Slip(what, draft.tree.col_offset)
-        return Quantity(draft.text, fitting, draft.names, term)
+        return Quantity(draft.text, fitting, draft.names, _sized(term, draft))
 
     def _unit_hint(self, dimension: Dimension) -> str:
         return f"give it in {self.units.unit(dimension).text}, for example"
@@ -168,6 +169,14 @@ class Binder:
             what = f"`{source_of(node.args[0], text)}` is {article(dimension)}, `{name}` wants {wanted}"
             raise Slip(what, node.args[0].col_offset)
         return ("call", name, term), ANGLE if name in ("asin", "acos", "atan") else None
+
+
+def _sized(term: Term, draft: Draft) -> Term:
+    """The term itself; raises `Slip` for a number beyond what can be computed with."""
+    wrong = beyond(term[1], draft.tree is None) if term[0] == "number" else None
+    if wrong is not None:
+        raise Slip(f"`{draft.text}` is {wrong}", 0, HINT, "value")
+    return term
 
 
 def _fitting(dimension: Dimension, wanted: Sequence[Dimension]) -> Dimension | None:

@@ -2,6 +2,7 @@
 
 `{i}` is replaced in the entry's name and in every text in it; several variables go together, one
 from each list at a time. A text that is only "{x}" becomes the value itself (a number stays one).
+In an expression a value counts as one: `{x}**2` of -3 is 9.
 """
 
 from __future__ import annotations
@@ -10,11 +11,13 @@ import re
 from dataclasses import dataclass, field
 
 from pkmcal_cli.errors import BadInput, Fault, FaultList, Location, did_you_mean
+from pkmcal_cli.language.expressions import ExpressionError, parse_expression
 from pkmcal_cli.language.yaml_source import MAX_NODES
-from pkmcal_cli.language.yaml_tree import SourceNode
+from pkmcal_cli.language.yaml_tree import Pasted, SourceNode
 
 KEY = "each"
 _VARIABLE = re.compile(r"\{([^{}]*)\}")
+_ONE_WORD = re.compile(r"[A-Za-z_]\w*|(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 Environment = dict[str, SourceNode]
 
@@ -115,7 +118,9 @@ class Expansion:
             item = env[whole[1]]
             return SourceNode(item.value, node.where, node.key, item.text)
         new = self._text(text, env, node.where)
-        return SourceNode(new, node.where, node.key, new)
+        known = {f"{{{name}}}": _as_one(item) for name, item in env.items()}
+        expression = _VARIABLE.sub(lambda match: known.get(match[0], match[0]), text)
+        return SourceNode(Pasted(new, expression), node.where, node.key, new)
 
     def _text(self, text: str, env: Environment, where: Location) -> str:
         def value(match: re.Match[str]) -> str:
@@ -127,6 +132,18 @@ class Expansion:
             return item.text or ""
 
         return _VARIABLE.sub(value, text)
+
+
+def _as_one(item: SourceNode) -> str:
+    """A value as it stands in an expression: in parentheses unless it is a word, or no expression (a sign, a unit)."""
+    text = item.value.expression if isinstance(item.value, Pasted) else item.text or ""
+    if _ONE_WORD.fullmatch(text):
+        return text
+    try:
+        parse_expression(text)
+    except ExpressionError:
+        return text
+    return f"({text})"
 
 
 def _without_each(node: SourceNode) -> SourceNode:

@@ -12,6 +12,7 @@ from pkmcal_cli.effects import Effect, EffectParameter, Option, catalogue
 from pkmcal_cli.errors import FaultList, did_you_mean
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.fields import Entity
+from pkmcal_cli.language.limits import SMALLEST
 from pkmcal_cli.language.parts import ParameterValue
 from pkmcal_cli.language.quantities import Draft, fault
 from pkmcal_cli.language.unit_text import Unit, parse_unit
@@ -89,7 +90,20 @@ class EffectResolver:
                 self._fault("unknown-name", f"`{effect.keyword}` has no parameter `{key}`", path, hint, True)
             else:
                 out[key] = self._number(entry, known[key], path)
+                spec = next(p for p in every if p.name == key)
+                self._check_possible(spec, out[key], known[key], path)
         return out
+
+    def _check_possible(self, spec: EffectParameter | Option, entry: EffectNumber, unit: Unit, path: Path) -> None:
+        """Values that nothing has: a stiffness e^1000 times the declared one, a negative lag or period."""
+        what, value = f"`{spec.name}` of `{path[1]}`", entry.value / unit.scale
+        if isinstance(spec, Option):
+            if spec.positive and not entry.value >= SMALLEST:
+                self._fault("value", f"{what} must be positive", (*path, "value"), f"{spec.name}: 5 {unit.text}")
+        elif not spec.possible[0] <= value <= spec.possible[1]:
+            low, high = (f"{limit:g}" for limit in spec.possible)
+            hint = f"{spec.text}: from {low} to {high}" + ("" if unit.text == "1" else f" {unit.text}")
+            self._fault("value", f"{what} cannot be {value:g}", (*path, "value"), hint)
 
     def _number(self, entry: EffectNumber, unit: Unit, path: Path) -> EffectNumber:
         changes: dict[str, Any] = {}
@@ -102,7 +116,7 @@ class EffectResolver:
                 changes[field] = tuple(parts)
                 if not parts[0] < parts[1]:
                     self._fault("range", "the first of two limits must be below the second", path, "[from, to]")
-        if changes.get("range", 1.0) <= 0:
+        if changes.get("range", 1.0) < SMALLEST:
             self._fault("range", "a range must be positive", (*path, "range"), "two standard deviations of the prior")
         return entry.model_copy(update=changes)
 

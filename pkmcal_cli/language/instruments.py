@@ -11,8 +11,8 @@ from pkmcal_cli.language.fields import (
     DriveForceValue,
     DriveStiffness,
     Entity,
+    Factor,
     Length,
-    Number,
     ReadingUnit,
     Scale,
     Sigma,
@@ -38,7 +38,7 @@ class DriveForce(Entity):
 
     column: str | None = Field(default=None, description="Column of the force")
     otherwise: DriveForceValue | None = Field(default=None, description="Force where there is no column")
-    scale: Number = Field(default=ONE, description="Force (file's unit) per number of the column")
+    scale: Factor = Field(default=ONE, description="Force (file's unit) per number of the column")
 
 
 class Actuator(Entity):
@@ -64,7 +64,7 @@ class Actuator(Entity):
     stiffness: DriveStiffness | None = Field(default=None, description="Of the drive; default ideal")
     limits: tuple[Travel, Travel] | None = Field(default=None, description="[low, high] of the reading")
     scale: Scale = Field(default=ONE, description="Travel per unit of reading")
-    ratio: Number = Field(default=ONE, description="Transmission ratio")
+    ratio: Factor = Field(default=ONE, description="Transmission ratio")
     radius: Size | None = Field(default=None, description="Radius of a spool")
     zero: Zero = Field(
         default=Quantity.constant(0.0, LENGTH),

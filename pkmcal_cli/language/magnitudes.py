@@ -19,6 +19,7 @@ from pkmcal_cli.language.dimensions import (
     STIFFNESS,
     Dimension,
 )
+from pkmcal_cli.language.limits import HINT, beyond
 from pkmcal_cli.language.parts import Parameter
 from pkmcal_cli.language.quantities import Draft, Quantity
 from pkmcal_cli.language.unit_text import Unit, parse_unit
@@ -65,15 +66,15 @@ class MagnitudeCheck:
                 hint = "check the nominal values and the expression"
                 self.faults.add(self.source.fault("value", what, path, hint))
             return
-        sign = draft.measure.sign
-        if (sign == "+" and value <= 0) or (sign == "0+" and value < 0):
-            unit = self.units.unit(quantity.dimension)
-            must = "positive" if sign == "+" else "positive or zero"
-            shown = "" if draft.tree is None else f" (it is {unit.format(value)})"
-            what = f"`{draft.text}` must be {must} here{shown}"
-            self.faults.add(self.source.fault("value", what, path, "check the sign"))
-            return
-        self._check_usual(path, draft, quantity, abs(value))
+        unit = self.units.unit(quantity.dimension)
+        shown = "" if draft.tree is None else f" (it is {unit.format(value)})"
+        if (wrong := beyond(value, draft.measure.sign != "")) is not None:
+            self.faults.add(self.source.fault("value", f"`{draft.text}` is {wrong}{shown}", path, HINT))
+        elif (broken := _broken(draft.measure.sign, value)) is not None:
+            must, hint = broken
+            self.faults.add(self.source.fault("value", f"`{draft.text}` must {must} here{shown}", path, hint))
+        else:
+            self._check_usual(path, draft, quantity, abs(value))
 
     def _check_usual(self, path: Path, draft: Draft, quantity: Quantity, value: float) -> None:
         usual = draft.measure.usual
@@ -114,6 +115,17 @@ class MagnitudeCheck:
         if self._warned <= MAX_WARNINGS:
             made: Fault = self.source.fault("magnitude", what, path, hint, warning=True)
             self.faults.add(made)
+
+
+def _broken(sign: str, value: float) -> tuple[str, str] | None:
+    """What a field asks of its value that this one is not, and a remedy; None where all is well."""
+    if sign == "+" and value <= 0:
+        return "be positive", "check the sign" if value < 0 else "check the sign, or delete the key"
+    if sign == "0+" and value < 0:
+        return "be positive or zero", "check the sign"
+    if sign == "+-" and value == 0:
+        return "not be 0", "what is multiplied by 0 tells and moves nothing; without the key it is 1"
+    return None
 
 
 def _guess(number: float, unit: Unit, usual: tuple[float, float], dimension: Dimension) -> str | None:

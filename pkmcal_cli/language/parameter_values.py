@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pkmcal_cli.errors import FaultList
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.dimensions import DIMENSIONS, NUMBER, Dimension
+from pkmcal_cli.language.limits import SMALLEST
 from pkmcal_cli.language.parts import Parameter, Ranges
 from pkmcal_cli.language.quantities import Draft, Quantity
 from pkmcal_cli.language.shape import Aside
@@ -87,7 +88,7 @@ class ParameterResolver:
         if "range" in parameter.model_fields_set:
             where = (*path, "range")
             value = self._number(parameter.range, dimension, bare.difference, where)
-            if value is not None and not value > 0:
+            if value is not None and not value >= SMALLEST:
                 what = f"the range of `{name}` must be positive"
                 hint = "the half-width about nominal, 2 standard deviations; to hold it fixed "
                 hint += "write `identify: false`"

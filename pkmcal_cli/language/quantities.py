@@ -29,6 +29,7 @@ from pkmcal_cli.language.expressions import (
     parse_expression,
 )
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, split_value
+from pkmcal_cli.language.yaml_tree import Pasted
 
 _FAILURES = (ValueError, ZeroDivisionError, OverflowError)
 
@@ -102,7 +103,7 @@ class Measure:
 
     `dimension` of the field; `others` that a field may have besides (a bare number takes the
     first); `usual` the range of magnitudes (SI) outside of which a guess is made; `words` that
-    may stand instead of a quantity; `sign` "+" for positive, "0+" for not negative.
+    may stand instead of a quantity; `sign` "+" for positive, "0+" for not negative, "+-" for not zero.
     """
 
     dimension: Dimension
@@ -144,6 +145,7 @@ class Measure:
                 hint = UNIT_HINT if inside else error.hint
                 raise fault("unit", error.what, hint) from None
             return Draft(raw, self, None, parts[0], unit)
+        raw = raw.expression if isinstance(raw, Pasted) else raw
         try:
             return Draft(raw, self, parse_expression(raw))
         except ExpressionError as error:

@@ -14,6 +14,7 @@ from pkmcal_cli.language.effect_entries import EffectResolver
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.instruments import KINDS, Actuator
+from pkmcal_cli.language.limits import SMALLEST
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.magnitudes import MagnitudeCheck, radian_warning
 from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimension
@@ -115,7 +116,7 @@ class Resolver:
             self.faults.add(self.source.fault("range", what, path, "give a number"))
             return Quantity.constant(1.0, draft.measure.dimension)
         made = self._bind(Binder(self.units, {}), path, draft, Wanted(draft.measure.dimensions))
-        if not made.number({}) > 0:
+        if not made.number({}) >= SMALLEST:
             self.faults.add(
                 self.source.fault("range", "a range must be positive", path, "the half-width about nominal")
             )

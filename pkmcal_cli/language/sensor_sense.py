@@ -57,8 +57,6 @@ def _check_geometry(planar: bool, path: Path, sensor: Sensor, fault: Callable[..
         fault("in the plane angles are about z", (*path, "axis"), "delete it", at_key=True)
     elif isinstance(sensor.axis, tuple) and all(_constant(part) == 0.0 for part in sensor.axis):
         fault("an axis of length 0", (*path, "axis"), "axis: z")
-    if _constant(sensor.scale) == 0.0:
-        fault("a scale of 0 measures nothing", (*path, "scale"), "scale: 1")
     if sensor.column and any(sensor.reads.values()):
         fault("its column is named twice", (*path, "column"), "delete `column`, `reads` names it", at_key=True)
     if kind_of_sensor(sensor).quantity == "bench" and isinstance(sensor.of, Draft) and not sensor.of.names:

@@ -21,6 +21,7 @@ from pkmcal_cli.language.dimensions import (
     TORQUE,
     Dimension,
 )  # fmt: skip
+from pkmcal_cli.language.limits import LARGEST, SMALLEST
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,8 @@ class _UnitParser:
         unit = self.product()
         if self.tokens:
             raise self.fault()
+        if not SMALLEST < unit.factor < LARGEST:
+            raise UnitError(f"`{self.text}` is too large or too small a unit to compute with", "check its powers")
         return Unit(self.text, unit.factor, unit.dimension, unit.pi_power)
 
     def product(self) -> Unit:

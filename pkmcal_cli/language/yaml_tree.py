@@ -11,6 +11,21 @@ Scalar = str | int | float | bool | None
 Path = tuple[str | int, ...]
 
 
+class Pasted(str):
+    """A text into which `each` pasted values; `expression`: the same with every value in parentheses that needs them.
+
+    Names, units and remarks take the text, a field that holds a quantity the expression.
+    """
+
+    expression: str
+
+    def __new__(cls, text: str, expression: str = "") -> Pasted:
+        """The text as it stands in a name, and as it stands in an expression."""
+        made = super().__new__(cls, text)
+        made.expression = expression
+        return made
+
+
 @dataclass(slots=True)
 class SourceNode:
     """A value of the file: a scalar, a list or a map of nodes; where it and its key stand."""

@@ -1,0 +1,23 @@
+"""Where in the machine file a part of the compiled machine stands."""
+
+from __future__ import annotations
+
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.yaml_tree import Path
+
+_SECTIONS = (
+    "beams", "bars", "ropes", "joints", "actuators", "bodies", "nodes", "loads", "sensors", "frames", "guides",
+    "ground",
+)  # fmt: skip
+
+
+def path_of(machine: Machine, element: str) -> Path:
+    """The entry that an element (NAME, NAME.i, NAME.drive, ...), a body's point or a slot's label belongs to."""
+    name = element.split(".")[0]
+    for section in _SECTIONS:
+        if name in getattr(machine, section):
+            return (section, name)
+    for body, spec in machine.bodies.items():
+        if name in spec.points:
+            return ("bodies", body, "points", name)
+    return ()
