@@ -28,6 +28,7 @@ from tests.hangprinter_cases import (
 )
 
 EVERY = [(s, line, sel) for s in SESSIONS for line in LINES for sel in (ANCHORS, RADII)]
+from tests.support import at, model
 
 
 @pytest.mark.parametrize(("session", "line", "selection"), EVERY)
@@ -116,3 +117,11 @@ def test_unknown_poses_count_as_measurements_of_the_lines() -> None:
     camera = identify(problem.take(np.nonzero(seen)[0]), with_all.selected)
     assert with_all.dof == camera.dof + 3
     assert (with_all.std < camera.std * (1 + 1e-3)).all()
+
+
+def test_lines_that_hardly_carry_are_taut() -> None:
+    """Next to the drawing D pulls up with 0.1 N and A, B, C hold it down: by the balance of forces all are taut."""
+    readings = np.zeros((3000, 4))
+    readings[:, :3] = np.random.default_rng(0).uniform(-1e-3, 1e-3, (3000, 3))
+    found = at(model("hangprinter"), readings)  # asserts that every row is solved
+    assert np.abs(found.values[:, :3]).max() < 2e-3  # m

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import pkmcal_cli.calibration.identify as identification
+import pkmcal_cli.calibration.step as stepping
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
@@ -124,14 +124,14 @@ def test_nothing_identifiable() -> None:
 
 def test_no_empty_system_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     """LAPACK as scipy 1.11 calls it refuses one, and nothing identifiable would be an internal error."""
-    solve = identification.solve_triangular
+    solve = stepping.solve_triangular
 
     def strict(upper: np.ndarray, right: np.ndarray) -> np.ndarray:
         if not upper.size:
             raise ValueError("illegal value in 7th argument of internal trtrs")
         return np.asarray(solve(upper, right))
 
-    monkeypatch.setattr(identification, "solve_triangular", strict)
+    monkeypatch.setattr(stepping, "solve_triangular", strict)
     _, problem, _ = noisy()
     assert identify(problem, ("k1", "k2")).status == "nothing_identifiable"
 

@@ -119,7 +119,7 @@ class _Run:
             matrix=self.matrix[: len(self.active)],
         )
         assert now.tangent is not None
-        changed = self._update_slack(now.strains)
+        changed = self._update_slack(now.strains, first)
         step = -solve_rows(now.tangent, now.residual[..., None])[..., 0]
         size = step_size(self.system, step, self.length)
         finite = np.isfinite(size)
@@ -148,8 +148,11 @@ class _Run:
         if len(stay):
             self.state, self.numbers = self.state.take(stay), self.numbers.take(stay)
 
-    def _update_slack(self, strains: tuple[Array, ...]) -> NDArray[np.bool_]:
-        """Ropes whose strain changed sign; returns the active rows in which the set of slack ropes changed."""
+    def _update_slack(self, strains: tuple[Array, ...], first: bool) -> NDArray[np.bool_]:
+        """Ropes whose strain changed sign; returns the active rows in which the set of slack ropes changed.
+
+        The state before the first step is no equilibrium: signs of its strains may be rounding, and let no rope go.
+        """
         changed = np.zeros(len(self.active), dtype=bool)
         if not self.ropes:
             return changed
@@ -158,8 +161,9 @@ class _Run:
                 acting = group.group.rope & (group.elastic[:, 0] > 0)
                 now = (e[..., 0] < 0) & acting
                 changed |= (now != slack[self.active]).any(axis=1)
-                slack[self.active] = now
-                tried |= slack
+                if not first:
+                    slack[self.active] = now
+                    tried |= slack
         return changed
 
     def finish(self) -> tuple[State, NDArray[np.int_], Slack]:
