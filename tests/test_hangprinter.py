@@ -26,9 +26,9 @@ from tests.hangprinter_cases import (
     held_out,
     measured,
 )
+from tests.support import at, model
 
 EVERY = [(s, line, sel) for s in SESSIONS for line in LINES for sel in (ANCHORS, RADII)]
-from tests.support import at, model
 
 
 @pytest.mark.parametrize(("session", "line", "selection"), EVERY)
