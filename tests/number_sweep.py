@@ -122,7 +122,7 @@ def _looked_at(case: Case, command: tuple[str | Path, ...]) -> Iterator[str]:
         yield f"{case}: {command[0]} says `{foreign[0]}`: {_last(done)}"
     elif "--json" in command and done.code < 2 and done.json is None:
         yield f"{case}: {command[0]} writes no JSON"
-    elif done.code > 1 and not re.search(r"^\S.*error\[", done.err, re.MULTILINE):
+    elif done.code > 1 and not re.search(r"^(\S.*)?error\[", done.err, re.MULTILINE):
         yield f"{case}: {command[0]} does not say what is wrong: {_last(done)}"
 
 
