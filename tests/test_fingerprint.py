@@ -9,6 +9,7 @@ import yaml
 
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of, read_fingerprint
 from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.language.yaml_tree import Pasted
 from tests.command import MACHINES
 
 SHIPPED = sorted(f for f in MACHINES.glob("*.yaml") if "." not in f.stem)
@@ -107,7 +108,9 @@ def test_every_way_of_writing_a_machine(file: Path) -> None:
 
 def _listed(value: object) -> object:
     if isinstance(value, dict):
-        return {k: _listed(v) for k, v in value.items()}
+        return {str(k): _listed(v) for k, v in value.items()}
+    if isinstance(value, str):
+        return str(value.expression if isinstance(value, Pasted) else value)
     return [_listed(v) for v in value] if isinstance(value, tuple) else value
 
 

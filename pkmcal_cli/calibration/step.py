@@ -20,7 +20,7 @@ from pkmcal_cli.rotation import Array
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
-_LIGHT = 1e-5  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
+_LIGHT = 1e-9  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 
