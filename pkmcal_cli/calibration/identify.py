@@ -29,6 +29,7 @@ from pkmcal_cli.rotation import Array
 
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
+_NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it may lie where that extrapolates far
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
@@ -52,19 +53,57 @@ def identify(
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
     Rows that cannot be predicted wherever fits of the others lead are left out: `Fit.failed`, less than half of all.
-    So are those that can be predicted only where nothing is explained any more.
+    So are those that can be predicted only where nothing is explained any more. Rows that failed on the way come back
+    where the fit ends near them.
     `shift`: drive errors (N, A) of an earlier fit, to begin with.
     """
     fit = _identified(problem, selected, start, iterations, progress, shift)
     doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
-    if not doubt or doubt.keys() <= fit.failed.keys():
-        return fit
+    if doubt and not doubt.keys() <= fit.failed.keys():
+        fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
+    while fit.failed and fit.status == "converged":
+        more = _with_rows_back(problem, fit, iterations, progress)
+        if more is None:
+            break
+        fit = more
+    return fit
+
+
+def _unspoilt(
+    problem: Problem,
+    doubt: Mapping[int, str],
+    fit: Fit,
+    start: Array | None,
+    iterations: int,
+    progress: Callable[[int, float], None] | None,
+) -> Fit:
+    """The fit without rows in doubt, where these spoil it."""
     try:
-        rest = _identified(problem.without(doubt), selected, start, iterations, progress, None)
+        rest = _identified(problem.without(doubt), fit.selected, start, iterations, progress, None)
     except RowsFailed:
         return fit
     spoilt = rest.status == "converged" and fit.chi2_per_dof > _SPOILT * max(rest.chi2_per_dof, 1.0)
     return replace(rest, before=fit.before, failed={**doubt, **rest.failed}) if spoilt else fit
+
+
+def _with_rows_back(
+    problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None
+) -> Fit | None:
+    """The fit with those rows that failed on the way, but are nearly explained where it ended; None without any."""
+    end = _nearest(problem, Scaled.of(problem, fit.selected), evaluate(problem, fit.values, fit.selected))
+    noise = np.where(problem.measured, problem.sigma, 1.0)
+    most = max(fit.chi2_per_dof, 1.0)
+    far = ~((end.residual / noise) ** 2 <= _NEARLY * most)  # (N, C), and where there is no prediction
+    left_out = {r: why for r, why in fit.failed.items() if np.any(far[r])}
+    if len(left_out) == len(fit.failed):
+        return None
+    try:
+        whole = _identified(problem.without(left_out), fit.selected, fit.values, iterations, progress, None)
+    except RowsFailed:
+        return None
+    whole = replace(whole, before=fit.before, failed={**left_out, **whole.failed})
+    good = whole.status == "converged" and whole.chi2_per_dof <= _SPOILT * most and len(whole.failed) < len(fit.failed)
+    return whole if good else None
 
 
 def _identified(

@@ -72,12 +72,20 @@ def identify_from(
     if not count and tell is not None:
         what = "explains little" if first is not None and first.status == "converged" else "fails"
         tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts are tried")
+    best, agreement = best_of_starts(problem, selected, start, first, count, seed)
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best, agreement
+
+
+def best_of_starts(
+    problem: Problem, selected: tuple[str, ...], start: Array, first: Fit | None, count: int, seed: int
+) -> tuple[Fit | None, Agreement]:
+    """The best fit of `count` starts (0: until one explains the data), the first of which ended in `first`."""
     ends = _further(problem, selected, start, [first], count, seed)
     good = [e for e in ends if e is not None and e.status == "converged"]
     if not good:
-        if failure is not None and first is None:
-            raise failure
-        assert first is not None
         return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
     best = min(good, key=lambda e: (len(e.failed), e.chi2))
     if first is not None and first.status == "converged" and _apart(problem, first, best) <= _SAME:

@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.calibration.residual import reasons
+from pkmcal_cli.calibration.starts import best_of_starts
 from pkmcal_cli.diagnosis.findings import Detectable, Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates
 from pkmcal_cli.diagnosis.linear import Scale
@@ -69,7 +70,7 @@ class Diagnosis:
 
 def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int) -> Diagnosis:
     """Diagnose a table; `problem` belongs to the candidates' model. Raises RowsFailed."""
-    before = identify(problem, selected)
+    before = _calibrated(problem, selected, seed)
     problem = problem.without(before.failed)
     model = settled_smoothing(problem.model, before.values, problem.rows)
     problem, found = replace(problem, model=model), replace(found, model=model)
@@ -100,6 +101,15 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
         p,
         seed,
     )
+
+
+def _calibrated(problem: Problem, selected: tuple[str, ...], seed: int) -> Fit:
+    """The fit that is diagnosed; from further starts where that from nominal values does not converge."""
+    fit = identify(problem, selected)
+    if fit.status != "not_converged":
+        return fit
+    best, _ = best_of_starts(problem, selected, problem.model.nominal, fit, 0, seed)
+    return fit if best is None else best
 
 
 def _left(now: Search, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...]]:
