@@ -67,26 +67,35 @@ class PlacedEffect:
 
 
 @dataclass(frozen=True)
-class _Ordinary:
-    """What formulas may ask for in an ordinary row: nothing is zero by chance; see `effects.Inputs`."""
+class AtSocket:
+    """What formulas may ask for that is the same in every row."""
 
     socket: Socket
-    rows: int = 1
-    travel = share = reading = warmth = time = moment = payload = spindle = pull = np.array([0.7])
-    direction = np.array([1.0])
-    chord = np.array([[0.48, 0.6, 0.64]])
 
     @property
     def length(self) -> float:
+        """Nominal length of the member, or radius of the spool, m."""
         return self.socket.length
 
     @property
     def at(self) -> Array:
+        """Place (3,) of a base point."""
         return self.socket.at
 
     @property
     def down(self) -> Array:
+        """Gravity along the port's directions."""
         return self.socket.down
+
+
+@dataclass(frozen=True)
+class _Ordinary(AtSocket):
+    """What formulas may ask for in an ordinary row: nothing is zero by chance; see `effects.Inputs`."""
+
+    rows: int = 1
+    travel = share = reading = warmth = time = moment = payload = spindle = pull = np.array([0.7])
+    direction = np.array([1.0])
+    chord = np.array([[0.48, 0.6, 0.64]])
 
     def lagged(self, tau: float) -> Array:
         return self.warmth

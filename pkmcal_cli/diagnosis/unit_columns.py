@@ -49,7 +49,7 @@ def unit_columns(
     wide = replace(problem, model=model.with_effects(units, parameters))
     columns = linearise_at(wide, np.append(values, np.zeros(len(names))), names, state).jacobian
     return [
-        UnitColumn(e, part, SocketInputs(model, problem.rows, e, s, None), column.reshape(problem.readings.shape))
+        UnitColumn(e, part, SocketInputs(s, model, problem.rows, e, None), column.reshape(problem.readings.shape))
         for (e, s, part), column in zip(made, columns.T, strict=True)
     ]
 

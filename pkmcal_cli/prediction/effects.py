@@ -86,7 +86,7 @@ def displacements(
         if not any(mine) and not any(name in asked for name in placed.parameters):
             continue
         for socket in placed.sockets:
-            at = SocketInputs(model, rows, placed, socket, reactions)
+            at = SocketInputs(socket, model, rows, placed, reactions)
             slots.append(_displacement(model, placed, at, mine, asked))
     return Displacements(tuple(slots))
 

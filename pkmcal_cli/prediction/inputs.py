@@ -14,7 +14,7 @@ from pkmcal_cli.language.unit_text import UNITS
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.rotation import Array
-from pkmcal_cli.sockets import PlacedEffect, Socket
+from pkmcal_cli.sockets import AtSocket, PlacedEffect
 
 _REFERENCE = UNITS["degC"].to_si(20.0)  # K, ISO 1
 _DEFAULTS = {"smooth": 10.0}  # N
@@ -35,13 +35,12 @@ class Reactions:
 
 
 @dataclass(frozen=True)
-class SocketInputs:
+class SocketInputs(AtSocket):
     """Inputs of one effect at one socket; see `effects.base.Inputs`."""
 
     model: Model
     table: Rows
     placed: PlacedEffect
-    socket: Socket
     reactions: Reactions | None
     step: complex = 0.0  # on the drive's reading, for its derivative
     pull_step: complex = 0.0  # on the force of the earlier pass
@@ -146,21 +145,6 @@ class SocketInputs:
         assert self.reactions is not None
         return self.reactions.chords[self.socket.member]
 
-    @property
-    def length(self) -> float:
-        """Nominal length of the member, or radius of the spool, m."""
-        return self.socket.length
-
-    @property
-    def at(self) -> Array:
-        """Place (3,) of a base point."""
-        return self.socket.at
-
-    @property
-    def down(self) -> Array:
-        """Gravity along the port's directions."""
-        return self.socket.down
-
     def option(self, name: str) -> float:
         """A constant of the effect."""
         given = self.placed.options.get(name)
@@ -214,7 +198,7 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
 def settled_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, tuple[tuple[float, ...], str]]:
     """Constants of an effect as the table settles them, SI, with the unit in which they are written."""
     out: dict[str, tuple[tuple[float, ...], str]] = {}
-    inputs = SocketInputs(model, rows, placed, placed.sockets[0], None)
+    inputs = SocketInputs(placed.sockets[0], model, rows, placed, None)
     for option in placed.effect.options:
         unit = option.rotary if option.rotary is not None and placed.sockets[0].kind == "rotary" else option.unit
         given = placed.options.get(option.name)
@@ -243,7 +227,7 @@ def _frozen(model: Model, rows: Rows, placed: PlacedEffect) -> PlacedEffect:
     options = dict(placed.options)
     for option in placed.effect.options:
         if option.name in ("over", "during") and option.name not in options:
-            spans = {getattr(SocketInputs(model, rows, placed, s, None), option.name) for s in placed.sockets}
+            spans = {getattr(SocketInputs(s, model, rows, placed, None), option.name) for s in placed.sockets}
             if len(spans) == 1:
                 options[option.name] = next(iter(spans))
     return replace(placed, options=options)
