@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 from typing import Any
 
@@ -191,7 +192,6 @@ def test_force_controlled_drives_are_no_set_values(tmp_path: Path) -> None:
     ("options", "code", "said"),
     [
         (["--see", "backlsh@q1"], 2, "did you mean `backlash@q1`?"),
-        (["--see", "backlash"], 2, "one of backlash@q1, backlash@q2"),
         (["--see", "drift"], 2, "column `time`"),
         (["--separate", "backlash@q1"], 2, "--separate backlash@q1,drift"),
         (["--separate", "backlash@q1,backlash@q1"], 2, "two different effects"),
@@ -205,6 +205,14 @@ def test_force_controlled_drives_are_no_set_values(tmp_path: Path) -> None:
 def test_wrong_options(options: list[str], code: int, said: str) -> None:
     done = clean(run("plan", SCISSORS, *GRID, *options))
     assert done.code == code and said in done.err and done.out == ""
+
+
+def test_an_effect_without_a_place_is_told_its_places() -> None:
+    done = clean(run("plan", SCISSORS, *GRID, "--see", "backlash"))
+    places = [name for name in effects(planned()) if name.startswith("backlash@")]
+    assert done.code == 2 and len(places) > 4
+    told = done.err[done.err.index("help: one of ") :]
+    assert sorted(re.findall(r"[\w.]+@[\w.]+", told)) == sorted(places)
 
 
 def test_existing_files_and_nothing_to_plan(tmp_path: Path) -> None:

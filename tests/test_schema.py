@@ -12,9 +12,10 @@ import pytest
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.schema import machine_schema
 from pkmcal_cli.language.yaml_source import read_source
+from tests.command import MACHINES, run
 
 HERE = Path(__file__).parent
-FILES = [HERE / "data" / "triglide.yaml", *sorted((HERE.parent / "machines").glob("*.yaml"))]
+FILES = [HERE / "data" / "triglide.yaml", *sorted(MACHINES.glob("*.yaml"))]
 FILES = [file for file in FILES if ".csv." not in file.name]
 
 
@@ -30,6 +31,12 @@ def test_the_schema_is_draft_07_and_plain_data(overlay: bool) -> None:
     assert "$defs" not in text and "prefixItems" not in text
     assert ('"required"' in text.replace('"required": []', "")) or overlay
     assert machine_schema(overlay) == json.loads(text)
+
+
+@pytest.mark.parametrize(("options", "name"), [((), "machine"), (("--overlay",), "overlay")])
+def test_the_shipped_schemas_are_those_of_the_program(options: tuple[str, ...], name: str) -> None:
+    shipped = MACHINES / f"{name}.schema.json"
+    assert shipped.read_text(encoding="utf-8") == run("schema", *options).out
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)

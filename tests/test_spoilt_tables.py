@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.command import MACHINES, Done, clean, run
+from tests.command import Done, clean, run
+from tests.shipped import TABLES, machine_of
 
 LIBRARY = re.compile(r"SVD|[Ss]ingular matrix|positive definite|infs or NaNs|array must|numpy|scipy|LAPACK|converge;")
 """What a linear-algebra library would say."""
@@ -31,13 +32,12 @@ class Csv:
         lines = file.read_text(encoding="utf-8").splitlines()
         at = next(k for k, line in enumerate(lines) if not line.startswith("#"))
         names = [re.sub(r" *\[.*", "", name) for name in lines[at].split(",")]
-        machine = next(m for m in machines() if re.match(rf"{re.escape(m.stem)}([-_][^/]*)?$", file.stem))
         drives = [k for k, n in enumerate(names) if re.fullmatch(r"q\d|motor_[abc]_deg|TL|TR|z\d", n)]
         reading = r"(\w+\.)?r?[xyz]|[xyz]_mm|\w*encoder\d|probe|BL"
         channels = [k for k, n in enumerate(names) if re.fullmatch(reading, n)]
         assert drives and channels, names
         rows = tuple(tuple(line.split(",")) for line in lines[at + 1 :])
-        return cls(machine, "\n".join(lines[: at + 1]), rows, tuple(drives), tuple(channels))
+        return cls(machine_of(file), "\n".join(lines[: at + 1]), rows, tuple(drives), tuple(channels))
 
     def with_cell(self, row: int, column: int, text: str) -> Csv:
         rows = [list(r) for r in self.rows]
@@ -54,15 +54,6 @@ class Csv:
     @property
     def text(self) -> str:
         return "\n".join([self.head, *(",".join(r) for r in self.rows), ""])
-
-
-def machines() -> list[Path]:
-    """Longest names first: that of an overlay begins with its base's."""
-    files = [f for f in MACHINES.glob("*.yaml") if "." not in f.stem]
-    return sorted(files, key=lambda f: -len(f.stem))
-
-
-TABLES = sorted(MACHINES.glob("*.csv"))
 
 
 def _shifted(csv: Csv, row: int, column: int, share: float) -> Csv:

@@ -1,0 +1,54 @@
+"""Whose `--json` output is kept: every command on every shipped machine and table."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.command import ROOT, clean, run
+from tests.shipped import TABLES, machine_of
+
+OUTPUTS = ROOT / "tests" / "reference"
+QUICK = ("check", "effects", "sensitivity", "observability", "simulate", "calibrate", "plan")
+LONG = ("diagnose", "improve")
+IN_EVERY_RUN = ("biglide", "scissors-shopfloor")
+"""Tables whose diagnosis and improvement are compared in every run; those of the others are slow."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command on a table and its machine."""
+
+    command: str
+    table: Path
+
+    @property
+    def name(self) -> str:
+        return f"{self.table.stem}.{self.command}"
+
+    @property
+    def file(self) -> Path:
+        return OUTPUTS / f"{self.name}.json"
+
+    @property
+    def slow(self) -> bool:
+        return self.command in LONG and self.table.stem not in IN_EVERY_RUN
+
+    def output(self, folder: Path) -> dict[str, Any]:
+        """What the command prints with `--json`, without the provenance; files go into a folder."""
+        machine, table = (str(f.relative_to(ROOT)) for f in (machine_of(self.table), self.table))
+        arguments = [self.command, machine, *(() if self.command == "effects" else (table,)), "--json", "--quiet"]
+        if self.command in ("simulate", "improve"):
+            arguments += ["-o", str(folder / f"{self.table.stem}{'.csv' if self.command == 'simulate' else '.yaml'}")]
+        with contextlib.chdir(ROOT):
+            done = clean(run(*arguments))
+        text = done.out.replace(f"{folder}/", "")
+        found: dict[str, Any] = {"exit_code": done.code} | (json.loads(text) if text else {"refused": done.err})
+        found.pop("provenance", None)
+        return found
+
+
+CASES = tuple(Case(command, table) for table in TABLES for command in (*QUICK, *LONG))
