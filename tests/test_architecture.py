@@ -51,15 +51,9 @@ def tree_of(file: Path) -> ast.Module:
 
 
 def statements(file: Path) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Import statements, also those inside functions; not those for type checkers only."""
-    for_types = {
-        id(inner)
-        for node in ast.walk(tree_of(file))
-        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
-        for inner in ast.walk(node)
-    }
+    """Import statements, also those inside functions and those for type checkers only."""
     for node in ast.walk(tree_of(file)):
-        if isinstance(node, ast.Import | ast.ImportFrom) and id(node) not in for_types:
+        if isinstance(node, ast.Import | ast.ImportFrom):
             yield node
 
 

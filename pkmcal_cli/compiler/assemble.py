@@ -9,8 +9,9 @@ import numpy as np
 from pkmcal_cli.compiler.structure import Drawing
 from pkmcal_cli.elements import Load
 from pkmcal_cli.equilibrium.kinematics import State, advance, arm_vectors, drawn_state, input_jacobian
+from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.mobility import StrainRows, null_space, pivots, rank, strain_rows
-from pkmcal_cli.equilibrium.system import DriveState, LinkMap, System, build_system
+from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.layout import DriveKind, Layout
 from pkmcal_cli.rotation import Array
 

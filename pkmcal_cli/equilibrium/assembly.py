@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.elements.base import turned
 from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given, stiffness_matrices, typical_stiffness
+from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.kinematics import State, turned_arms, views
 from pkmcal_cli.equilibrium.links import Pairs
 from pkmcal_cli.equilibrium.maps import Blocks
-from pkmcal_cli.equilibrium.system import GroupMap, System
+from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.rotation import Array, cross, dot
 from pkmcal_cli.sparse_map import pick
 

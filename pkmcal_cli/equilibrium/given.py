@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.equilibrium.system import GroupMap, System
+from pkmcal_cli.equilibrium.group_map import GroupMap
+from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import Index, Layout
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sparse_map import rows_last, take_rows

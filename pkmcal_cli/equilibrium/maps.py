@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.layout import Index, Layout
 from pkmcal_cli.rotation import Array
 from pkmcal_cli.sparse_map import Block, Entries, SparseMap, Stack
-
-if TYPE_CHECKING:
-    from pkmcal_cli.equilibrium.system import GroupMap
 
 
 @dataclass(frozen=True)

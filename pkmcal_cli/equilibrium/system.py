@@ -14,12 +14,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.links import LinkMap, build_links
 from pkmcal_cli.equilibrium.maps import Maps, MapsBuilder, StrainMaps, ViewMaps
 from pkmcal_cli.layout import DriveKind, Group, Index, Layout, Turn
-from pkmcal_cli.rotation import Array
-
-__all__ = ["DriveState", "GroupMap", "LinkMap", "System", "build_system"]
 
 
 class DriveState(Enum):
@@ -28,29 +26,6 @@ class DriveState(Enum):
     ENGAGED = "engaged"  # holds its commanded position
     RELEASED = "released"  # free, without force
     FORCED = "forced"  # free, with a constant force
-
-
-@dataclass(frozen=True)
-class GroupMap:
-    """A group of elements in a system."""
-
-    group: Group
-    map: LinkMap
-    elastic: Array  # (E, m) 1 where the strain acts through its stiffness
-    stressed: Array  # (E, m) 1 where the prestress acts
-    rigid: tuple[Index, Index]  # element and strain of each constraint
-    rows: slice  # global constraint numbers
-
-    @property
-    def yields(self) -> bool:
-        """Whether any strain acts through a stiffness."""
-        return bool(self.elastic.any())
-
-    @cached_property
-    def inputs(self) -> Index:
-        """The element's inputs that can be non-zero, (I,)."""
-        inputs = self.group.element.inputs
-        return self.map.layout.inputs[self.map.layout.inputs < inputs]
 
 
 @dataclass(frozen=True)
