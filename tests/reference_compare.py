@@ -18,6 +18,7 @@ ROUNDING = 1e-12  # what lies below, as a share of the largest number of its kin
 _ESTIMATES = ("value", "interval", "nominal", "size", "estimate")
 _IN_STD = ("spread", "std_in_ranges", "by_std", "deviation")
 _SMALL = ("O2", "O3", "O4", "O5", "condition_number", "condition_number_whitened")
+_SIZES = ("mdb", "msb", "effective_tests")
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
 _BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark")
 """Of an invisible effect: sizes beyond all bounds, and the one of many that happens to come first."""
@@ -47,7 +48,7 @@ def _same(path: Path, one: Any, other: Any, output: Mapping[Path, Any], largest:
     if isinstance(one, int) and isinstance(other, int):
         return one == other
     key = next(k for k in reversed(path) if not k.startswith("#"))
-    share = {**dict.fromkeys(_SMALL, _OF_THE_SMALLEST), "mdb": ESTIMATE, "msb": ESTIMATE}.get(key, RELATIVE)
+    share = {**dict.fromkeys(_SMALL, _OF_THE_SMALLEST), **dict.fromkeys(_SIZES, ESTIMATE)}.get(key, RELATIVE)
     off = share * max(abs(one), abs(other)) + ROUNDING * largest
     if key in _ESTIMATES:
         owner = path[: len(path) - 1 - path[::-1].index(key)]

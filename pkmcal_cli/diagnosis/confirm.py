@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, predicted_part
-from pkmcal_cli.diagnosis.groups import coordinates, scaled
+from pkmcal_cli.diagnosis.groups import pose_axes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.search import Search
 from pkmcal_cli.effects import catalogue
@@ -18,6 +18,7 @@ from pkmcal_cli.rotation import Array
 
 FOLDS = 6
 _CELLS = 4
+_EDGE = 1e-6  # of a cell: a pose on the edge of two is in the upper one, whatever its rounding
 
 
 @dataclass(frozen=True)
@@ -116,10 +117,9 @@ def blocks(problem: Problem, hypothesis: Hypothesis) -> tuple[NDArray[np.intp], 
 
 def cells(problem: Problem, folds: int = FOLDS) -> NDArray[np.intp]:
     """Fold (N,) by cells of the workspace, neighbouring cells in different folds."""
-    axes = [scaled(c) for c in coordinates(problem).T if np.ptp(c) > 0]
     code = np.zeros(len(problem), dtype=np.intp)
-    for u in axes:
-        code = code * _CELLS + np.minimum(((u + 1) / 2 * _CELLS).astype(np.intp), _CELLS - 1)
+    for u in pose_axes(problem):
+        code = code * _CELLS + np.minimum(((u + 1) / 2 * _CELLS + _EDGE).astype(np.intp), _CELLS - 1)
     _, inverse = np.unique(code, return_inverse=True)
     order = np.random.default_rng(0).permutation(int(inverse.max()) + 1)
     return np.asarray(order[inverse.ravel()] % folds, dtype=np.intp)

@@ -13,6 +13,7 @@ from pkmcal_cli.rotation import Array
 
 POSE, TIME, TEMPERATURE, DIRECTION, LOAD = "pose", "time", "temperature", "direction", "load"
 _SHARE = 6  # rows for each shape, at least
+_CONSTANT = 1e-6  # share of the largest spread of a coordinate at which another one does not vary
 _TIME_DEGREE, _WARM_DEGREE = 6, 3
 
 
@@ -56,12 +57,15 @@ def scaled(values: Array) -> Array:
     return np.asarray(2 * (values - low) / spread - 1)
 
 
-def coordinates(problem: Problem) -> Array:
-    """Coordinates (N, d) in which a pose is told: where the nominal machine is at the drives' readings.
+def pose_axes(problem: Problem) -> list[Array]:
+    """Coordinates (N,) in which a pose is told, on -1 ... 1: where the nominal machine is at the drives' readings.
 
-    Not the measured positions: their noise would be in the shapes, which would explain themselves with it.
+    Not the measured positions: their noise would be in the shapes, which would explain themselves with it. Those that
+    vary by rounding only are none.
     """
-    return problem.nominal_poses
+    poses = problem.nominal_poses
+    spread = np.ptp(poses, axis=0)
+    return [scaled(c) for c in poses.T[spread > _CONSTANT * spread.max(initial=0.0)]]
 
 
 def pose_shapes(problem: Problem, degree: int | None = None) -> Array:
@@ -69,8 +73,7 @@ def pose_shapes(problem: Problem, degree: int | None = None) -> Array:
 
     Without a degree the highest one that the rows allow, at most 5.
     """
-    place = coordinates(problem)
-    axes = [scaled(c) for c in place.T if np.ptp(c) > 0]
+    axes = pose_axes(problem)
     best = np.zeros((len(problem), 0))
     for d in range(1, 6) if degree is None else [degree]:
         count = comb(len(axes) + d, d)
