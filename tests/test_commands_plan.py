@@ -150,6 +150,35 @@ def test_drives_that_move_one_by_one_have_a_place_to_begin(tmp_path: Path) -> No
     assert len(set(zip(*both, strict=True))) == 4
 
 
+def test_drives_begin_within_their_limits(tmp_path: Path) -> None:
+    """The outermost readings of the plan are the limits: from outside these cannot be approached."""
+    file, machine = tmp_path / "plan.csv", tmp_path / "m.yaml"
+    base, table = (MACHINES / f"triglide-nonredundant.{end}" for end in ("yaml", "csv"))
+    ends = {name: (np.min(column(table, name)), np.max(column(table, name))) for name in ("q1", "q2")}
+    limits = ", ".join(f"{name}: {{limits: [{low}, {high}]}}" for name, (low, high) in ends.items())
+    machine.write_text(f"extends: {base}\nactuators: {{{limits}}}\n", encoding="utf-8")
+    outside = 0
+    for seed in range(3):
+        assert clean(run("plan", machine, table, "-o", file, "--seed", str(seed), "--force")).code == 0
+        for name, (low, high) in ends.items():  # as nine digits tell them
+            begin, there, side = (column(file, f"{kind}{name}") for kind in ("approach.", "", "dir."))
+            assert low - 1e-5 < begin.min() and begin.max() < high + 1e-5
+            outside += int(((there > high - 1e-5) & (side < 0) | (there < low + 1e-5) & (side > 0)).sum())
+    assert outside, "some would begin outside"
+
+
+@pytest.mark.parametrize(("lost", "code"), [(11, 0), (12, 3)])
+def test_a_plan_of_which_half_cannot_be_reached_is_none(lost: int, code: int) -> None:
+    """Both carriages at one end leave the rods of the Triglide apart."""
+    machine, table = (MACHINES / f"triglide-nonredundant.{end}" for end in ("yaml", "csv"))
+    good = list(zip(column(table, "q1"), column(table, "q2"), strict=True))[: 24 - lost]
+    rows = [*good, *[(0.0, 5000.0)] * lost]
+    text = "\n".join(["q1,q2", *(f"{a},{b}" for a, b in rows), ""])
+    done = clean(run("plan", machine, "-", stdin=text))
+    assert done.code == code, done.err
+    assert code or f"{lost} of 24 rows have no prediction" in done.err
+
+
 def test_sides_are_those_of_a_motion_where_drives_move_together(tmp_path: Path) -> None:
     """Four carriages of the Scissors for two freedoms: no column says where each begins, and every combination of
     sides is that of some straight motion of the platform, by the inverse kinematics of the independent simulator.
@@ -184,6 +213,7 @@ def test_force_controlled_drives_are_no_set_values(tmp_path: Path) -> None:
     done = clean(run("plan", HANGPRINTER, HANGPRINTER_DATA, "--see", "buildup@all", "--points", "3", "-o", file))
     assert done.code == 0
     assert "dir.A" in (head := file.read_text(encoding="utf-8").splitlines()[0]) and "dir.D" not in head
+    assert "approach.A" in head, "three lines are held for three freedoms: each can go by itself"
     assert clean(run("simulate", HANGPRINTER, file)).code == 0
 
 

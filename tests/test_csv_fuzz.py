@@ -35,6 +35,7 @@ LINE = st.one_of(
 @example(rows=[["1", "2"], ["1", "2", "3", "4"]], separator=",", trailing=0)
 @example(rows=[["1", "2", ""], ["", "", ""]], separator=";", trailing=0)
 @example(rows=[["1", "2", "a", ""], ["1", "2", "a"], ["1", "2", "a", "", ""]], separator=",", trailing=1)
+@example(rows=[["1", "2", "a", ""], ["1", "2", "a", "7"]], separator=",", trailing=1)
 def test_fast_and_plain_reader_agree(rows: list[list[str]], separator: str, trailing: int) -> None:
     block = "".join(separator.join(row) + "\n" for row in rows)
     header = tuple(split_header(name) for name in ("x", "y", "id"))

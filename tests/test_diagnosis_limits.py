@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.diagnose import diagnose
 from pkmcal_cli.diagnosis.groups import group_columns
@@ -102,6 +104,43 @@ def test_only_measured_neighbours_count_as_pairs() -> None:
         noise = np.where(measured, rng.normal(size=measured.shape), 0.0).ravel()
         found.append(successive(linear.projecting(linear.projected, residual=noise), problem)[1] < 0.05)
     assert np.mean(found) < 0.09  # 5 % by the rule, four standard errors above
+
+
+def without_reach(problem: Problem, row: int) -> tuple[Problem, Problem]:
+    """A table of which one row cannot be predicted, and the same where nothing was measured in it."""
+    readings = problem.rows.readings.copy()
+    readings[row] += [1.0, -1.0] + [0.0] * (readings.shape[1] - 2)
+    spoilt = replace(problem, rows=replace(problem.rows, readings=readings))
+    return spoilt, spoilt.without([row])
+
+
+def test_a_row_that_nothing_predicts_takes_no_part_in_any_test() -> None:
+    there = ready(campaign("triglide-nonredundant", [], 5))
+    tables = without_reach(there.problem, 7)
+    smooth = np.random.default_rng(0).normal(size=(*there.problem.readings.shape, 3))
+    cut = smooth.copy()
+    cut[7] = 0.0
+    found = []
+    for problem, shapes in zip(tables, (s.reshape(-1, 3) for s in (smooth, cut)), strict=True):
+        plain = linear_problem(problem, problem.model.nominal, there.selected, (), None)
+        beside = plain.projecting(plain.projected, extra=shapes)
+        assert not plain.on[7].any() and plain.on.sum() == plain.used
+        found.append([plain.chi2, plain.dof, *plain.explained(shapes), beside.chi2, *beside.freedom])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-12)
+    assert np.isfinite(found).all()
+    away = tables[0].rows.readings + np.array([1.0, -1.0])
+    lost = replace(tables[0], rows=replace(tables[0].rows, readings=away))
+    with pytest.raises(RowsFailed):
+        linear_problem(lost, lost.model.nominal, there.selected, (), None)
+
+
+def test_a_row_that_nothing_predicts_is_not_held_out() -> None:
+    d = diagnosed(campaign("triglide-nonredundant", [unit("triglide-nonredundant", "backlash", "q1", 4)], 4), 4)
+    (hypothesis,), gains = d.search.accepted, []
+    for problem in without_reach(d.search.problem, 7):
+        fit = replace(d.search.fit, after=evaluate(problem, d.search.fit.values))
+        gains.append(held_out_gain(replace(d.search, problem=problem, fit=fit), hypothesis))
+    assert gains[0] == gains[1] and gains[0].confirmed
 
 
 def test_a_value_after_a_gap_stays_as_it_is() -> None:

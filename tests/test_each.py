@@ -50,14 +50,16 @@ def test_a_value_in_an_expression_is_one_value(tmp_path: Path, text: str, value:
     assert x_of(tmp_path, text, value) == pytest.approx(expected / 1000, rel=1e-14)
 
 
-def test_a_value_of_an_inner_each_made_of_one_of_the_outer(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("inner", "value"), [("{d} - 1", -4), ("{d}**2 - 1", 8)])
+def test_a_value_of_an_inner_each_made_of_one_of_the_outer(tmp_path: Path, inner: str, value: float) -> None:
     machine = read(
         tmp_path,
         "units: {length: mm}\nspace: planar\nbodies:\n"
         '  "b{i}": {each: {i: [1], d: [-3]}, at: [0, 0],\n'
-        '    points: {"P{i}{j}": {each: {j: [1], e: ["{d} - 1"]}, at: ["2*{e}", "{e}"]}}}\n',
+        f'    points: {{"P{{i}}{{j}}": {{each: {{j: [1], e: ["{inner}"]}}, at: ["2*{{e}}", "{{e}}"]}}}}}}\n',
     )
-    assert [q.number({}) for q in machine.bodies["b1"].points["P11"]] == pytest.approx([-0.008, -0.004])
+    place = [q.number({}) for q in machine.bodies["b1"].points["P11"]]
+    assert place == pytest.approx([2e-3 * value, 1e-3 * value])
 
 
 def test_names_columns_notes_and_units_take_the_text(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from pkmcal_cli.rotation import Array
 from tests.command import run
 from tests.effect_cases import NAMES, WRITTEN, Case, case
 from tests.elastic_guide import sliders
-from tests.support import SHIPPED
+from tests.support import SHIPPED, at, model
 
 MACHINES = (*dict.fromkeys((*NAMES, *SHIPPED)), *WRITTEN)
 LOAD = {"hangprinter": 0.03}  # N; its ropes pull with 0.1 N and must not go slack
@@ -88,6 +89,18 @@ def test_an_effect_that_would_do_nothing_is_refused(tmp_path: Path, entry: str, 
     file.write_text(sliders(guidance, f"    effects: {{{entry}}}\n"))
     done = run("simulate", file, "--grid", "x=450:550:2,y=340:360:2")
     assert done.code == 3 and REFUSED[entry] in done.err and "help: " in done.err
+
+
+def test_a_rail_sags_downwards_however_its_frame_is_turned() -> None:
+    """The same rail along x of the base, and along y of a frame that is turned by -90 deg."""
+    more = "    gravity: [0, -9.81]\n    effects: {sag@rail.AXIS: {c: 500 um, over: [0, 1400]}}\n"
+    plain = sliders("", more.replace("AXIS", "y"))
+    turned = sliders("", more.replace("AXIS", "x") + "    frames: {f: {at: [0, 0], turn: -90}}\n")
+    turned = re.sub(r"\[0, b(\d)\]", r"[-b\1, 0]", turned).replace("along: x", "frame: f, along: y")
+    readings = np.array([[0.2354, 0.7646, 1.1325], [0.3354, 0.8646, 1.2325]])
+    bare, one, other = (at(model(t), readings).values for t in (sliders(""), plain, turned))
+    assert np.abs(one - bare).max() > 1e-4
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-12)
 
 
 def test_with_gravity_it_does_something(tmp_path: Path) -> None:

@@ -173,6 +173,21 @@ def test_what_a_machine_is_made_of_counts(old: str, new: str, words: str) -> Non
     assert words in told(of(text), of(BASE))
 
 
+def test_the_order_of_held_directions_does_not_count() -> None:
+    text = changed("nodes: {", "nodes: {post: {at: [0, 0], fixed: HELD}, ")
+    text = text.replace("bars:", "bars:\n  strut: {between: [post, A], k: 1 kN/mm}")
+    one, other, less = (of(text.replace("HELD", held)) for held in ("[x, rz, y]", "[rz, x, y]", "[x, y]"))
+    assert other.things == one.things
+    assert told(less, one) == "has node `post` joined or made otherwise"
+
+
+def test_a_parameter_that_every_session_has_is_another_one() -> None:
+    wire = "sensors: {wire: {kind: distance, at: tcp, to: C1, sigma: 1 um, zero: w}, "
+    one = changed("sensors: {", wire).replace("b: 50, ", "b: 50, w: 0, ")
+    each = one.replace("w: 0, ", "w: {nominal: 0, per: session}, ")
+    assert told(of(each), of(one)) == "has parameter `w` joined or made otherwise"
+
+
 def test_a_difference_is_told_from_both_sides() -> None:
     more = of(changed("effects: {", "effects: {backlash@q1: {}, backlash@q2: {}, zero@q1: {}, zero@q2: {}, "))
     words = "effect `backlash@q1`, effect `backlash@q2`, effect `zero@q1` and 1 more"

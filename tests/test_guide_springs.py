@@ -97,6 +97,18 @@ def test_stiff_springs_are_a_rigid_guide(name: str) -> None:
     assert np.abs(ideal.values - stiff.values).max() < (5e-8 if name.startswith("carriage") else 5e-9)
 
 
+def test_a_carriage_on_springs_that_hold_its_tilt() -> None:
+    """Springs across the rail only: a turn of the carriage moves its joint along, as on an ideal guide."""
+    name = "carriage_angle@c2.rz"
+    effects = f"    effects: {{{name}: {{{SIZES[name]}}}}}\n"
+    change = []
+    for guidance in ("stiffness: {y: 2e12 N/m}", ""):
+        bare, moved = (at(model(sliders(guidance, e)), READINGS, l3=LENGTHS[2]).values for e in ("", effects))
+        change.append(moved - bare)
+    assert np.abs(change[1]).max() > 2e-6
+    np.testing.assert_allclose(change[0], change[1], rtol=0, atol=5e-9)
+
+
 def test_forces_of_the_drives_follow() -> None:
     """A rail bent under one carriage loads the drives; on an ideal and on a stiff guide by the same forces."""
     asked = Request(forces=True)

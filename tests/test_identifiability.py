@@ -143,6 +143,15 @@ def test_the_command_tells_it(name: str, tmp_path: object) -> None:
     assert "apart they are not seen" in done.err
 
 
+def test_where_what_is_told_to_hold_is_held_the_others_are_seen() -> None:
+    """Of four, a - b and b - c + d are seen: with a and b held, c and d would still go together."""
+    jacobian, ranges = 1e3 * np.array([[1.0, -1, 0, 0], [0, 1, -1, 1]]), np.ones(4)
+    (found,) = combinations(directions(jacobian, tuple("abcd"), ranges))
+    assert (found.kind, found.names, len(found.hold)) == ("null", tuple("abcd"), 2)
+    rest = ["abcd".index(n) for n in found.names if n not in found.hold]
+    assert np.linalg.matrix_rank(jacobian[:, rest]) == 2
+
+
 def test_one_more_pose_determines_them() -> None:
     machine = model("triglide-nonredundant")
     q = drive_positions(machine, np.array([[0.36, 0.2, 0, 0, 0, 0], [0.36, 0.35, 0, 0, 0, 0]])).readings

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from pkmcal_cli.errors import OutputError
 from pkmcal_cli.outputs import check_target
 from tests.command import SCISSORS, SHOPFLOOR, TRIGLIDE, Done, clean, environment, run
 
@@ -146,6 +147,15 @@ def test_a_file_that_comes_through_stdin() -> None:
                 stdin=file, capture_output=True, text=True, env=environment(), check=False,
             )  # fmt: skip
         refused(Done(done.returncode, done.stdout, done.stderr), "a.csv", before)
+
+
+@pytest.mark.parametrize("name", ["-", "<stdin>"])
+def test_stdin_is_its_file_as_argument_and_among_what_was_read(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Path("a.csv").open() as file:
+        monkeypatch.setattr(sys, "stdin", file)
+        check_target("new.csv", [name])
+        with pytest.raises(OutputError, match=r"an input of the command, `<stdin>`"):
+            check_target("a.csv", [name], force=True)
 
 
 def test_pipes_and_devices_are_no_files() -> None:

@@ -27,6 +27,8 @@ def test_a_fit_settles_before_it_has_converged() -> None:
     assert [f.status for f in fits.values()] == ["not_converged", "not_converged", "converged"]
     assert [f.settled for f in fits.values()] == [False, True, True]
     assert fits[6].chi2 == pytest.approx(fits[60].chi2, rel=1e-3) and fits[1].chi2 > 1.01 * fits[60].chi2
+    once = identify(problem, selected, fits[6].values, 1, shift=fits[6].shift)
+    assert (once.status, once.settled) == ("not_converged", False), "two values alike are no standstill"
 
 
 @pytest.mark.parametrize(("flat", "found"), [(True, ["backlash@q3"]), (False, [])])
@@ -44,8 +46,24 @@ def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypat
     assert d.verdict == ("found" if flat else "unknown") and (flat or d.unknown)
 
 
-def test_what_was_refused_is_tried_again_beside_what_was_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Backlash of q3 has no fit as long as the larger effect is not in the model."""
+def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its chi-square is that of other rows."""
+    plain = search.identify
+
+    def leaving(problem: Problem, selected: tuple[str, ...], *more: Any) -> Fit:
+        fit = plain(problem, selected, *more)
+        return replace(fit, failed={3: "out of reach"}) if any("@" in n for n in selected) else fit
+
+    monkeypatch.setattr(search, "identify", leaving)
+    d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
+    assert d.findings == () and d.verdict == "unknown"
+
+
+@pytest.mark.parametrize("sizes", [(0.4, 1.0), (2.0, 0.5)])
+def test_what_was_refused_is_tried_again_beside_what_was_accepted(
+    sizes: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Backlash of q3 has no fit as long as the other effect is not in the model, be it the smaller or the larger."""
     plain = search.refit
 
     def one_after_the_other(now: search.Search, starts: Any) -> Fit | None:
@@ -53,7 +71,8 @@ def test_what_was_refused_is_tried_again_beside_what_was_accepted(monkeypatch: p
         return None if names == {"backlash@q3"} else plain(now, starts)
 
     monkeypatch.setattr(search, "refit", one_after_the_other)
-    planted = [unit("scissors", "backlash", "q3", 4).scaled(0.4), unit("scissors", "pitch_curve", "q2", 4).scaled(1.0)]
+    effects = unit("scissors", "backlash", "q3", 4), unit("scissors", "pitch_curve", "q2", 4)
+    planted = [effect.scaled(size) for effect, size in zip(effects, sizes, strict=True)]
     d = diagnosed(campaign("scissors", planted, 4), 4)
     assert {f.hypothesis.name for f in d.findings} == {"backlash@q3", "pitch_curve@q2"}
 

@@ -10,6 +10,7 @@ import pytest
 
 from pkmcal_cli.calibration.bootstrap import _freedom, _roots, _times, bootstrap_intervals
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fitted import Treatment, fitted
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.intervals import linear_intervals, profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
@@ -54,6 +55,23 @@ def test_bad_rows_do_not_bend_a_robust_fit(name: str, loss: str) -> None:
     assert np.nanmax(np.abs(in_std(plan, found.fit, true))) < 4
     assert {d.row for d in found.doubtful if abs(d.deviation) > 6} == set(rows)
     assert {d.channel for d in found.doubtful if abs(d.deviation) > 6} == {0}
+
+
+@pytest.mark.parametrize("uncertainty", ["linear", "bootstrap"])
+@pytest.mark.parametrize("loss", ["squares", "huber", "tukey"])
+def test_a_row_that_nothing_predicts_has_no_part_in_any_fit(loss: str, uncertainty: str) -> None:
+    """It is named, and values, intervals and audit are those of the other rows."""
+    plan, _, problem = campaign("triglide-nonredundant")
+    positions = plan.positions.copy()
+    positions[17, 0] -= 1.0
+    problem = replace(problem, rows=replace(problem.rows, readings=positions))
+    how, session = Treatment(loss=loss, uncertainty=uncertainty, starts=1), np.zeros(len(problem), dtype=np.intp)
+    nominal = problem.model.nominal
+    found, rest = (fitted(p, plan.selected, nominal, how, session) for p in (problem, problem.without([17])))
+    assert list(found.robust.fit.failed) == [17] and not rest.robust.fit.failed
+    assert found.robust.fit.values == pytest.approx(rest.robust.fit.values, rel=1e-12)
+    assert [(d.row, d.channel) for d in found.robust.doubtful] == [(d.row, d.channel) for d in rest.robust.doubtful]
+    np.testing.assert_allclose(found.intervals.low_high, rest.intervals.low_high, rtol=1e-9)
 
 
 @pytest.mark.parametrize("channel", ["x", "y", "z", "D"])

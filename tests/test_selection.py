@@ -42,6 +42,8 @@ FREE = {"pitch@q1.s", "frame@tracker.ty", "frame@tracker.rz"}
         ("*@*", FREE),
         ("all,-frame@tracker.*", DECLARED | HELD | {"pitch@q1.s"}),
         ("all,-*@*", DECLARED | HELD),
+        ("auto,-frame@tracker.ty", DECLARED | FREE - {"frame@tracker.ty"}),
+        ("gamma,pitch@q1.c,-pitch@q1.*", {"gamma"}),
     ],
 )
 def test_what_is_selected(text: str, chosen: set[str]) -> None:

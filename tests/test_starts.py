@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration import starts
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.starts import identify_from
+from pkmcal_cli.calibration.starts import best_of_starts, identify_from
 from tests.campaigns import by_engine, shipped
 from tests.command import SCISSORS, run
 from tests.support import MACHINES
@@ -84,6 +86,39 @@ def test_anchors_a_hundred_millimetres_off_converge(seed: int) -> None:
     found, agreement = identify_from(far, names, start, 1, seed)
     assert found.status == "converged" and agreement is None
     assert found.chi2 == pytest.approx(best.chi2, rel=1e-6)
+
+
+def campaign() -> tuple[Problem, tuple[str, ...], Fit]:
+    """A table of the Scissors, and its fit."""
+    plan, rng = by_engine(shipped("scissors")), np.random.default_rng(0)
+    problem = plan.measured(plan.drawn(rng), rng)
+    return problem, plan.selected, identify(problem, plan.selected)
+
+
+def test_an_end_that_leaves_rows_out_is_neither_the_best_nor_as_good() -> None:
+    """Fewer rows leave less chi-square."""
+    problem, selected, fit = campaign()
+    values = fit.values.copy()
+    values[problem.model.names.index(selected[0])] += 20 * np.nanmax(fit.std)
+    fewer = replace(fit, values=values, chi2=fit.chi2 - 5, failed={3: "out of reach"})
+    best, agreement = best_of_starts(problem, selected, problem.model.nominal, fewer, 2, 0)
+    assert best is not None and not best.failed and best.chi2 == pytest.approx(fit.chi2, rel=1e-9)
+    assert (agreement.agree, agreement.rivals, agreement.worse) == (1, 0, 1)
+
+
+@pytest.mark.parametrize(("failed", "further"), [({}, False), ({3: "out of reach"}, True)])
+def test_a_fit_that_leaves_rows_out_and_not_all_explained_is_helped(
+    failed: dict[int, str], further: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three times the noise alone asks for no further start, and neither do rows that nothing predicts alone."""
+    problem, selected, fit = campaign()
+    ends = [replace(fit, chi2=3 * fit.chi2, failed=failed), fit]
+    monkeypatch.setattr(starts, "identify", lambda *_, **__: ends[0] if len(ends) == 1 else ends.pop(0))
+    told = list[str]()
+    _, agreement = identify_from(problem, selected, problem.model.nominal, 0, 0, told.append)
+    assert bool(told) == (agreement is not None) == further
+    ends = [replace(fit, failed={3: "out of reach"})]
+    assert identify_from(problem, selected, problem.model.nominal, 0, 0)[1] is None
 
 
 def test_starts_agree_and_are_counted() -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.command import Done, clean, run
+from tests.support import model
 
 MACHINE = """
 units: {length: mm, angle: deg, force: N}
@@ -123,6 +125,14 @@ def test_what_must_be_positive_or_not_zero(tmp_path: Path, name: str) -> None:
     assert word in found and "help: " in found
 
 
+@pytest.mark.parametrize("nu", ["0.5", "0", "-0.99"])
+def test_every_ratio_of_a_stable_material(tmp_path: Path, nu: str) -> None:
+    """Rubber has one half, cork none; foams have it negative."""
+    file = tmp_path / "m.yaml"
+    file.write_text(MACHINE.replace("E: 210 GPa", f"E: 210 GPa, nu: {nu}"))
+    assert clean(run("check", file)).code == 0
+
+
 BEYOND = {
     "length": (("l: 500", "l: 1e308"), "6:"),
     "range": (("l: 500", "l: {nominal: 500, range: 1e308}"), "6:"),
@@ -189,3 +199,13 @@ IMPOSSIBLE = {
 def test_effects_that_cannot_be(tmp_path: Path, entry: str) -> None:
     found = faults(tmp_path, ("ropes:", f"effects: {{{entry}}}\nropes:"))
     assert IMPOSSIBLE[entry] in found and told(found)[0].startswith("20:") and "help: " in found
+
+
+def test_fits_keep_to_what_can_be() -> None:
+    """Bounds in SI where none are given: no negative lag, some weight and some stiffness left."""
+    effects = "effects: {stiffness@leg1: {}, self_weight@all: {}, thermal_strut@leg1: {}}\n"
+    bounds = {p.name: p.bounds for p in model(MACHINE + effects).parameters}
+    assert bounds["thermal_strut@leg1.lag"] == (0.0, 60e3)
+    assert bounds["self_weight@all.w"][0] == pytest.approx(-0.999)
+    assert bounds["stiffness@leg1.k"] == (-20.0, 20.0)
+    assert bounds["thermal_strut@leg1.a"] == (-np.inf, np.inf)

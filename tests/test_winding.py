@@ -90,15 +90,26 @@ def test_a_rope_that_a_position_winds_from_length_zero() -> None:
         assert np.abs(found.values[row] - balanced(readings[:3], readings[3])).max() < 1e-10
 
 
+def test_a_warm_rope_has_grown_by_its_length_as_drawn() -> None:
+    """Not by the length that is left of it at reading 0; 10 K on 1.2 m."""
+    warm = model(machine("") + "    effects: {thermal_strut@rope: {a: 500 um/(m*K)}}\n")
+    given = np.column_stack([READINGS, [1.1, 1.05]])
+    rows = Rows(given, np.full(given.shape, np.nan), {"T": np.full(len(given), 303.15)})
+    found = predict(warm, warm.nominal, rows)
+    for row, readings in enumerate(given):
+        assert np.abs(found.values[row] - balanced(readings[:3], readings[3] + 6e-3)).max() < 1e-10
+
+
 @pytest.mark.parametrize("rope", [FORCED, "zero: 0", "radius: 30, ratio: 1/5, unit: deg, " + FORCED])
 def test_nothing_is_told_to_act_nowhere(rope: str) -> None:
     assert idle_parameters(model(machine(rope))) == ()
 
 
-@pytest.mark.parametrize("rope", [FORCED, "sigma: 1 mm"])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("rope", [FORCED, "zero: z, " + FORCED, "sigma: 1 mm"])
 def test_derivatives(rope: str) -> None:
     last = np.array([0.0, 0.0]) if "force" in rope else np.array([1.1, 1.05])
-    text = machine(rope)
+    text = machine(rope).replace("EArope: 30 kN", "EArope: 30 kN, z: 0" if "z," in rope else "EArope: 30 kN")
     found = jacobian_check(text, np.column_stack([READINGS, last]), model(text).nominal)
     assert found.deviation < 1e-6, found.worst
     assert found.null == (("q4",) if "force" in rope else ())

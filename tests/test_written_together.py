@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,59 @@ def test_what_appears_meanwhile_stays_and_the_others_do_not_come(meanwhile: str)
     with pytest.raises(OutputError, match="the file exists"):
         write(force=False, within=lambda: old_files((meanwhile,)))
     assert contents() == {meanwhile: "old"}
+
+
+def no_links(*_: object) -> None:
+    raise PermissionError(1, "Operation not permitted")
+
+
+@pytest.mark.parametrize("meanwhile", NAMES)
+def test_what_appears_meanwhile_stays_without_links_too(meanwhile: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a file system that has no links, as on many memory cards."""
+    monkeypatch.setattr(os, "link", no_links)
+    with pytest.raises(OutputError, match="the file exists"):
+        write(force=False, within=lambda: old_files((meanwhile,)))
+    assert contents() == {meanwhile: "old"}
+
+
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_without_links_a_copy_comes_back(at: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever of the three cannot be moved, what the earlier ones replaced is there again."""
+    old_files()
+    plain, calls = os.replace, 0
+
+    def failing(source: Path, target: Path) -> None:
+        nonlocal calls
+        calls += 1
+        if calls == at:
+            raise OSError(28, "No space left on device")
+        plain(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "link", no_links)
+        patch.setattr(os, "replace", failing)
+        with pytest.raises(OutputError, match="No space left on device"):
+            write(force=True)
+    assert contents() == OLD and modes() == MODES
+
+
+def test_what_is_moved_is_on_the_disk_before_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A power cut leaves no later file without the earlier ones, and none without its text."""
+    old_files()
+    steps, sync, move = list[str](), os.fsync, os.replace
+
+    def synced(descriptor: int) -> None:
+        steps.append("folder" if stat.S_ISDIR(os.fstat(descriptor).st_mode) else "text")
+        sync(descriptor)
+
+    def moved(source: Path, target: Path) -> None:
+        steps.append("move")
+        move(source, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(os, "replace", moved)
+    write(force=True)
+    assert steps == [*["text"] * 3, *["move", "folder"] * 3]
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
