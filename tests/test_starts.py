@@ -104,6 +104,9 @@ def test_an_end_that_leaves_rows_out_is_neither_the_best_nor_as_good() -> None:
     best, agreement = best_of_starts(problem, selected, problem.model.nominal, fewer, 2, 0)
     assert best is not None and not best.failed and best.chi2 == pytest.approx(fit.chi2, rel=1e-9)
     assert (agreement.agree, agreement.rivals, agreement.worse) == (1, 0, 1)
+    same = replace(fit, chi2=fit.chi2 - 5, failed={3: "out of reach"})
+    best, _ = best_of_starts(problem, selected, problem.model.nominal, same, 2, 0)
+    assert best is not None and not best.failed, "though the values are the same"
 
 
 @pytest.mark.parametrize(("failed", "further"), [({}, False), ({3: "out of reach"}, True)])

@@ -88,7 +88,8 @@ def best_of_starts(
     if not good:
         return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
     best = min(good, key=lambda e: (len(e.failed), e.chi2))
-    if first is not None and first.status == "converged" and _apart(problem, first, best) <= _SAME:
+    whole = first is not None and first.failed.keys() == best.failed.keys()
+    if first is not None and whole and first.status == "converged" and _apart(problem, first, best) <= _SAME:
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)
