@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, drawn_state, place_prescribed
@@ -22,7 +23,6 @@ from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
-from pkmcal_cli.rotation import Array, exp
 
 REFERENCE: dict[str, Any] = json.loads(
     (Path(__file__).resolve().parents[1] / "tests" / "fe_reference.json").read_text(encoding="utf-8")

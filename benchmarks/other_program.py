@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 from .frames import LEGS, planar_points, spatial_points, spatial_sizes
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.prediction import row_chunks
-from pkmcal_cli.rotation import Array
 
 from . import other_program
 from .frames import REFERENCE, Frame, elastic_step, equations, planar_frame, spatial_frame

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import yaml
+from pkmcal_cli.base.plural import count
 
 from docs import model_tables
 from docs.model_tables import table
@@ -22,7 +23,6 @@ from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.sensors import sensor_kinds
-from pkmcal_cli.words import count
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINES = ROOT / "machines"

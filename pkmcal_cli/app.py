@@ -71,7 +71,7 @@ def run(arguments: list[str]) -> int:
 
 def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
-    from pkmcal_cli.errors import BadInput, OutputError, PkmcalError
+    from pkmcal_cli.base.errors import BadInput, OutputError, PkmcalError
 
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
@@ -104,7 +104,7 @@ def _open_streams() -> None:
 
 def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
     """Errors of the command line's syntax exit with 2; anything unforeseen with 70."""
-    from pkmcal_cli.errors import PkmcalError, UsageError
+    from pkmcal_cli.base.errors import PkmcalError, UsageError
 
     message = getattr(error, "format_message", None)
     if message is None or not hasattr(error, "exit_code"):
@@ -132,7 +132,7 @@ def _flush() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        from pkmcal_cli.errors import OutputError
+        from pkmcal_cli.base.errors import OutputError
 
         raise OutputError(f"cannot be written: {error.strerror or error}", "<stdout>") from error
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 
 _REST = {

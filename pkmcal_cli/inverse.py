@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array, log
 from pkmcal_cli.equilibrium.assembly import balance
 from pkmcal_cli.equilibrium.kinematics import State, drawn_state
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow
@@ -15,7 +16,6 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import DriveKind
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import row_chunks
-from pkmcal_cli.rotation import Array, log
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 

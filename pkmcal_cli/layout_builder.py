@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Element
 from pkmcal_cli.layout import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
 from pkmcal_cli.ports import Link, Number, Point, Port, arms_of
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.slots import Formula, SlotTable
 
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pkmcal_cli.base.errors import BadInput, Fault, FaultList, Location
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import Compiled, compile_machine
 from pkmcal_cli.compiler.assemble import BadDrawing
 from pkmcal_cli.compiler.faults import drawing_fault, mechanism_faults, structure_faults
-from pkmcal_cli.errors import BadInput, Fault, FaultList, Location
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
-from pkmcal_cli.rotation import Array
-from pkmcal_cli.words import count
 
 if TYPE_CHECKING:
     from pkmcal_cli.tables.measurement_set import Measurements

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pkmcal_cli.errors import BadInput, FaultList, did_you_mean
+from pkmcal_cli.base.errors import BadInput, FaultList, did_you_mean
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.language.yaml_source import read_source
@@ -18,8 +18,8 @@ from pkmcal_cli.language.yaml_tree import SourceMap, SourceNode
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pkmcal_cli.base.rotation import Array
     from pkmcal_cli.model import ModelParameter
-    from pkmcal_cli.rotation import Array
 
 
 _FINGERPRINT = "fingerprint"

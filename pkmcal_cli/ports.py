@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Element
 from pkmcal_cli.layout import GROUND
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.slots import Formula
 
 Number = float | Formula

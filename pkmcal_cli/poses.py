@@ -11,14 +11,14 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.covariates import at_rest, resting, with_covariates, with_directions
-from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
 from pkmcal_cli.loading import LoadedMachine
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, joined_rows
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements, concatenate
 from pkmcal_cli.tables.measurements import MeasurementStream
 from pkmcal_cli.travels import Travels

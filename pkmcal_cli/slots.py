@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 _STEP = 1e-40  # imaginary step; formulas are analytic, so the derivative is exact at any small step
 

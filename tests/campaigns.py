@@ -13,6 +13,7 @@ from functools import cache
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
@@ -20,7 +21,6 @@ from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array
 from tests.support import model
 from tests.truth import generate
 

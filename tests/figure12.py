@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array
 from tests.campaigns import by_engine, shipped
 from tests.support import UM
 

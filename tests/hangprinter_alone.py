@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 from tests.command import column, run
 from tests.support import MACHINES, overlay
 

@@ -9,9 +9,9 @@ from itertools import combinations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
-from pkmcal_cli.rotation import Array
 from tests import structures
 from tests.support import (
     UM,

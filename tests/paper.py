@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.prediction import Request
-from pkmcal_cli.rotation import Array
 from tests.support import UM, at, model, truth
 
 COMMON = ("l1", "l2", "xb1r", "yb1r", "xb2r", "yb2r")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 from tests.command import run
 from tests.self_calibration_lines import MM, Case, machine_text, measured, truth
 

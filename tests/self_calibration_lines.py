@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 from tests.truth import pinned
 from tests.truth.pinned import DeadForce, Rods, State
 

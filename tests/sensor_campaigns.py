@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from numpy.random import Generator
 
-from pkmcal_cli.rotation import Array, exp
+from pkmcal_cli.base.rotation import Array, exp
 from tests.command import run
 from tests.support import MACHINES, poses_of, truth
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 from tests.sensor_campaigns import MM, UM, Case, Cells, Scene, labels, noisy, partners, spans
 from tests.sensor_cases_planar import (
     ANGLE_ZERO,

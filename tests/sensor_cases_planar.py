@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 from tests.sensor_campaigns import MM, UM, Case, Cells, Scene, at_set_values, labels, noisy, partners, simulator, spans
 
 LENGTHS = ("l3", "l4", "xa1", "xa2", "ya1", "ya2", "ya4")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from pkmcal_cli.rotation import Array, exp
+from pkmcal_cli.base.rotation import Array, exp
 from tests.sensor_campaigns import UM, Case, Cells, Scene, noisy
 
 ARMS = tuple(f"l{i}{side}" for i in (1, 2, 3, 4) for side in "ab")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.rotation import Array, exp
+from pkmcal_cli.base.rotation import Array, exp
 
 REFERENCE: dict[str, Any] = json.loads((Path(__file__).parent / "fe_reference.json").read_text(encoding="utf-8"))
 

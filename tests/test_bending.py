@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.prediction import Request
-from pkmcal_cli.rotation import Array, exp
 from tests.measured import elastica_error
 from tests.structures import cantilever, point
 from tests.support import at, displacement, model

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.rotation import Array
 from tests.command import (
     HANGPRINTER,
     HANGPRINTER_DATA,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from pkmcal_cli.errors import BadInput
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.tables import csv_table
 from pkmcal_cli.tables.csv_parse import FaultLog, Parser, Plan
 from pkmcal_cli.tables.csv_sniff import Format, find_format, split_header

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pkmcal_cli.errors import BadInput
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.tables.csv_cells import cell_column
 from pkmcal_cli.tables.csv_table import Table, open_table, read_table
 

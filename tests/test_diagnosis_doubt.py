@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
@@ -19,7 +20,6 @@ from pkmcal_cli.diagnosis.search import Search, score_all
 from pkmcal_cli.diagnosis.stability import stability
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.effects.base import legendre
-from pkmcal_cli.rotation import Array
 from tests.benchmark.setting import Setting, diagnosed
 from tests.truth.campaigns import campaign, unit
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model import Model, tcp_model
 from pkmcal_cli.prediction import Request, predict
-from pkmcal_cli.rotation import Array
 from tests.command import run
 from tests.effect_cases import NAMES, WRITTEN, Case, case
 from tests.elastic_guide import sliders

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import pkmcal_cli.elements as family
+from pkmcal_cli.base.rotation import Array, exp, skew
 from pkmcal_cli.elements import JOINTS, Bar, Beam, Element, Joint, Load
 from pkmcal_cli.elements.base import THETA_I, THETA_J
-from pkmcal_cli.rotation import Array, exp, skew
 
 STEP = 1e-30
 ALL = ("x", "y", "z", "rx", "ry", "rz")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import error_figures, length_residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array
 from tests.campaigns import shipped
 from tests.hangprinter_cases import measured
 from tests.support import model, poses_of, truth

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.model import tcp_model
 from pkmcal_cli.prediction import Request, Rows, predict
-from pkmcal_cli.rotation import Array
 from tests.campaigns import by_engine, shipped
 from tests.command import TRIGLIDE, TRIGLIDE_DATA, run
 

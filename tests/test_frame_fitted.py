@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pkmcal_cli.rotation import best_rotation, exp
+from pkmcal_cli.base.rotation import best_rotation, exp
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
 
 TURN, SHIFT = np.radians(137.0), np.array([2500.0, -1200.0, 700.0])  # mm

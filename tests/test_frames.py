@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.prediction import Request
-from pkmcal_cli.rotation import Array, exp
 from tests import structures, verification
 from tests.structures import PLANAR_FRAME, cantilever, point
 from tests.support import displacement

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading import load_machine, load_measurements
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.plausibility import Hint
 from pkmcal_cli.workflow.hints import copied_rows, measurement_hints
 from tests.campaigns import Plan, by_engine, shipped

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.prediction import Request
-from pkmcal_cli.rotation import Array
 from tests.command import clean, run
 from tests.elastic_guide import TOWERS, sliders
 from tests.support import at, model

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.fit import Fit
@@ -24,7 +25,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.campaigns import by_engine, shipped

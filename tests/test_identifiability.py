@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import (
     combinations,
@@ -24,7 +25,6 @@ from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.report.parameters import combination_json, determined_sums
-from pkmcal_cli.rotation import Array
 from tests.command import run
 from tests.support import MACHINES, model
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import pkmcal_cli.calibration.step as stepping
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.prediction import Request, Rows, predict
-from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped
 from tests.support import model, overlay
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.app import run
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array
 from tests.command import run as command
 from tests.support import MACHINES, model
 

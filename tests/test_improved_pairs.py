@@ -190,7 +190,7 @@ def dying(*arguments, **named):
         os.kill(os.getpid(), signal.SIGKILL)
     return done
 setattr(os, step, dying)
-from pkmcal_cli.outputs import write_together
+from pkmcal_cli.base.outputs import write_together
 machine, values = (open(file).read() for file in ("new.yaml", "new.params.yaml"))
 with write_together(["better.params.yaml", "better.yaml"], (), force=True) as files:
     files[0].write(values)

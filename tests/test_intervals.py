@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import _blocks, bootstrap_intervals
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.fit import Fit
@@ -18,7 +19,6 @@ from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
 from pkmcal_cli.loading import load_machine, load_measurements
-from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, run
 

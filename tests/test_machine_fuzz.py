@@ -10,7 +10,7 @@ from pathlib import Path
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pkmcal_cli.errors import BadInput
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.machine import Machine
 from tests.machine_texts import SPOOLS, TRIGLIDE, read
 

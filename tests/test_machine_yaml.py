@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.errors import BadInput
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from pkmcal_cli.language.machine import Machine, axis_vector

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.errors import BadInput
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.tables import csv_table

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.observability import observability
@@ -17,7 +18,6 @@ from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Request, Rows, predict
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.command import MACHINES, run
 from tests.support import errors_of, model

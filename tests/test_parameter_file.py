@@ -10,7 +10,7 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from pkmcal_cli.errors import BadInput
+from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.unit_text import UNITS, parse_unit
 from pkmcal_cli.loading import load_machine, load_parameters

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.outputs import make_folder
+from pkmcal_cli.base.outputs import make_folder
 from tests.command import GRID, TRIGLIDE, TRIGLIDE_DATA, Done, clean, run
 
 TEXTS = {

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import _freedom, _roots, _times, bootstrap_intervals
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted import Treatment, fitted
@@ -16,7 +17,6 @@ from pkmcal_cli.calibration.intervals import linear_intervals, profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import identify_robustly, plain_fit, weights_of
-from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, SCISSORS, run
 from tests.support import MACHINES

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.errors import UsageError
 from tests.command import TRIGLIDE, TRIGLIDE_DATA, run
 from tests.support import model, overlay
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from pkmcal_cli.errors import OutputError
-from pkmcal_cli.outputs import write_together
+from pkmcal_cli.base.errors import OutputError
+from pkmcal_cli.base.outputs import write_together
 
 NAMES = ("first.txt", "second.txt", "third.txt")
 MODES = {"first.txt": 0o640, "second.txt": 0o600, "third.txt": 0o644}

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pkmcal_cli.errors import BadInput, Location
+from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.language.yaml_source import MAX_BYTES, MAX_DEPTH, read_source
 from pkmcal_cli.language.yaml_tree import SourceMap
 

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.intervals import Intervals, linear_intervals, profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
-from pkmcal_cli.rotation import Array
 from tests.campaigns import Plan, by_engine, shipped
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -8,8 +8,8 @@ from itertools import chain
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import exp
 from pkmcal_cli.prediction import Request
-from pkmcal_cli.rotation import exp
 from tests import paper, structures, verification_calibration
 from tests.measured import (
     REDUNDANT,

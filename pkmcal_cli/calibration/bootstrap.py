@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.intervals import COVER, Intervals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
-from pkmcal_cli.rotation import Array
 
 Index = NDArray[np.intp]
 _REPEATS = 1000

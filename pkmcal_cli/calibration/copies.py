@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import pdtrc
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.language.unit_text import parse_unit
-from pkmcal_cli.rotation import Array
 
 _CHANCE = 0.01  # probability of as many coincidences among honest repetitions above which nothing is said
 _DIGITS = 15

@@ -11,10 +11,10 @@ from itertools import combinations, islice
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.prediction import predict
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
 
 _ROWS = 16  # rows that are predicted

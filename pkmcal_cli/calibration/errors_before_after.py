@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
@@ -14,7 +15,6 @@ from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.layout import Drive, DriveKind
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import drive_travels
-from pkmcal_cli.rotation import Array
 
 KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "bench", "length")
 

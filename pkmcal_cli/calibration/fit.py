@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtrc
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.residual import Evaluation
-from pkmcal_cli.rotation import Array
 
 _SIGNIFICANT = 0.01  # chance of a chi-square so large at which more is left than sigma explains
 

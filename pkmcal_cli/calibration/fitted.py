@@ -8,6 +8,8 @@ from typing import get_args
 
 import numpy as np
 
+from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.fit import Fit
@@ -22,8 +24,6 @@ from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
 from pkmcal_cli.calibration.starts import Agreement, identify_from
-from pkmcal_cli.errors import UsageError, did_you_mean
-from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, best_rotation, log
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array, best_rotation, log
 from pkmcal_cli.sockets import PlacedEffect
 from pkmcal_cli.views import PlacedSensor
 

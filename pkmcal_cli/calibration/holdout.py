@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
@@ -15,7 +16,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
 from pkmcal_cli.calibration.same_poses import poses_alike
 from pkmcal_cli.model import Model
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurement_set import Measurements
 
 Refit = Callable[[Problem, tuple[str, ...], Array], Fit]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lu, null_space
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 NULL = 1e-10  # of the largest singular value
 UNSEEN = 0.01  # whitened, per range

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses
@@ -25,7 +26,6 @@ from pkmcal_cli.calibration.residual import (
     residuals,
 )
 from pkmcal_cli.calibration.step import Scaled, advance
-from pkmcal_cli.rotation import Array
 
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit

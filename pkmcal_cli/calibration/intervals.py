@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.prior import prior_of_held
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
-from pkmcal_cli.rotation import Array
 
 Method = Literal["linear", "profile", "bootstrap"]
 COVER = 1.959963985  # standard uncertainties of a 95 % interval

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import in_machine_frame
-from pkmcal_cli.rotation import Array
 
 
 def poses_of(model: Model, readings: Array) -> Array:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import WEAK, Directions
 from pkmcal_cli.model import Model
-from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
 from pkmcal_cli.model import Model, tcp_model
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

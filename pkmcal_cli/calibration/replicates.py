@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtr, chdtrc
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.same_poses import poses_alike
 from pkmcal_cli.language.unit_text import parse_unit
-from pkmcal_cli.rotation import Array
 
 DOUBT = 0.01  # probability below which the stated sigma is not believed
 _SAME = 1e-4  # share of a drive's spread that readings of one pose may differ by

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.prediction import Prediction, Request, predict
-from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

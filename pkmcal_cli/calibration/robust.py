@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtri
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import deletion_residuals, whitened_residual
-from pkmcal_cli.rotation import Array
 
 Loss = Literal["squares", "huber", "tukey"]
 _HUBER, _TUKEY = 1.345, 4.685  # 95 % efficiency with normal noise

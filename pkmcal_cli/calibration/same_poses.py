@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 _CELL = 0.25  # of what values of one pose may differ by: rows nearer than that are taken together at once
 _CHAIN = 3.0  # times that: what merges to a group as wide is no pose but a scan of many

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, residuals
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.mirror import brought_back
 from pkmcal_cli.tables.plausibility import GROSS, rms, spread
 

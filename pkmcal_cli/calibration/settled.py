@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.datum import Datum, datum_of
 from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
-from pkmcal_cli.rotation import Array
 
 _LISTED = 8  # null directions that are told one by one
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.rotation import Array
 
 _SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above

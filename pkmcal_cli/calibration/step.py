@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses, loose_drives
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, linearise
-from pkmcal_cli.rotation import Array
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding

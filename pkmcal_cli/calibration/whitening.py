@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 Index = NDArray[np.intp]
 

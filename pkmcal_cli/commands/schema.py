@@ -22,8 +22,8 @@ def schema(
     """
     import json
 
+    from pkmcal_cli.base.outputs import write_text
     from pkmcal_cli.language.schema import machine_schema
-    from pkmcal_cli.outputs import write_text
 
     with write_text(output, (), force=force) as file:
         file.write(json.dumps(machine_schema(overlay), indent=2) + "\n")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.structure import Drawing
 from pkmcal_cli.elements import Load
 from pkmcal_cli.equilibrium.kinematics import State, advance, arm_vectors, drawn_state, input_jacobian
@@ -13,7 +14,6 @@ from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.mobility import StrainRows, null_space, pivots, rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.layout import DriveKind, Layout
-from pkmcal_cli.rotation import Array
 
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size

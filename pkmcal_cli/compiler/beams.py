@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.assemble import BadDrawing
 from pkmcal_cli.compiler.bars import rest_length
 from pkmcal_cli.compiler.joints import add_joint_link, elastic_rows, joint_rows, joint_triad
@@ -14,7 +15,6 @@ from pkmcal_cli.compiler.weights import Weight, halves
 from pkmcal_cli.elements import Beam
 from pkmcal_cli.language.machine import Beam as BeamSpec
 from pkmcal_cli.ports import Port
-from pkmcal_cli.rotation import Array
 
 
 def add_beams(structure: Structure) -> list[Weight]:

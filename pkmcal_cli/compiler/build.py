@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.errors import BadInput
+from pkmcal_cli.base.rotation import Array, log
 from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.bars import add_bars
 from pkmcal_cli.compiler.beams import add_beams
@@ -22,7 +24,6 @@ from pkmcal_cli.elements import Joint, Load
 from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
-from pkmcal_cli.errors import BadInput
 from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.fingerprint import fingerprint_of
 from pkmcal_cli.language.machine import Machine
@@ -30,7 +31,6 @@ from pkmcal_cli.layout import GROUND, DriveKind, Index, Layout, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
 from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
 from pkmcal_cli.ports import Point, Port
-from pkmcal_cli.rotation import Array, log
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 

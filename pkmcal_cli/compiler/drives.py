@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, log
 from pkmcal_cli.compiler.bars import rest_length
 from pkmcal_cli.compiler.joints import add_joint_link
 from pkmcal_cli.compiler.numbers import combined, constant_vector, number, triad_about, triad_along, unit
@@ -13,7 +14,6 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import Actuator, axis_vector
 from pkmcal_cli.layout import GROUND, Drive, DriveKind, Turn
 from pkmcal_cli.ports import Number, Port
-from pkmcal_cli.rotation import Array, log
 from pkmcal_cli.slots import Formula
 
 

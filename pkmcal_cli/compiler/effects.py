@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
+from pkmcal_cli.base.errors import BadInput, did_you_mean
 from pkmcal_cli.effects import Effect, catalogue
-from pkmcal_cli.errors import BadInput, did_you_mean
 from pkmcal_cli.language.effect_entries import EffectNumber, unit_at
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model import Model, ModelParameter

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler.assemble import BadDrawing, Gap, Mobility
 from pkmcal_cli.compiler.build import Compiled
 from pkmcal_cli.compiler.connection import loose_parts
@@ -11,13 +13,11 @@ from pkmcal_cli.compiler.numbers import is_zero
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.springs import stiffness_faults
-from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.machine import End, Joint, Machine
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.language.yaml_tree import Path
 from pkmcal_cli.model import Model
 from pkmcal_cli.tables.plausibility import limit_excess
-from pkmcal_cli.words import count
 
 GAP = 0.01  # a drawing that does not close by more than this share of the machine's size is a fault
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.numbers import constant_vector, number, triad_about, triad_along, unit
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.elements import JOINTS, Joint
@@ -11,7 +12,6 @@ from pkmcal_cli.language.machine import End, Stiffness, axis_vector
 from pkmcal_cli.language.machine import Joint as JointSpec
 from pkmcal_cli.layout import Turn
 from pkmcal_cli.ports import Number, Port
-from pkmcal_cli.rotation import Array
 
 _PLANAR_ROWS = ("x", "y", "rz", "angle")
 

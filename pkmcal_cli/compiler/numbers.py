@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.ports import Number
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.slots import Formula
 
 

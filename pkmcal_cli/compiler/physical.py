@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pkmcal_cli.base.errors import Fault
 from pkmcal_cli.compiler.drives import PlacedDrive
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.sections import section_properties
-from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.limits import HINT, LARGEST, beyond
 from pkmcal_cli.language.machine import Machine, Material, Section
 from pkmcal_cli.language.yaml_tree import Path

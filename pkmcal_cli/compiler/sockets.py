@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, skew
 from pkmcal_cli.compiler.drives import PlacedDrive
 from pkmcal_cli.compiler.numbers import number
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.effects import Port as EffectPort
 from pkmcal_cli.layout import Group, Index, Layout
-from pkmcal_cli.rotation import Array, skew
 from pkmcal_cli.sockets import Socket, Sockets
 from pkmcal_cli.views import PlacedSensor
 

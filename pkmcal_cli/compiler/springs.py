@@ -7,10 +7,10 @@ from itertools import chain
 
 import numpy as np
 
+from pkmcal_cli.base.errors import Fault
 from pkmcal_cli.compiler.joints import joint_rows
 from pkmcal_cli.compiler.numbers import constant_vector, unit
 from pkmcal_cli.elements import JOINTS
-from pkmcal_cli.errors import Fault
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Guide, Machine, Stiffness, axis_vector
 from pkmcal_cli.language.yaml_tree import Path

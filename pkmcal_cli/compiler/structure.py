@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.compiler.numbers import constant_vector, is_zero, number, unit, vector
 from pkmcal_cli.compiler.tree import joint_tree
 from pkmcal_cli.language.machine import Body, Guide, Joint, Machine, axis_vector
@@ -18,7 +19,6 @@ from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.layout import GROUND, Turn
 from pkmcal_cli.layout_builder import LayoutBuilder
 from pkmcal_cli.ports import Number, Point, Port, Rail
-from pkmcal_cli.rotation import Array, exp
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, predicted_part
@@ -14,7 +15,6 @@ from pkmcal_cli.diagnosis.groups import pose_axes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.search import Search
 from pkmcal_cli.effects import catalogue
-from pkmcal_cli.rotation import Array
 
 FOLDS = 6
 _CELLS = 4

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Score
@@ -13,7 +14,6 @@ from pkmcal_cli.diagnosis.refine import Rival, credible_set, settled_evidence
 from pkmcal_cli.diagnosis.residue import own_residues, own_shape
 from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without
 from pkmcal_cli.diagnosis.stability import STABLE, stability
-from pkmcal_cli.rotation import Array
 
 _LINEAR = 0.2  # by which the fall of chi-square may differ from the score
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.noise import time_order
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
 _WIDTHS = (0.03, 0.045, 0.065, 0.1)  # full width at half maximum of bumps, in shares of the travel

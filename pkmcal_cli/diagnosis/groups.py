@@ -8,8 +8,8 @@ from math import comb
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.rotation import Array
 
 POSE, TIME, TEMPERATURE, DIRECTION, LOAD = "pose", "time", "temperature", "direction", "load"
 _SHARE = 6  # rows for each shape, at least

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
@@ -25,7 +26,6 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, Rotation, errors_of, gain_of, rms_gain_of
 from pkmcal_cli.diagnosis.rows import MOST
 from pkmcal_cli.prediction import frozen
-from pkmcal_cli.words import count
 
 ROTATIONS = 5
 _FAILS = "its calibration did not converge"

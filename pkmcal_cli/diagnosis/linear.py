@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtri, fdtrc
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.rotation import Array
 
 NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Baarda)
 _KEPT = 1e-4  # share of a column's squared length that must remain after projection

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc, chdtri
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.unknown import Unknown
-from pkmcal_cli.rotation import Array
 
 _WIDTHS = (0.04, 0.08)  # of a drive's travel in the table
 _FEWEST = 5  # rows in a window

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri, ndtr
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import TEMPERATURE, TIME, group_columns
 from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
-from pkmcal_cli.rotation import Array
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
 _MOSTLY = 0.5  # of chi-square that one row must explain to be left out of the noise

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
@@ -17,7 +18,6 @@ from pkmcal_cli.diagnosis.plan import cosines_between
 from pkmcal_cli.diagnosis.search import linear_without, refit, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.language.unit_text import Unit, parse_unit
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
 _MOST_ALIKE = 12

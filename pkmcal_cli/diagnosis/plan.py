@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.findings import absorbing
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import NONCENTRALITY, PLAUSIBLE, Linear, Score, linear_problem
-from pkmcal_cli.rotation import Array
 
 ALIKE = 0.95  # cosine above which two effects are an ambiguity group
 _EXCHANGED = 60  # points up to which exchanges are tried

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_without, scored, shape_gains
-from pkmcal_cli.rotation import Array
 
 RIVALS = 4
 ALL = "all"

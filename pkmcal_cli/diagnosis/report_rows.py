@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
@@ -16,7 +17,6 @@ from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, pre
 from pkmcal_cli.diagnosis.confirm import cells, shown_channels
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.rotation import Array
 
 _DRAWS = 4000
 _FEWEST_BLOCKS = 5

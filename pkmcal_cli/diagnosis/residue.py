@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -19,7 +20,6 @@ from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.effects import Effect
 from pkmcal_cli.effects.base import legendre
-from pkmcal_cli.rotation import Array
 
 _TRAVEL = range(2, 19)  # degrees of shapes over the travel, which resolve some five waves
 _BENT = 3  # of these, that bend a line a little

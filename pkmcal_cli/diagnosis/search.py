@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
@@ -18,7 +19,6 @@ from pkmcal_cli.diagnosis.noise import independent, noise_scale
 from pkmcal_cli.diagnosis.residue import own_residues, own_shape, residue_columns
 from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
-from pkmcal_cli.rotation import Array
 
 MOST_EFFECTS = 5
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces

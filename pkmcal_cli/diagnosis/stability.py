@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -14,7 +15,6 @@ from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.noise import time_order
 from pkmcal_cli.diagnosis.search import Scored
 from pkmcal_cli.effects import catalogue
-from pkmcal_cli.rotation import Array
 
 STABLE = 0.8  # share of resamples that must name the same
 _DRAWS = 100

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.generic import Family, best_generic, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.residue import residue_columns
 from pkmcal_cli.diagnosis.search import Scored, Search, linear_without
 from pkmcal_cli.diagnosis.unknown import Unknown
-from pkmcal_cli.rotation import Array
 
 _BETTER = 7.0  # log evidence by which a nameless alternative must be better
 

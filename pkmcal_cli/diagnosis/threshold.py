@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtrc
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.linear import Linear, Score
-from pkmcal_cli.rotation import Array
 
 DRAWS = 20_000
 _BLOCK = 4_000

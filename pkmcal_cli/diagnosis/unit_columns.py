@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.model import ModelParameter
 from pkmcal_cli.prediction.inputs import SocketInputs
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect, Socket
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.noise import independent, successive
-from pkmcal_cli.rotation import Array
 
 TESTS = 10  # groups, oscillations, runs, clusters, local effects and range noise share the false-alarm rate
 

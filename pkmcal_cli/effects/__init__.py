@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+from pkmcal_cli.base.families import members
 from pkmcal_cli.effects.base import PORTS, STAGES, WIDTHS, Column, Effect, EffectParameter, Inputs, Option, Port
-from pkmcal_cli.families import members
 
 __all__ = ["PORTS", "STAGES", "WIDTHS", "Column", "Effect", "EffectParameter", "Inputs", "Option", "Port", "catalogue"]
 

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, dot
 from pkmcal_cli.elements.base import Element, add_scaled_identity, outer
-from pkmcal_cli.rotation import Array, dot
 
 
 @dataclass(frozen=True)

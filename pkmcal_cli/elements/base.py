@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 DELTA, THETA_I, THETA_J = slice(0, 3), slice(3, 6), slice(6, 9)
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, cross, dot, skew
 from pkmcal_cli.elements.base import (
     DELTA,
     THETA_I,
@@ -18,7 +19,6 @@ from pkmcal_cli.elements.base import (
     transpose,
     turned,
 )
-from pkmcal_cli.rotation import Array, cross, dot, skew
 
 _BENDING = np.array([[4.0, 2.0], [2.0, 4.0]])  # EI/L times this: bending angles at i and j to end moments
 _ENDS = (THETA_I, THETA_J)

@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array, cross, dot, skew
 from pkmcal_cli.elements.base import DELTA, THETA_I, THETA_J, Element, add_product, outer, transpose, turned
-from pkmcal_cli.rotation import Array, cross, dot, skew
 
 # A rotation strain is a sum of products of a carried axis of i with one of j: (factor, axis of i, axis of j).
 # For small turns it is the rotation of j against i about i's axis, with its sign (couplings depend on it).

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements.base import Element
-from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array, cross, dot
+from pkmcal_cli.base.sparse_map import pick
 from pkmcal_cli.elements.base import turned
 from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given, stiffness_matrices, typical_stiffness
 from pkmcal_cli.equilibrium.group_map import GroupMap
@@ -23,8 +25,6 @@ from pkmcal_cli.equilibrium.kinematics import State, turned_arms, views
 from pkmcal_cli.equilibrium.links import Pairs
 from pkmcal_cli.equilibrium.maps import Blocks
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.rotation import Array, cross, dot
-from pkmcal_cli.sparse_map import pick
 
 __all__ = ["Balance", "balance", "group_view", "stiffness_matrices", "stresses_of", "typical_stiffness"]
 

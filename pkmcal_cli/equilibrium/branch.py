@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.sparse_map import pick
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.given import given
 from pkmcal_cli.equilibrium.kinematics import State, turned_arms, views
 from pkmcal_cli.equilibrium.mobility import pivot_columns
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import Index
-from pkmcal_cli.rotation import Array
-from pkmcal_cli.sparse_map import pick
 
 
 def strain_jacobian(system: System, slots: Array, state: State, length: float) -> Array:

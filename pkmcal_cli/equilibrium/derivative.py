@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, cross, left_jacobian
+from pkmcal_cli.base.sparse_map import pick, rows_last
 from pkmcal_cli.elements import Element
 from pkmcal_cli.equilibrium.assembly import View, group_view, stresses_of
 from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given, natural_lengths
 from pkmcal_cli.equilibrium.kinematics import State, advance, turned_arms, views
 from pkmcal_cli.equilibrium.newton import Slack
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.rotation import Array, cross, left_jacobian
-from pkmcal_cli.sparse_map import pick, rows_last
 
 _STEP = 1e-30
 

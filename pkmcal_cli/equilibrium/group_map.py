@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.layout import Group, Index
-from pkmcal_cli.rotation import Array
 
 
 @dataclass(frozen=True)

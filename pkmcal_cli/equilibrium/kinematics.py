@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, exp, skew, times
+from pkmcal_cli.base.sparse_map import Block, pick, rows_last, take_rows
 from pkmcal_cli.equilibrium.given import arm_bodies, frame_vectors
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import DriveKind, Index, Layout, Turn
-from pkmcal_cli.rotation import Array, exp, skew, times
-from pkmcal_cli.sparse_map import Block, pick, rows_last, take_rows
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, skew
+from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap
 from pkmcal_cli.layout import Index, Layout, Turn
-from pkmcal_cli.rotation import Array, skew
-from pkmcal_cli.sparse_map import Block, Entries, SparseMap
 
 _WIDTH = {Turn.FIXED: 0, Turn.FREE: 3, Turn.AXIS: 1}
 

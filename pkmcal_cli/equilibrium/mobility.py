@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Load
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.given import rest_values
 from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, views
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.rotation import Array
 
 _RANK = 1e-8  # singular values below this share of the largest count as zero
 

@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array, left_jacobian, log, log_jacobian, times
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.derivative import point_gradient, strain_gradient
 from pkmcal_cli.equilibrium.given import Given, rest_values
 from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import Drive, DriveKind, Group
-from pkmcal_cli.rotation import Array, left_jacobian, log, log_jacobian, times
 
 
 class Channel(Protocol):

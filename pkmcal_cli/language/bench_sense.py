@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pkmcal_cli.errors import FaultList
+from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.binding import article
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.parts import Parameter

@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.effects import Effect, EffectParameter, Option, catalogue
-from pkmcal_cli.errors import FaultList, did_you_mean
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.limits import SMALLEST

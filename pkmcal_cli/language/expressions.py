@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from operator import add, mul, neg, sub
 from typing import Any
 
-from pkmcal_cli.errors import did_you_mean
+from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.language.analytic import ARGUMENTS, FUNCTIONS, divide, power
 
 MAX_LENGTH = 500

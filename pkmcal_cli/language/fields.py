@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from pkmcal_cli.errors import did_you_mean
+from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.language.dimensions import (
     ACCELERATION,
     ANGLE,

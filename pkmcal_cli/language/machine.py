@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pydantic import Field, PrivateAttr
 
-from pkmcal_cli.errors import Fault
+from pkmcal_cli.base.errors import Fault
 from pkmcal_cli.language.effect_entries import EffectName, Entries
 from pkmcal_cli.language.fields import Axis, Entity, Gravity, Letter, Name, Point, Space
 from pkmcal_cli.language.instruments import Actuator, DriveForce

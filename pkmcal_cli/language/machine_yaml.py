@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from pkmcal_cli.errors import FaultList
+from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.names import NameCheck
 from pkmcal_cli.language.overlay import load

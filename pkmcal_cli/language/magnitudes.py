@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from pkmcal_cli.errors import Fault, FaultList
+from pkmcal_cli.base.errors import Fault, FaultList
 from pkmcal_cli.language.dimensions import (
     ANGLE,
     AREA,

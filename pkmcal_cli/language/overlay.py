@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 
-from pkmcal_cli.errors import BadInput, Fault, FaultList, did_you_mean, nearest
+from pkmcal_cli.base.errors import BadInput, Fault, FaultList, did_you_mean, nearest
 from pkmcal_cli.language.each import Expansion
 from pkmcal_cli.language.yaml_source import Source, read_source
 from pkmcal_cli.language.yaml_tree import SourceMap, SourceNode

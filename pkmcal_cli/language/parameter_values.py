@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pkmcal_cli.errors import FaultList
+from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.dimensions import DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.language.limits import SMALLEST

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pkmcal_cli.errors import FaultList
+from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.bench_sense import check_bench
 from pkmcal_cli.language.binding import Binder, Slip, article
 from pkmcal_cli.language.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from pkmcal_cli.errors import FaultList
+from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.channels import SensorChannel, channels_of
 from pkmcal_cli.language.dimensions import LENGTH
 from pkmcal_cli.language.fields import PLANAR

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from pkmcal_cli.errors import did_you_mean
+from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.language.fields import (
     SPATIAL,
     Axis,

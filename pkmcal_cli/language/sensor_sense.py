@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from pkmcal_cli.errors import did_you_mean
+from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.language.binding import article
 from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, measured_dimension, reading_unit
 from pkmcal_cli.language.dimensions import NUMBER

@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from pkmcal_cli.errors import FaultList, did_you_mean
+from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import hint_of, kind_of
 from pkmcal_cli.language.yaml_tree import Path, SourceMap

@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import pi
 
-from pkmcal_cli.errors import did_you_mean
+from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.language.dimensions import (
     ANGLE,
     FORCE,

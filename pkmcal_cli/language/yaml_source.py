@@ -17,8 +17,8 @@ from typing import Any
 
 import yaml
 
-from pkmcal_cli.errors import BadInput, FaultList, Location
-from pkmcal_cli.files import input_name, is_stream
+from pkmcal_cli.base.errors import BadInput, FaultList, Location
+from pkmcal_cli.base.files import input_name, is_stream
 from pkmcal_cli.language.yaml_tree import Scalar, SourceNode, size_of
 
 MAX_BYTES = 8 * 1024 * 1024

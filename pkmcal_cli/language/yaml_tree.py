@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from pkmcal_cli.errors import Fault, Location
+from pkmcal_cli.base.errors import Fault, Location
 
 Scalar = str | int | float | bool | None
 Path = tuple[str | int, ...]

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.effects import WIDTHS
 from pkmcal_cli.layout import Index
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.inputs import Reactions, SocketInputs
 from pkmcal_cli.prediction.rows import Rows
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect, Socket
 
 _STEP = 1e-40

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gradient
 from pkmcal_cli.equilibrium.given import given
@@ -17,7 +18,6 @@ from pkmcal_cli.equilibrium.readings import forced_energy
 from pkmcal_cli.layout import DriveKind
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.solving import Solution
-from pkmcal_cli.rotation import Array
 
 _STEP = 1e-30
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.errors import BadInput, Location
+from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.unit_text import UNITS
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.rows import Rows
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import AtSocket, PlacedEffect
 
 _REFERENCE = UNITS["degC"].to_si(20.0)  # K, ISO 1

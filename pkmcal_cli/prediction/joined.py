@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.laws import given_width
 from pkmcal_cli.prediction.rows import Prediction
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sensors import Sight, derivatives, read
 from pkmcal_cli.views import PlacedSensor
 

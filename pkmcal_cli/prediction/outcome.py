@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.newton import solve_rows
@@ -15,7 +16,6 @@ from pkmcal_cli.prediction.laws import read_sensors
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
-from pkmcal_cli.rotation import Array
 
 
 def outcome(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.model import Model
@@ -18,7 +19,6 @@ from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import solve
 from pkmcal_cli.prediction.stages import BaseSlots, Chain, commanded_slots
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect
 
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.derivative import lagrangian_gradient
 from pkmcal_cli.equilibrium.kinematics import arm_vectors, views
@@ -20,7 +21,6 @@ from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.sockets import PlacedEffect, Socket
 
 

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.status import RowStatus
-from pkmcal_cli.rotation import Array
 
 Method = Literal["exact", "linear", "rigid"]
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.branch import left_mode
 from pkmcal_cli.equilibrium.given import Given, given
@@ -18,7 +19,6 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.layout import DriveKind, Index
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.rows import Method
-from pkmcal_cli.rotation import Array
 
 _REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close
 _ROUGH = NewtonOptions(curved=False, tolerance=1e-6)

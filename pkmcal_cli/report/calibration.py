@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.fitted import Fitted
@@ -34,7 +35,6 @@ from pkmcal_cli.report.parameters import (
     parameter_unit,
 )
 from pkmcal_cli.report.replicates import show_replicates
-from pkmcal_cli.words import count
 
 _WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
 _FAR = 5.0  # ranges off nominal from which on a value is worth a word

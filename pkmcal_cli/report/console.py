@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Literal
 
-from pkmcal_cli.outputs import write_text
+from pkmcal_cli.base.outputs import write_text
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.diagnosis.findings import Detectable, Finding
 from pkmcal_cli.diagnosis.groups import POSE
@@ -21,7 +22,6 @@ from pkmcal_cli.report.diagnosis_json import DiagnosisJson
 from pkmcal_cli.report.diagnosis_values import DiagnosisValues
 from pkmcal_cli.report.numbers import detectable_size, handy, readable, uncertain
 from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
-from pkmcal_cli.words import count
 
 _SHOWN, _SEPARATED = 12, 4
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of

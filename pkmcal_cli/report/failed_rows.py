@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.poses import Place
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.words import count
 
 _SHOWN = 20  # rows told one by one
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.improve import Improvement, Step
@@ -23,7 +24,6 @@ from pkmcal_cli.report.numbers import finite, handy, readable, uncertain
 from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.words import count
 
 _NOT_TOLD = "these data do not tell it from other parameters"
 _NOTHING = {

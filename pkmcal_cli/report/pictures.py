@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.outputs import check_target, make_folder, write_text
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.panels import DriverPanel, alike, driver_panel, waterfall
-from pkmcal_cli.errors import UsageError
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.unit_text import UNITS, Unit
-from pkmcal_cli.outputs import check_target, make_folder, write_text
-from pkmcal_cli.rotation import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.bench import BenchProposal
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
@@ -16,7 +17,6 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import NEVER, detectable_size, finite
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
-from pkmcal_cli.words import count
 
 _HEADERS = ("effect", "smallest detectable", "to be told apart", "plausible", "most like", "cosine", "remark")
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from pkmcal_cli import __version__
-from pkmcal_cli.files import readable
+from pkmcal_cli.base.files import readable
 
 
 def provenance(inputs: Mapping[str, str], **more: Any) -> dict[str, Any]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.replicates import ReplicateNoise
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import readable
-from pkmcal_cli.words import count
 
 _MORE = "they scatter more than stated in {}: sigma is too small, or poses do not repeat (reversal, drift)"
 _FEWEST = 4  # degrees of freedom from which on an estimate of noise is worth a line

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, waterfall
 from pkmcal_cli.report.console import bar
-from pkmcal_cli.rotation import Array
 
 _WIDTH, _HEIGHT = 64, 15
 _DOT, _BELOW, _CURVE = "o", "+", "*"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from pkmcal_cli.families import members
+from pkmcal_cli.base.families import members
 from pkmcal_cli.sensors.base import WIDTHS, SensorKind, Sight, derivatives, read
 
 __all__ = ["WIDTHS", "SensorKind", "Sight", "derivatives", "read", "sensor_kinds"]

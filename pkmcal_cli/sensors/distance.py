@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.rotation import dot
+from pkmcal_cli.base.rotation import dot
 from pkmcal_cli.sensors.base import SensorKind, as_read
 
 

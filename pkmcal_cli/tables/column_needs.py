@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pkmcal_cli.errors import nearest
+from pkmcal_cli.base.errors import nearest
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.units import Unit
 from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location
+from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
 from pkmcal_cli.tables.csv_cells import cell_column, number_flaw, number_of, time_flaw, time_of, width_flaw
 from pkmcal_cli.tables.csv_sniff import QUOTE_HINT, SPACE, Flaw, Format, split_line
 

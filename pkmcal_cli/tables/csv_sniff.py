@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from pkmcal_cli.words import count
+from pkmcal_cli.base.plural import count
 
 SPACE = " "  # stands for any run of spaces and tabs
 SEPARATORS = (",", ";", "\t", "|", SPACE)

@@ -18,8 +18,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from pkmcal_cli.errors import BadInput
-from pkmcal_cli.files import input_name, open_input
+from pkmcal_cli.base.errors import BadInput
+from pkmcal_cli.base.files import input_name, open_input
 from pkmcal_cli.tables.csv_cells import has_zone
 from pkmcal_cli.tables.csv_parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Parser, Plan
 from pkmcal_cli.tables.csv_sniff import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line

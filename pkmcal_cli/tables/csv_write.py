@@ -11,9 +11,9 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.errors import OutputError
+from pkmcal_cli.base.errors import OutputError
+from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.language.units import Unit, parse_unit
-from pkmcal_cli.outputs import write_text
 
 Values = NDArray[Any] | Sequence[str]
 """A column (N,): numbers in SI, or texts."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.errors import Fault
+from pkmcal_cli.base.errors import Fault
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
-from pkmcal_cli.files import identity, input_name, is_stream
+from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
+from pkmcal_cli.base.files import identity, input_name, is_stream
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
 from pkmcal_cli.tables.column_needs import Bound, Require

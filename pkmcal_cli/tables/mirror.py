@@ -11,8 +11,8 @@ from itertools import combinations
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import best_rotation
 from pkmcal_cli.language.units import Unit, parse_unit
-from pkmcal_cli.rotation import best_rotation
 from pkmcal_cli.tables.plausibility import (
     BETTER,
     EXPLAINED,

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault, Location, did_you_mean
+from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location, did_you_mean
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.language.channels import channels_of, kind_of_sensor
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.words import count
 
 _NEAR = 10_000  # names among which a similar one is looked for
 

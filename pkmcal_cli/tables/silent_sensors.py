@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pkmcal_cli.errors import Fault
+from pkmcal_cli.base.errors import Fault
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.columns import Column, columns_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pkmcal_cli.errors import UsageError
+from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
 
 

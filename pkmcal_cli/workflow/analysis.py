@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.sensitivity import sensitivity
 from pkmcal_cli.covariates import at_rest, resting
-from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model import Model
@@ -26,7 +27,6 @@ from pkmcal_cli.report.analysis import (
     show_sensitivity,
 )
 from pkmcal_cli.report.console import Reporter, emit_json
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 

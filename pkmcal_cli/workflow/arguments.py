@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.errors import UsageError
-from pkmcal_cli.files import is_stream
 from pkmcal_cli.model import Model
 
 

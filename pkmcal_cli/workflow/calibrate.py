@@ -10,6 +10,10 @@ from functools import partial
 
 import numpy as np
 
+from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.fit import Fit
@@ -20,10 +24,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
-from pkmcal_cli.errors import BadInput, Fault, Location, UsageError, did_you_mean
-from pkmcal_cli.files import is_stream
 from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from pkmcal_cli.outputs import check_target, write_text
 from pkmcal_cli.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.report.calibration import CalibrationReport
@@ -32,7 +33,6 @@ from pkmcal_cli.report.figures import figure_unit
 from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.words import count
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
 from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pkmcal_cli.errors import MAX_FAULTS, BadInput, Fault
+from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.influence import idle_parameters
 from pkmcal_cli.loading import LoadedMachine, load_machine
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.machine import machine_json, show_machine
-from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import one_stdin
 
 UNREADABLE = "file"

@@ -7,6 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_folder
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
@@ -14,16 +18,12 @@ from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.errors import BadInput, Location, UsageError
-from pkmcal_cli.files import is_stream
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
-from pkmcal_cli.outputs import check_folder
 from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured

@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
-from pkmcal_cli.errors import BadInput, Location, UsageError
-from pkmcal_cli.files import is_stream
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading import load_measurements
-from pkmcal_cli.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance

@@ -6,6 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bench import bench_proposals
 from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
@@ -14,18 +18,14 @@ from pkmcal_cli.covariates import with_directions
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, best_points, plan_of, whitened_blocks, with_rows
-from pkmcal_cli.errors import BadInput, Location, UsageError, did_you_mean
-from pkmcal_cli.files import is_stream
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model import Model
-from pkmcal_cli.outputs import check_target
 from pkmcal_cli.poses import PoseSource, failed_rows
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.plan import PlanReport
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
 from pkmcal_cli.workflow.schedule import write_schedule
 from pkmcal_cli.workflow.sides import moves_together, sides

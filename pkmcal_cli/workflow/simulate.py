@@ -9,21 +9,21 @@ from typing import Any, get_args
 
 import numpy as np
 
+from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.errors import UsageError, did_you_mean
-from pkmcal_cli.files import is_stream
 from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import Model
-from pkmcal_cli.outputs import check_target
 from pkmcal_cli.poses import Place, Poses, PoseSource
 from pkmcal_cli.prediction import Method, Prediction, Request, predict
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.numbers import finite
 from pkmcal_cli.report.provenance import provenance, provenance_lines
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.csv_write import TableWriter, open_writer
-from pkmcal_cli.words import count
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.noise import Noise

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
@@ -19,7 +20,6 @@ from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear, Score, linear_pro
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model import Model
-from pkmcal_cli.rotation import Array
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.rotation import Array
+from pkmcal_cli.base.rotation import Array
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from pkmcal_cli.errors import BadInput, Location, did_you_mean
+from pkmcal_cli.base.errors import BadInput, Location, did_you_mean
 
 STREAM = "-"
 _STDIN = "<stdin>"

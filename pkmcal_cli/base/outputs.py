@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TextIO
 
-from pkmcal_cli.errors import OutputError
-from pkmcal_cli.files import identity, input_name, is_stream
+from pkmcal_cli.base.errors import OutputError
+from pkmcal_cli.base.files import identity, input_name, is_stream
 
 _KEPT = 50  # characters of a name that a temporary name keeps: not longer than a file system takes
 
