@@ -13,15 +13,15 @@ from pydantic.fields import FieldInfo
 
 from pkmcal_cli.elements.joint import JOINTS
 from pkmcal_cli.language.analytic import ARGUMENTS, FUNCTIONS
-from pkmcal_cli.language.dimensions import DIMENSIONS, NUMBER
 from pkmcal_cli.language.expressions import CONSTANTS
 from pkmcal_cli.language.fields import AxisLetterOr, Entity, Name, Shape
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.members import PLANAR_JOINTS
 from pkmcal_cli.language.quantities import Measure, Quantity
-from pkmcal_cli.language.unit_text import UNITS
-from pkmcal_cli.language.units import SI
 from pkmcal_cli.sensors import sensor_kinds
+from pkmcal_cli.units.dimensions import DIMENSIONS, NUMBER
+from pkmcal_cli.units.file_units import SI
+from pkmcal_cli.units.unit_text import UNITS
 
 TEXTS = ("column", "extends", "note")
 _SENSOR_KIND = " or ".join(f"`{kind}`" for kind in sensor_kinds())

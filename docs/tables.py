@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 import yaml
-from pkmcal_cli.base.plural import count
 
 from docs import model_tables
 from docs.model_tables import table
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.effects import PORTS, STAGES, EffectParameter, catalogue
 from pkmcal_cli.elements.joint import JOINTS

@@ -15,13 +15,13 @@ from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_yo
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.covariates import at_rest, resting, with_covariates, with_directions
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
-from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
 from pkmcal_cli.loading import LoadedMachine
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import Rows, joined_rows
 from pkmcal_cli.tables.measurement_set import Measurements, concatenate
 from pkmcal_cli.tables.measurements import MeasurementStream
 from pkmcal_cli.travels import Travels
+from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
 OUT_OF_REACH = "out of reach: no drive positions for this TCP pose"
 _BLOCK = 1 << 15  # rows of a block of poses

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.effects import STAGES, WIDTHS, catalogue
-from pkmcal_cli.language.units import parse_unit
 from pkmcal_cli.prediction import Request, predict
 from pkmcal_cli.prediction.inputs import lag
+from pkmcal_cli.units.file_units import parse_unit
 from tests.command import SCISSORS, run
 from tests.effect_cases import NAMES, WRITTEN, case
 

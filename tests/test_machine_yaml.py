@@ -14,10 +14,10 @@ import pytest
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.channels import channels_of
-from pkmcal_cli.language.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from pkmcal_cli.language.machine import Machine, axis_vector
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.language.walk import drafts, quantities
+from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from tests.machine_texts import TRIGLIDE, faults, read, warned
 
 HERE = Path(__file__).parent

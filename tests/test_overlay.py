@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pkmcal_cli.base.errors import BadInput
-from pkmcal_cli.language.dimensions import ANGLE, FORCE
+from pkmcal_cli.units.dimensions import ANGLE, FORCE
 from tests.machine_texts import SPOOLS, TRIGLIDE, faults, read
 
 

@@ -14,7 +14,7 @@ from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.expressions import FUNCTIONS, ExpressionError, names_of, parse_expression
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.quantities import Draft, Measure, Quantity
-from pkmcal_cli.language.units import ANGLE, AREA, FORCE, LENGTH, NUMBER, STIFFNESS, Dimension, FileUnits
+from pkmcal_cli.units.file_units import ANGLE, AREA, FORCE, LENGTH, NUMBER, STIFFNESS, Dimension, FileUnits
 
 MM = FileUnits.of({"length": "mm", "angle": "deg"})
 KNOWN = {"l": LENGTH, "r": LENGTH, "g": ANGLE, "k": STIFFNESS, "s": NUMBER}

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pkmcal_cli.language import units as u
-from pkmcal_cli.language.units import FileUnits, UnitError, parse_unit, parse_value
+from pkmcal_cli.units import file_units as u
+from pkmcal_cli.units.file_units import FileUnits, UnitError, parse_unit, parse_value
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from scipy.special import pdtrc
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.units.unit_text import parse_unit
 
 _CHANCE = 0.01  # probability of as many coincidences among honest repetitions above which nothing is said
 _DIGITS = 15

@@ -19,11 +19,11 @@ from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.scene import Scene
 from pkmcal_cli.inverse import drive_positions
-from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.tables.column_faults import explain_columns
 from pkmcal_cli.tables.mirror import brought_back, explain_frame
 from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
 from pkmcal_cli.tables.row_shift import RowShift, apply_shifts, find_row_shifts
+from pkmcal_cli.units.unit_text import parse_unit
 
 IntArray = NDArray[np.intp]
 

@@ -17,7 +17,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.same_poses import poses_alike
-from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.units.unit_text import parse_unit
 
 DOUBT = 0.01  # probability below which the stated sigma is not believed
 _SAME = 1e-4  # share of a drive's spread that readings of one pose may differ by

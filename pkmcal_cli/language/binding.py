@@ -10,7 +10,6 @@ import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pkmcal_cli.language.dimensions import ANGLE, DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.language.expressions import (
     CONSTANTS,
     Term,
@@ -18,10 +17,11 @@ from pkmcal_cli.language.expressions import (
     operator_of,
     source_of,
 )
-from pkmcal_cli.language.limits import HINT, beyond
 from pkmcal_cli.language.quantities import Draft, Quantity
-from pkmcal_cli.language.unit_text import Unit
-from pkmcal_cli.language.units import FileUnits
+from pkmcal_cli.units.dimensions import ANGLE, DIMENSIONS, NUMBER, Dimension
+from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.units.limits import HINT, beyond
+from pkmcal_cli.units.unit_text import Unit
 
 Typed = tuple[Term, Dimension | None]
 """A term in SI (as far as it has a dimension) and its dimension; None for a bare number."""

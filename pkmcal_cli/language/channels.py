@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from pkmcal_cli.language.dimensions import ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.language.instruments import Actuator
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.sensing import Sensor
-from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.sensors import SensorKind, sensor_kinds
+from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, TORQUE, Dimension
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 ORIENTATION: Final = ("rx", "ry", "rz")
 

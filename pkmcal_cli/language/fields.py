@@ -20,7 +20,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from pkmcal_cli.base.errors import did_you_mean
-from pkmcal_cli.language.dimensions import (
+from pkmcal_cli.language.quantities import Measure, Quantity, fault, kind_of
+from pkmcal_cli.units.dimensions import (
     ACCELERATION,
     ANGLE,
     AREA,
@@ -40,8 +41,7 @@ from pkmcal_cli.language.dimensions import (
     TORQUE,
     Dimension,
 )
-from pkmcal_cli.language.quantities import Measure, Quantity, fault, kind_of
-from pkmcal_cli.language.unit_text import UNITS, UnitError, parse_unit
+from pkmcal_cli.units.unit_text import UNITS, UnitError, parse_unit
 
 Space = Literal["planar", "spatial"]
 Direction = Literal["x", "y", "z", "rx", "ry", "rz"]

@@ -6,8 +6,8 @@ import ast
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from pkmcal_cli.language.dimensions import ANGLE, NUMBER, Dimension
 from pkmcal_cli.language.expressions import CONSTANTS, operator_of
+from pkmcal_cli.units.dimensions import ANGLE, NUMBER, Dimension
 
 _BARE = "bare"
 _UNKNOWN = "unknown"

@@ -6,7 +6,6 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pkmcal_cli.language.dimensions import ANGLE, LENGTH, Dimension
 from pkmcal_cli.language.fields import (
     DriveForceValue,
     DriveStiffness,
@@ -21,7 +20,8 @@ from pkmcal_cli.language.fields import (
     Zero,
 )
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.language.unit_text import parse_unit
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH, Dimension
+from pkmcal_cli.units.unit_text import parse_unit
 
 ONE = Quantity.constant(1.0)
 ActuatorKind = Literal["carriage", "leg", "crank", "spool"]

@@ -6,7 +6,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, PrivateAttr
 
-from pkmcal_cli.language.dimensions import NUMBER, Dimension
 from pkmcal_cli.language.fields import (
     Acceleration,
     Angle,
@@ -43,7 +42,8 @@ from pkmcal_cli.language.fields import (
     UnitText,
 )
 from pkmcal_cli.language.quantities import Measure
-from pkmcal_cli.language.units import FileUnits
+from pkmcal_cli.units.dimensions import NUMBER, Dimension
+from pkmcal_cli.units.file_units import FileUnits
 
 
 class Units(Entity):

@@ -17,7 +17,6 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from pkmcal_cli.language.dimensions import NUMBER, Dimension
 from pkmcal_cli.language.expressions import (
     EXAMPLE,
     UNIT_HINT,
@@ -28,8 +27,9 @@ from pkmcal_cli.language.expressions import (
     names_of,
     parse_expression,
 )
-from pkmcal_cli.language.unit_text import Unit, UnitError, parse_unit, split_value
 from pkmcal_cli.language.yaml_tree import Pasted
+from pkmcal_cli.units.dimensions import NUMBER, Dimension
+from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit, split_value
 
 _FAILURES = (ValueError, ZeroDivisionError, OverflowError)
 

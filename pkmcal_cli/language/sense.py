@@ -7,7 +7,6 @@ from typing import Any
 
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.channels import SensorChannel, channels_of
-from pkmcal_cli.language.dimensions import LENGTH
 from pkmcal_cli.language.fields import PLANAR
 from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Beam, Machine, Stiffness
@@ -15,6 +14,7 @@ from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint
 from pkmcal_cli.language.sensor_sense import check_sensor
 from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.language.yaml_tree import Path, SourceMap
+from pkmcal_cli.units.dimensions import LENGTH
 
 RESERVED = frozenset(["id", "session", "tool", "part", "to", "time", "T", "payload", "replicate"])
 """Labels and covariates: columns that every table may have."""

@@ -8,12 +8,12 @@ from typing import Any
 from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.language.binding import article
 from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, measured_dimension, reading_unit
-from pkmcal_cli.language.dimensions import NUMBER
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
 from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.yaml_tree import Path
+from pkmcal_cli.units.dimensions import NUMBER
 
 _EXAMPLES = {
     "at": "at: platform", "to": "to: POINT", "on": "on: FRAME", "drive": "drive: q1", "of": "of: l1",

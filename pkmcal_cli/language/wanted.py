@@ -5,7 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, measured_dimension, reading_unit
-from pkmcal_cli.language.dimensions import (
+from pkmcal_cli.language.instruments import Actuator
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.quantities import Draft
+from pkmcal_cli.language.yaml_tree import Path
+from pkmcal_cli.units.dimensions import (
     ANGLE,
     FORCE,
     LENGTH,
@@ -15,12 +19,8 @@ from pkmcal_cli.language.dimensions import (
     TORQUE,
     Dimension,
 )
-from pkmcal_cli.language.instruments import Actuator
-from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.quantities import Draft
-from pkmcal_cli.language.unit_text import Unit, parse_unit
-from pkmcal_cli.language.units import FileUnits
-from pkmcal_cli.language.yaml_tree import Path
+from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.language.unit_text import UNITS
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.sockets import AtSocket, PlacedEffect
+from pkmcal_cli.units.unit_text import UNITS
 
 _REFERENCE = UNITS["degC"].to_si(20.0)  # K, ISO 1
 _DEFAULTS = {"smooth": 10.0}  # N

@@ -8,11 +8,11 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.identifiability import Combination
 from pkmcal_cli.calibration.observability import Observability
 from pkmcal_cli.calibration.sensitivity import Sensitivity
-from pkmcal_cli.language.units import FileUnits
 from pkmcal_cli.model import Model
 from pkmcal_cli.report.console import Reporter, bar
 from pkmcal_cli.report.numbers import finite, readable, short
 from pkmcal_cli.report.parameters import combination_json, parameter_unit
+from pkmcal_cli.units.file_units import FileUnits
 
 _WIDER = 1.5  # times the stated uncertainty: what data alone would tell is worth a word
 

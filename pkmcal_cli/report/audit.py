@@ -9,11 +9,11 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.robust import Doubtful, RobustFit
-from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.poses import Place
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.units.unit_text import parse_unit
 
 _SHOWN = 12
 _GROSS = 6.0  # standard uncertainties from which on a robust loss is worth a word

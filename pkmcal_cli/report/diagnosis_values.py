@@ -10,12 +10,12 @@ from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.findings import Detectable
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _MOST_ROWS = 20.0  # times as many rows as the table has: more is no advice
 

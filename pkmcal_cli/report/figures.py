@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.units import TORQUE, UNITS, Unit
 from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.units.file_units import TORQUE, UNITS, Unit
 
 
 def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:

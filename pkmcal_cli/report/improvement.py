@@ -15,7 +15,6 @@ from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
@@ -24,6 +23,7 @@ from pkmcal_cli.report.numbers import finite, handy, readable, uncertain
 from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _NOT_TOLD = "these data do not tell it from other parameters"
 _NOTHING = {

@@ -7,8 +7,8 @@ from typing import Any
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler import Compiled
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.units.unit_text import parse_unit
 
 _GAPS = 10  # gaps of the drawing that are listed
 _ELEMENTS = ("beams", "bars", "ropes", "joints")

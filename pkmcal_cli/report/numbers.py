@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pkmcal_cli.language.unit_text import Unit, parse_unit
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 
 def uncertain(value: float, std: float | None, unit: str = "", digits: int = 2) -> str:

@@ -11,10 +11,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
 from pkmcal_cli.calibration.intervals import Intervals
-from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.model import Model
 from pkmcal_cli.parameter_file import exact_value
 from pkmcal_cli.report.numbers import finite, uncertain
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
 NOT_SELECTED = "not selected"

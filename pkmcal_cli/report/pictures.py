@@ -16,7 +16,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.panels import DriverPanel, alike, driver_panel, waterfall
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import UNITS, Unit
+from pkmcal_cli.units.unit_text import UNITS, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

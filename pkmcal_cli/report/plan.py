@@ -11,12 +11,12 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, Visibility, detectable
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.unit_text import Unit, parse_unit
 from pkmcal_cli.report.analysis import UNSTRAINED
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import NEVER, detectable_size, finite
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
+from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _HEADERS = ("effect", "smallest detectable", "to be told apart", "plausible", "most like", "cosine", "remark")
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.replicates import ReplicateNoise
-from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.units.unit_text import parse_unit
 
 _MORE = "they scatter more than stated in {}: sigma is too small, or poses do not repeat (reversal, drift)"
 _FEWEST = 4  # degrees of freedom from which on an estimate of noise is worth a line

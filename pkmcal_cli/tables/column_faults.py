@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from pkmcal_cli.language.units import UNITS, Unit, parse_unit
 from pkmcal_cli.tables.plausibility import (
     BETTER,
     EXPLAINED,
@@ -27,6 +26,7 @@ from pkmcal_cli.tables.plausibility import (
     times,
     unit_words,
 )
+from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
 
 _RING = 3  # columns of the smallest ring; two are swapped
 

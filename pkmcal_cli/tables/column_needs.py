@@ -11,12 +11,12 @@ import numpy as np
 
 from pkmcal_cli.base.errors import nearest
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.units import Unit
 from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of
 from pkmcal_cli.tables.csv_parse import FaultLog, FloatArray
 from pkmcal_cli.tables.csv_sniff import Flaw, HeaderCell
 from pkmcal_cli.tables.csv_table import TableReader
 from pkmcal_cli.tables.near_names import did_you_mean_column, is_near
+from pkmcal_cli.units.file_units import Unit
 
 Require = Literal["actuators", "poses", "measured"]
 """What rows must have: actuator readings; these or TCP coordinates; readings and anywhere a channel."""

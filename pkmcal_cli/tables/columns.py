@@ -10,7 +10,7 @@ from typing import Literal
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Actuator, Machine
-from pkmcal_cli.language.units import (
+from pkmcal_cli.units.file_units import (
     ANGLE,
     FORCE,
     LENGTH,

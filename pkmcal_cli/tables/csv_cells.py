@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.language.units import UnitError, parse_unit
 from pkmcal_cli.tables.csv_sniff import DECIMAL_NAMES, SPACE, Flaw, Format, is_number
+from pkmcal_cli.units.file_units import UnitError, parse_unit
 
 Convert = Callable[[str], float]
 """From the text of a cell to its value; raises ValueError for a text that is no value."""

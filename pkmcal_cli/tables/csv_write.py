@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import OutputError
 from pkmcal_cli.base.outputs import write_text
-from pkmcal_cli.language.units import Unit, parse_unit
+from pkmcal_cli.units.file_units import Unit, parse_unit
 
 Values = NDArray[Any] | Sequence[str]
 """A column (N,): numbers in SI, or texts."""

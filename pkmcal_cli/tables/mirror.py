@@ -12,7 +12,6 @@ from itertools import combinations
 import numpy as np
 
 from pkmcal_cli.base.rotation import best_rotation
-from pkmcal_cli.language.units import Unit, parse_unit
 from pkmcal_cli.tables.plausibility import (
     BETTER,
     EXPLAINED,
@@ -24,6 +23,7 @@ from pkmcal_cli.tables.plausibility import (
     times,
     unit_words,
 )
+from pkmcal_cli.units.file_units import Unit, parse_unit
 
 Points = Sequence[Sequence[int]]
 """Columns of the coordinates of each point that one instrument sees."""

@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable
 
 from pkmcal_cli.language.fields import SPATIAL
-from pkmcal_cli.language.units import UnitError, parse_unit
 from pkmcal_cli.tables.columns import Column
 from pkmcal_cli.tables.csv_sniff import HeaderCell
+from pkmcal_cli.units.file_units import UnitError, parse_unit
 
 _TAIL = re.compile(r"(?P<open>\s*+[\[\](){}]|\s*+[_/,]\s*+|\s++)(?P<unit>[^\[\](){}]*)(?P<close>[\[\](){}]*)\s*")
 _LIKE = 0.8  # similarity from which on a name is taken for another one where much speaks for it

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.language.units import UNITS, Unit, parse_unit
+from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pkmcal_cli.base.errors import UsageError
-from pkmcal_cli.language.unit_text import Unit, UnitError, parse_value
+from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
 
 def amount(option: str, text: str, own: Unit | None = None) -> tuple[float, Unit]:

@@ -14,7 +14,6 @@ from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.sensitivity import sensitivity
 from pkmcal_cli.covariates import at_rest, resting
-from pkmcal_cli.language.unit_text import parse_unit
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.model import Model
 from pkmcal_cli.poses import Place, Poses, PoseSource, failed_rows
@@ -27,6 +26,7 @@ from pkmcal_cli.report.analysis import (
     show_sensitivity,
 )
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 from math import pi
 
 from pkmcal_cli.base.errors import did_you_mean
-from pkmcal_cli.language.dimensions import (
+from pkmcal_cli.units.dimensions import (
     ANGLE,
     FORCE,
     LENGTH,
@@ -21,7 +21,7 @@ from pkmcal_cli.language.dimensions import (
     TORQUE,
     Dimension,
 )  # fmt: skip
-from pkmcal_cli.language.limits import LARGEST, SMALLEST
+from pkmcal_cli.units.limits import LARGEST, SMALLEST
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from pkmcal_cli.language.dimensions import (
+from pkmcal_cli.units.dimensions import (
     ACCELERATION,
     ANGLE,
     AREA,
@@ -31,7 +31,7 @@ from pkmcal_cli.language.dimensions import (
     TORQUE,
     Dimension,
 )  # fmt: skip
-from pkmcal_cli.language.unit_text import UNITS, Unit, UnitError, parse_unit, parse_value, split_value
+from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit, parse_value, split_value
 
 __all__ = [
     "ACCELERATION", "ANGLE", "AREA", "BASE_DIMENSIONS", "BENDING_STIFFNESS", "COUPLING_STIFFNESS",

@@ -1,0 +1,1 @@
+"""Units of measurement, dimensions, and which numbers can be computed with."""
