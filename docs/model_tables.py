@@ -12,8 +12,8 @@ from pydantic import AfterValidator, BeforeValidator
 from pydantic.fields import FieldInfo
 
 from pkmcal_cli.elements.joint import JOINTS
-from pkmcal_cli.language.analytic import ARGUMENTS, FUNCTIONS
-from pkmcal_cli.language.expressions import CONSTANTS
+from pkmcal_cli.expressions.analytic import ARGUMENTS, FUNCTIONS
+from pkmcal_cli.expressions.parse import CONSTANTS
 from pkmcal_cli.language.fields import AxisLetterOr, Entity, Name, Shape
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.members import PLANAR_JOINTS

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic_core import PydanticCustomError
 
+from pkmcal_cli.expressions.parse import FUNCTIONS, ExpressionError, names_of, parse_expression
 from pkmcal_cli.language.binding import Binder, Slip
-from pkmcal_cli.language.expressions import FUNCTIONS, ExpressionError, names_of, parse_expression
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.quantities import Draft, Measure, Quantity
 from pkmcal_cli.units.file_units import ANGLE, AREA, FORCE, LENGTH, NUMBER, STIFFNESS, Dimension, FileUnits

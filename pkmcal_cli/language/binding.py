@@ -10,7 +10,7 @@ import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pkmcal_cli.language.expressions import (
+from pkmcal_cli.expressions.parse import (
     CONSTANTS,
     Term,
     fold,

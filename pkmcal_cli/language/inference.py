@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from pkmcal_cli.language.expressions import CONSTANTS, operator_of
+from pkmcal_cli.expressions.parse import CONSTANTS, operator_of
 from pkmcal_cli.units.dimensions import ANGLE, NUMBER, Dimension
 
 _BARE = "bare"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pkmcal_cli.base.errors import FaultList, did_you_mean
-from pkmcal_cli.language.expressions import RESERVED
+from pkmcal_cli.expressions.parse import RESERVED
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
 from pkmcal_cli.language.shape import Aside

@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from pkmcal_cli.language.expressions import (
+from pkmcal_cli.expressions.parse import (
     EXAMPLE,
     UNIT_HINT,
     Evaluate,

@@ -15,7 +15,7 @@ from operator import add, mul, neg, sub
 from typing import Any
 
 from pkmcal_cli.base.errors import did_you_mean
-from pkmcal_cli.language.analytic import ARGUMENTS, FUNCTIONS, divide, power
+from pkmcal_cli.expressions.analytic import ARGUMENTS, FUNCTIONS, divide, power
 
 MAX_LENGTH = 500
 MAX_DEPTH = 60

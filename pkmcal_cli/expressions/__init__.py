@@ -1,0 +1,1 @@
+"""Expressions in machine files: parsed, differentiated, evaluated."""
