@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import BadInput, FaultList, did_you_mean
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
-from pkmcal_cli.language.yaml_source import read_source
-from pkmcal_cli.language.yaml_tree import SourceMap, SourceNode
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit, parse_value
+from pkmcal_cli.yaml_source.read import read_source
+from pkmcal_cli.yaml_source.tree import SourceMap, SourceNode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

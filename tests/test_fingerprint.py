@@ -9,7 +9,7 @@ import yaml
 
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of, read_fingerprint
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.language.yaml_tree import Pasted
+from pkmcal_cli.yaml_source.tree import Pasted
 from tests.command import MACHINES
 
 SHIPPED = sorted(f for f in MACHINES.glob("*.yaml") if "." not in f.stem)

@@ -11,7 +11,7 @@ import pytest
 
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.schema import machine_schema
-from pkmcal_cli.language.yaml_source import read_source
+from pkmcal_cli.yaml_source.read import read_source
 from tests.command import MACHINES, run
 
 HERE = Path(__file__).parent

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput, Location
-from pkmcal_cli.language.yaml_source import MAX_BYTES, MAX_DEPTH, read_source
-from pkmcal_cli.language.yaml_tree import SourceMap
+from pkmcal_cli.yaml_source.read import MAX_BYTES, MAX_DEPTH, read_source
+from pkmcal_cli.yaml_source.tree import SourceMap
 
 FUZZ = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

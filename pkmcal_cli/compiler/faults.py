@@ -14,10 +14,10 @@ from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.springs import stiffness_faults
 from pkmcal_cli.language.machine import End, Joint, Machine
-from pkmcal_cli.language.yaml_tree import Path
 from pkmcal_cli.model import Model
 from pkmcal_cli.tables.plausibility import limit_excess
 from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.yaml_source.tree import Path
 
 GAP = 0.01  # a drawing that does not close by more than this share of the machine's size is a fault
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.yaml_tree import Path
+from pkmcal_cli.yaml_source.tree import Path
 
 _SECTIONS = (
     "beams", "bars", "ropes", "joints", "actuators", "bodies", "nodes", "loads", "sensors", "frames", "guides",

@@ -14,10 +14,10 @@ from pkmcal_cli.compiler.drives import PlacedDrive
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.sections import section_properties
 from pkmcal_cli.language.machine import Machine, Material, Section
-from pkmcal_cli.language.yaml_tree import Path
 from pkmcal_cli.layout import Group, Layout
 from pkmcal_cli.slots import Formula
 from pkmcal_cli.units.limits import HINT, LARGEST, beyond
+from pkmcal_cli.yaml_source.tree import Path
 
 _NU = (-1.0, 0.5)  # Poisson's ratio of an isotropic material that is stable
 _PARTS = "check the lengths, sections and stiffnesses that it is made of"

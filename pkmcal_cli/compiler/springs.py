@@ -13,7 +13,7 @@ from pkmcal_cli.compiler.numbers import constant_vector, unit
 from pkmcal_cli.elements import JOINTS
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Guide, Machine, Stiffness, axis_vector
-from pkmcal_cli.language.yaml_tree import Path
+from pkmcal_cli.yaml_source.tree import Path
 
 _TRANSLATIONS = ("x", "y", "z")
 

@@ -8,7 +8,7 @@ from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.binding import article
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.parts import Parameter
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _FAR = 20.0  # ranges
 

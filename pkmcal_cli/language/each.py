@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import BadInput, Fault, FaultList, Location, did_you_mean
 from pkmcal_cli.expressions.parse import ExpressionError, parse_expression
-from pkmcal_cli.language.yaml_source import MAX_NODES
-from pkmcal_cli.language.yaml_tree import Pasted, SourceNode
+from pkmcal_cli.yaml_source.read import MAX_NODES
+from pkmcal_cli.yaml_source.tree import Pasted, SourceNode
 
 KEY = "each"
 _VARIABLE = re.compile(r"\{([^{}]*)\}")

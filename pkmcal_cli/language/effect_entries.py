@@ -14,10 +14,10 @@ from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.parts import ParameterValue
 from pkmcal_cli.language.quantities import Draft, fault
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*@[A-Za-z0-9][A-Za-z0-9_.:+-]*")
 

@@ -17,8 +17,8 @@ from pkmcal_cli.language.members import Bar, Beam, End, Joint, JointType, Materi
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Node, Parameter, Ranges, Stiffness, Units
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.language.sensing import Sensor
-from pkmcal_cli.language.yaml_tree import SourceMap
 from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.yaml_source.tree import SourceMap
 
 __all__ = [
     "Actuator", "Axis", "Bar", "Beam", "Body", "DriveForce", "End", "Frame", "Guide", "Joint",

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pkmcal_cli.base.errors import Fault, FaultList
 from pkmcal_cli.language.parts import Parameter
 from pkmcal_cli.language.quantities import Draft, Quantity
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
 from pkmcal_cli.units.dimensions import (
     ANGLE,
     AREA,
@@ -25,6 +24,7 @@ from pkmcal_cli.units.dimensions import (
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import HINT, beyond
 from pkmcal_cli.units.unit_text import Unit, parse_unit
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 MAX_WARNINGS = 10
 _SLIP = 1e3 * (1 - 1e-9)

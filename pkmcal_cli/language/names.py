@@ -13,8 +13,8 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
 from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.language.walk import drafts
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
 from pkmcal_cli.units.unit_text import UNITS
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _POINTS = ("nodes", "ground", "bodies")
 _UNUSED = {

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import BadInput, Fault, FaultList, did_you_mean, nearest
 from pkmcal_cli.language.each import Expansion
-from pkmcal_cli.language.yaml_source import Source, read_source
-from pkmcal_cli.language.yaml_tree import SourceMap, SourceNode
+from pkmcal_cli.yaml_source.read import Source, read_source
+from pkmcal_cli.yaml_source.tree import SourceMap, SourceNode
 
 KEY = "extends"
 MAX_CHAIN = 16

@@ -10,11 +10,11 @@ from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.parts import Parameter, Ranges
 from pkmcal_cli.language.quantities import Draft, Quantity
 from pkmcal_cli.language.shape import Aside
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
 from pkmcal_cli.units.dimensions import DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 
 def stated_dimension(parameter: Parameter) -> Dimension | None:

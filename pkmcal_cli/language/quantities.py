@@ -27,9 +27,9 @@ from pkmcal_cli.expressions.parse import (
     names_of,
     parse_expression,
 )
-from pkmcal_cli.language.yaml_tree import Pasted
 from pkmcal_cli.units.dimensions import NUMBER, Dimension
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit, split_value
+from pkmcal_cli.yaml_source.tree import Pasted
 
 _FAILURES = (ValueError, ZeroDivisionError, OverflowError)
 

@@ -22,10 +22,10 @@ from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.language.walk import drafts, replaced
 from pkmcal_cli.language.wanted import Wanted, wanted
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
 from pkmcal_cli.units.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _PLAIN = ("parameters", "ranges", "effects")
 

@@ -13,8 +13,8 @@ from pkmcal_cli.language.machine import Beam, Machine, Stiffness
 from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint
 from pkmcal_cli.language.sensor_sense import check_sensor
 from pkmcal_cli.language.shape import Aside
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
 from pkmcal_cli.units.dimensions import LENGTH
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 RESERVED = frozenset(["id", "session", "tool", "part", "to", "time", "T", "payload", "replicate"])
 """Labels and covariates: columns that every table may have."""

@@ -12,8 +12,8 @@ from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
 from pkmcal_cli.language.sensing import Sensor
-from pkmcal_cli.language.yaml_tree import Path
 from pkmcal_cli.units.dimensions import NUMBER
+from pkmcal_cli.yaml_source.tree import Path
 
 _EXAMPLES = {
     "at": "at: platform", "to": "to: POINT", "on": "on: FRAME", "drive": "drive: q1", "of": "of: l1",

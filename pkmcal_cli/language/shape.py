@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import hint_of, kind_of
-from pkmcal_cli.language.yaml_tree import Path, SourceMap
+from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _ROUNDS = 8
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

@@ -7,7 +7,7 @@ from typing import Any
 
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.quantities import Draft, Quantity
-from pkmcal_cli.language.yaml_tree import Path
+from pkmcal_cli.yaml_source.tree import Path
 
 
 def drafts(value: Any, path: Path = ()) -> Iterator[tuple[Path, Draft]]:

@@ -8,7 +8,6 @@ from pkmcal_cli.language.channels import ORIENTATION, kind_of_sensor, measured_d
 from pkmcal_cli.language.instruments import Actuator
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
-from pkmcal_cli.language.yaml_tree import Path
 from pkmcal_cli.units.dimensions import (
     ANGLE,
     FORCE,
@@ -21,6 +20,7 @@ from pkmcal_cli.units.dimensions import (
 )
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import Unit, parse_unit
+from pkmcal_cli.yaml_source.tree import Path
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import yaml
 
 from pkmcal_cli.base.errors import BadInput, FaultList, Location
 from pkmcal_cli.base.files import input_name, is_stream
-from pkmcal_cli.language.yaml_tree import Scalar, SourceNode, size_of
+from pkmcal_cli.yaml_source.tree import Scalar, SourceNode, size_of
 
 MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 64

@@ -1,0 +1,1 @@
+"""YAML with places: what stands where in which file."""
