@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from pkmcal_cli.base.errors import BadInput, OutputError
 from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.outputs import check_target, write_text
-from pkmcal_cli.tables import csv_table
-from pkmcal_cli.tables.csv_table import read_table, write_table
+from pkmcal_cli.csv_files import reader as csv_table
+from pkmcal_cli.csv_files.reader import read_table, write_table
 
 
 @settings(deadline=None)
@@ -166,7 +166,7 @@ def test_sha256(tmp_path: Path) -> None:
 
 def test_a_pipe_whose_reader_has_gone() -> None:
     code = (
-        "import numpy as np; from pkmcal_cli.tables.csv_table import write_table\n"
+        "import numpy as np; from pkmcal_cli.csv_files.reader import write_table\n"
         "from pkmcal_cli.base.errors import OutputError\n"
         "try: write_table('-', [('x', 'mm', np.ones(200_000))])\n"
         "except OutputError as error: raise SystemExit(error.exit_code)\n"

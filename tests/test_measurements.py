@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.errors import BadInput
+from pkmcal_cli.csv_files import reader as csv_table
+from pkmcal_cli.csv_files.reader import write_table
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.tables import csv_table
-from pkmcal_cli.tables.csv_table import write_table
 from pkmcal_cli.tables.measurements import (
     Measurements,
     MeasurementStream,

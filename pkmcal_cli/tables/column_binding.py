@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.csv_files.cells import is_time
+from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
+from pkmcal_cli.csv_files.parse import FaultLog, Kind, Plan, Rule
+from pkmcal_cli.csv_files.reader import TableReader, check_header
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_needs import Bound, Needs, Require
 from pkmcal_cli.tables.columns import Column, Role, columns_of, temperature_column
-from pkmcal_cli.tables.csv_cells import is_time
-from pkmcal_cli.tables.csv_parse import FaultLog, Kind, Plan, Rule
-from pkmcal_cli.tables.csv_sniff import Flaw, HeaderCell
-from pkmcal_cli.tables.csv_table import TableReader, check_header
 from pkmcal_cli.units.file_units import Unit, UnitError, parse_unit
 
 _POSITIVE = Rule(lambda values: values > 0, "a sigma is positive")

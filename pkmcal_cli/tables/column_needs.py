@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 
 from pkmcal_cli.base.errors import nearest
+from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
+from pkmcal_cli.csv_files.parse import FaultLog, FloatArray
+from pkmcal_cli.csv_files.reader import TableReader
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of
-from pkmcal_cli.tables.csv_parse import FaultLog, FloatArray
-from pkmcal_cli.tables.csv_sniff import Flaw, HeaderCell
-from pkmcal_cli.tables.csv_table import TableReader
 from pkmcal_cli.tables.near_names import did_you_mean_column, is_near
 from pkmcal_cli.units.file_units import Unit
 

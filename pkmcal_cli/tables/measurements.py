@@ -13,14 +13,14 @@ import numpy as np
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
 from pkmcal_cli.base.files import identity, input_name, is_stream
+from pkmcal_cli.csv_files.cells import has_zone, time_of
+from pkmcal_cli.csv_files.dialect import Flaw
+from pkmcal_cli.csv_files.parse import Chunk, FaultLog, FloatArray, IntArray
+from pkmcal_cli.csv_files.reader import TableReader, no_rows, open_table
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
 from pkmcal_cli.tables.column_needs import Bound, Require
 from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_of, coordinates_of
-from pkmcal_cli.tables.csv_cells import has_zone, time_of
-from pkmcal_cli.tables.csv_parse import Chunk, FaultLog, FloatArray, IntArray
-from pkmcal_cli.tables.csv_sniff import Flaw
-from pkmcal_cli.tables.csv_table import TableReader, no_rows, open_table
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors

@@ -6,9 +6,9 @@ import difflib
 import re
 from collections.abc import Iterable
 
+from pkmcal_cli.csv_files.dialect import HeaderCell
 from pkmcal_cli.language.fields import SPATIAL
 from pkmcal_cli.tables.columns import Column
-from pkmcal_cli.tables.csv_sniff import HeaderCell
 from pkmcal_cli.units.file_units import UnitError, parse_unit
 
 _TAIL = re.compile(r"(?P<open>\s*+[\[\](){}]|\s*+[_/,]\s*+|\s++)(?P<unit>[^\[\](){}]*)(?P<close>[\[\](){}]*)\s*")

@@ -6,12 +6,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
+from pkmcal_cli.csv_files.parse import FaultLog
+from pkmcal_cli.csv_files.reader import TableReader
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.columns import Column, columns_of
-from pkmcal_cli.tables.csv_parse import FaultLog
-from pkmcal_cli.tables.csv_sniff import Flaw, HeaderCell
-from pkmcal_cli.tables.csv_table import TableReader
 from pkmcal_cli.tables.near_names import did_you_mean_column, is_like
 
 

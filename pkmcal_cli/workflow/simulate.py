@@ -14,6 +14,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.csv_files.writer import TableWriter, open_writer
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.loading import load_machine, load_parameters
 from pkmcal_cli.model import Model
@@ -22,7 +23,6 @@ from pkmcal_cli.prediction import Method, Prediction, Request, predict
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.numbers import finite
 from pkmcal_cli.report.provenance import provenance, provenance_lines
-from pkmcal_cli.tables.csv_write import TableWriter, open_writer
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.tables.csv_sniff import DECIMAL_NAMES, SPACE, Flaw, Format, is_number
+from pkmcal_cli.csv_files.dialect import DECIMAL_NAMES, SPACE, Flaw, Format, is_number
 from pkmcal_cli.units.file_units import UnitError, parse_unit
 
 Convert = Callable[[str], float]

@@ -20,10 +20,10 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.files import input_name, open_input
-from pkmcal_cli.tables.csv_cells import has_zone
-from pkmcal_cli.tables.csv_parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Parser, Plan
-from pkmcal_cli.tables.csv_sniff import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
-from pkmcal_cli.tables.csv_write import TableWriter, open_writer, write_table
+from pkmcal_cli.csv_files.cells import has_zone
+from pkmcal_cli.csv_files.dialect import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
+from pkmcal_cli.csv_files.parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Parser, Plan
+from pkmcal_cli.csv_files.writer import TableWriter, open_writer, write_table
 
 __all__ = [
     "TEXT_COLUMNS", "Chunk", "FaultLog", "Kind", "Table", "TableReader", "TableWriter", "open_table",

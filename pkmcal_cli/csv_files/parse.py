@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
-from pkmcal_cli.tables.csv_cells import cell_column, number_flaw, number_of, time_flaw, time_of, width_flaw
-from pkmcal_cli.tables.csv_sniff import QUOTE_HINT, SPACE, Flaw, Format, split_line
+from pkmcal_cli.csv_files.cells import cell_column, number_flaw, number_of, time_flaw, time_of, width_flaw
+from pkmcal_cli.csv_files.dialect import QUOTE_HINT, SPACE, Flaw, Format, split_line
 
 Kind = Literal["number", "text", "time", "skip"]
 """What cells are: ISO 8601 "time" is read as seconds since 1970-01-01 UTC, "skip" is not read."""

@@ -1,0 +1,1 @@
+"""CSV files: dialect, cells, reader, writer; knows nothing of machines."""
