@@ -13,7 +13,7 @@ from pkmcal_cli.equilibrium.kinematics import State, drawn_state
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import DriveKind
+from pkmcal_cli.mechanism.topology import DriveKind
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import row_chunks
 

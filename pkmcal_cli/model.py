@@ -15,7 +15,7 @@ from pkmcal_cli.equilibrium.kinematics import drawn_state
 from pkmcal_cli.equilibrium.mobility import rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.language.fingerprint import Fingerprint
-from pkmcal_cli.layout import GROUND, Index, Layout
+from pkmcal_cli.mechanism.topology import GROUND, Index, Layout
 from pkmcal_cli.sockets import PlacedEffect, Sockets
 from pkmcal_cli.views import PlacedSensor, View
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.effects import Effect, Port
-from pkmcal_cli.layout import Index
+from pkmcal_cli.mechanism.topology import Index
 
 _FELT = 1e-12  # m, rad, ... at effects of the size of one: less is rounding
 NONE: Index = np.zeros(0, dtype=np.intp)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from pkmcal_cli.layout import Index
+from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.sensors import SensorKind, Sight
 
 

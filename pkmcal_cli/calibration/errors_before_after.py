@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
 from pkmcal_cli.inverse import drive_positions
-from pkmcal_cli.layout import Drive, DriveKind
+from pkmcal_cli.mechanism.topology import Drive, DriveKind
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction import drive_travels
 

@@ -13,7 +13,7 @@ from pkmcal_cli.equilibrium.kinematics import State, advance, arm_vectors, drawn
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.mobility import StrainRows, null_space, pivots, rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
-from pkmcal_cli.layout import DriveKind, Layout
+from pkmcal_cli.mechanism.topology import DriveKind, Layout
 
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size

@@ -10,7 +10,7 @@ from pkmcal_cli.compiler.weights import Weight, halves
 from pkmcal_cli.elements import Bar, ElasticBar
 from pkmcal_cli.language.machine import Bar as BarSpec
 from pkmcal_cli.language.machine import Beam as BeamSpec
-from pkmcal_cli.ports import Number, Port
+from pkmcal_cli.mechanism.connection_points import Number, Port
 
 
 def add_bars(structure: Structure, leg_lengths: dict[str, Number]) -> list[Weight]:

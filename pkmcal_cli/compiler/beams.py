@@ -14,7 +14,7 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.compiler.weights import Weight, halves
 from pkmcal_cli.elements import Beam
 from pkmcal_cli.language.machine import Beam as BeamSpec
-from pkmcal_cli.ports import Port
+from pkmcal_cli.mechanism.connection_points import Port
 
 
 def add_beams(structure: Structure) -> list[Weight]:

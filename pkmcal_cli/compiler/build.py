@@ -27,10 +27,10 @@ from pkmcal_cli.equilibrium.system import DriveState
 from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.fingerprint import fingerprint_of
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.layout import GROUND, DriveKind, Index, Layout, Turn
-from pkmcal_cli.layout_builder import LayoutBuilder
+from pkmcal_cli.mechanism.builder import LayoutBuilder
+from pkmcal_cli.mechanism.connection_points import Point, Port
+from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Layout, Turn
 from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
-from pkmcal_cli.ports import Point, Port
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 

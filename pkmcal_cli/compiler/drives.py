@@ -12,9 +12,9 @@ from pkmcal_cli.compiler.joints import add_joint_link
 from pkmcal_cli.compiler.numbers import combined, constant_vector, number, triad_about, triad_along, unit
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import Actuator, axis_vector
-from pkmcal_cli.layout import GROUND, Drive, DriveKind, Turn
-from pkmcal_cli.ports import Number, Port
-from pkmcal_cli.slots import Formula
+from pkmcal_cli.mechanism.coefficients import Formula
+from pkmcal_cli.mechanism.connection_points import Number, Port
+from pkmcal_cli.mechanism.topology import GROUND, Drive, DriveKind, Turn
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.elements import JOINTS, Joint
 from pkmcal_cli.language.machine import End, Stiffness, axis_vector
 from pkmcal_cli.language.machine import Joint as JointSpec
-from pkmcal_cli.layout import Turn
-from pkmcal_cli.ports import Number, Port
+from pkmcal_cli.mechanism.connection_points import Number, Port
+from pkmcal_cli.mechanism.topology import Turn
 
 _PLANAR_ROWS = ("x", "y", "rz", "angle")
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.ports import Number
-from pkmcal_cli.slots import Formula
+from pkmcal_cli.mechanism.coefficients import Formula
+from pkmcal_cli.mechanism.connection_points import Number
 
 
 def number(quantity: Quantity | None, default: float = 0.0) -> Number:

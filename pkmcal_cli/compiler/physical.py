@@ -14,8 +14,8 @@ from pkmcal_cli.compiler.drives import PlacedDrive
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.sections import section_properties
 from pkmcal_cli.language.machine import Machine, Material, Section
-from pkmcal_cli.layout import Group, Layout
-from pkmcal_cli.slots import Formula
+from pkmcal_cli.mechanism.coefficients import Formula
+from pkmcal_cli.mechanism.topology import Group, Layout
 from pkmcal_cli.units.limits import HINT, LARGEST, beyond
 from pkmcal_cli.yaml_source.tree import Path
 

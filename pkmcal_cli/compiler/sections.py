@@ -9,7 +9,7 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.machine import Beam as BeamSpec
 from pkmcal_cli.language.machine import Material, Section
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.ports import Number
+from pkmcal_cli.mechanism.connection_points import Number
 
 
 def beam_stiffness(structure: Structure, beam: BeamSpec, length: Number) -> list[Number | None]:

@@ -14,9 +14,9 @@ from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.language.channels import SensorChannel, channels_of, kind_of_sensor, stated_sigma
 from pkmcal_cli.language.machine import Machine, Sensor, axis_vector
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.layout import GROUND, Index
+from pkmcal_cli.mechanism.connection_points import Number, Point, Port
+from pkmcal_cli.mechanism.topology import GROUND, Index
 from pkmcal_cli.model import Channel
-from pkmcal_cli.ports import Number, Point, Port
 from pkmcal_cli.sensors import WIDTHS, SensorKind, Sight
 from pkmcal_cli.views import Given, PlacedSensor, View
 

@@ -13,7 +13,7 @@ from pkmcal_cli.compiler.drives import PlacedDrive
 from pkmcal_cli.compiler.numbers import number
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.effects import Port as EffectPort
-from pkmcal_cli.layout import Group, Index, Layout
+from pkmcal_cli.mechanism.topology import Group, Index, Layout
 from pkmcal_cli.sockets import Socket, Sockets
 from pkmcal_cli.views import PlacedSensor
 

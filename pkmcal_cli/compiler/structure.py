@@ -16,9 +16,9 @@ from pkmcal_cli.compiler.numbers import constant_vector, is_zero, number, unit, 
 from pkmcal_cli.compiler.tree import joint_tree
 from pkmcal_cli.language.machine import Body, Guide, Joint, Machine, axis_vector
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.layout import GROUND, Turn
-from pkmcal_cli.layout_builder import LayoutBuilder
-from pkmcal_cli.ports import Number, Point, Port, Rail
+from pkmcal_cli.mechanism.builder import LayoutBuilder
+from pkmcal_cli.mechanism.connection_points import Number, Point, Port, Rail
+from pkmcal_cli.mechanism.topology import GROUND, Turn
 
 
 @dataclass(frozen=True)

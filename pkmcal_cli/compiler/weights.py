@@ -8,8 +8,8 @@ from pkmcal_cli.compiler.numbers import combined, is_zero, number, vector
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.elements import Load
 from pkmcal_cli.language.quantities import Quantity
-from pkmcal_cli.layout import GROUND, Turn
-from pkmcal_cli.ports import Number, Point, Port
+from pkmcal_cli.mechanism.connection_points import Number, Point, Port
+from pkmcal_cli.mechanism.topology import GROUND, Turn
 
 
 @dataclass(frozen=True)

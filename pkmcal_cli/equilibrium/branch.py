@@ -14,7 +14,7 @@ from pkmcal_cli.equilibrium.given import given
 from pkmcal_cli.equilibrium.kinematics import State, turned_arms, views
 from pkmcal_cli.equilibrium.mobility import pivot_columns
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import Index
+from pkmcal_cli.mechanism.topology import Index
 
 
 def strain_jacobian(system: System, slots: Array, state: State, length: float) -> Array:

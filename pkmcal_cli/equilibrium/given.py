@@ -13,7 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import rows_last, take_rows
 from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import Index, Layout
+from pkmcal_cli.mechanism.topology import Index, Layout
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.links import LinkMap
-from pkmcal_cli.layout import Group, Index
+from pkmcal_cli.mechanism.topology import Group, Index
 
 
 @dataclass(frozen=True)

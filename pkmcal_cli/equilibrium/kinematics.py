@@ -11,7 +11,7 @@ from pkmcal_cli.base.sparse_map import Block, pick, rows_last, take_rows
 from pkmcal_cli.equilibrium.given import arm_bodies, frame_vectors
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import DriveKind, Index, Layout, Turn
+from pkmcal_cli.mechanism.topology import DriveKind, Index, Layout, Turn
 
 
 @dataclass(frozen=True)

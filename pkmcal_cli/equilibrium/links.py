@@ -17,7 +17,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array, skew
 from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap
-from pkmcal_cli.layout import Index, Layout, Turn
+from pkmcal_cli.mechanism.topology import Index, Layout, Turn
 
 _WIDTH = {Turn.FIXED: 0, Turn.FREE: 3, Turn.AXIS: 1}
 

@@ -15,7 +15,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap, Stack
 from pkmcal_cli.equilibrium.group_map import GroupMap
-from pkmcal_cli.layout import Index, Layout
+from pkmcal_cli.mechanism.topology import Index, Layout
 
 
 @dataclass(frozen=True)

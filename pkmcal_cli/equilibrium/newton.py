@@ -14,7 +14,7 @@ from pkmcal_cli.equilibrium.given import given
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import Index
+from pkmcal_cli.mechanism.topology import Index
 
 _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding

@@ -13,7 +13,7 @@ from pkmcal_cli.equilibrium.derivative import point_gradient, strain_gradient
 from pkmcal_cli.equilibrium.given import Given, rest_values
 from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, link_vectors, turned_arms, views
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import Drive, DriveKind, Group
+from pkmcal_cli.mechanism.topology import Drive, DriveKind, Group
 
 
 class Channel(Protocol):

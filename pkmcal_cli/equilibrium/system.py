@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.links import LinkMap, build_links
 from pkmcal_cli.equilibrium.maps import Maps, MapsBuilder, StrainMaps, ViewMaps
-from pkmcal_cli.layout import DriveKind, Group, Index, Layout, Turn
+from pkmcal_cli.mechanism.topology import DriveKind, Group, Index, Layout, Turn
 
 
 class DriveState(Enum):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.effects import WIDTHS
-from pkmcal_cli.layout import Index
+from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.inputs import Reactions, SocketInputs
 from pkmcal_cli.prediction.rows import Rows

@@ -16,7 +16,7 @@ from pkmcal_cli.equilibrium.kinematics import State, advance, drawn_state, place
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, Slack, follow, newton, solve_rows
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.layout import DriveKind, Index
+from pkmcal_cli.mechanism.topology import DriveKind, Index
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.rows import Method
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.layout import Index
+from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model import Model
 from pkmcal_cli.prediction.effects import Displacements, displacements
 from pkmcal_cli.prediction.rows import Request, Rows

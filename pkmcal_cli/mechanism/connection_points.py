@@ -8,8 +8,8 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Element
-from pkmcal_cli.layout import GROUND
-from pkmcal_cli.slots import Formula
+from pkmcal_cli.mechanism.coefficients import Formula
+from pkmcal_cli.mechanism.topology import GROUND
 
 Number = float | Formula
 

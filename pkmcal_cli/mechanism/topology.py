@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap
 from pkmcal_cli.elements import Element
-from pkmcal_cli.slots import SlotTable
+from pkmcal_cli.mechanism.coefficients import SlotTable
 
 Index = NDArray[np.intp]
 GROUND = 0  # rotation number of the base

@@ -9,9 +9,9 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Element
-from pkmcal_cli.layout import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
-from pkmcal_cli.ports import Link, Number, Point, Port, arms_of
-from pkmcal_cli.slots import Formula, SlotTable
+from pkmcal_cli.mechanism.coefficients import Formula, SlotTable
+from pkmcal_cli.mechanism.connection_points import Link, Number, Point, Port, arms_of
+from pkmcal_cli.mechanism.topology import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
 
 
 @dataclass

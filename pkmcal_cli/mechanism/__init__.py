@@ -1,0 +1,1 @@
+"""The mechanism without numbers: coordinates, bodies, connections, coefficients, what depends on what."""
