@@ -22,7 +22,7 @@ from pkmcal_cli.equilibrium.kinematics import State, drawn_state, place_prescrib
 from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 REFERENCE: dict[str, Any] = json.loads(
     (Path(__file__).resolve().parents[1] / "tests" / "fe_reference.json").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
 

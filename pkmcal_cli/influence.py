@@ -9,7 +9,7 @@ from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.given import given
 from pkmcal_cli.equilibrium.kinematics import advance, drawn_state
 from pkmcal_cli.equilibrium.readings import read_channels
-from pkmcal_cli.model import Model, tcp_model
+from pkmcal_cli.model.model import Model, tcp_model
 
 _MOVE = 1e-2  # coordinates are thrown off by this share of the machine's size, so that everything is strained
 

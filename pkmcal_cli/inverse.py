@@ -14,7 +14,7 @@ from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.mechanism.topology import DriveKind
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import row_chunks
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")

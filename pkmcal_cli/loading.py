@@ -16,7 +16,7 @@ from pkmcal_cli.compiler.assemble import BadDrawing
 from pkmcal_cli.compiler.faults import drawing_fault, mechanism_faults, structure_faults
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 if TYPE_CHECKING:
     from pkmcal_cli.tables.measurement_set import Measurements

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pkmcal_cli.base.rotation import Array
-    from pkmcal_cli.model import ModelParameter
+    from pkmcal_cli.model.model import ModelParameter
 
 
 _FINGERPRINT = "fingerprint"

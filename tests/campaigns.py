@@ -19,7 +19,7 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.inverse import drive_positions
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, predict
 from tests.support import model
 from tests.truth import generate

@@ -13,7 +13,7 @@ from pkmcal_cli.compiler.effects import placed_effect, possible_effects
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.language.effect_entries import EffectNumber
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from tests.command import MACHINES
 from tests.elastic_guide import TOWERS, sliders

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from tests import structures
 from tests.support import (

@@ -13,7 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import Compiled, compile_machine
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from tests.truth.machines import PINNED, Hexapod7
 from tests.truth.pinned import DeadForce

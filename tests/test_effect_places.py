@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model import Model, tcp_model
+from pkmcal_cli.model.model import Model, tcp_model
 from pkmcal_cli.prediction import Request, predict
 from tests.command import run
 from tests.effect_cases import NAMES, WRITTEN, Case, case

@@ -10,7 +10,7 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.model import tcp_model
+from pkmcal_cli.model.model import tcp_model
 from pkmcal_cli.prediction import Request, Rows, predict
 from tests.campaigns import by_engine, shipped
 from tests.command import TRIGLIDE, TRIGLIDE_DATA, run

@@ -16,7 +16,7 @@ from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.command import MACHINES, run

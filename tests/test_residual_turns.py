@@ -9,7 +9,7 @@ import pytest
 
 from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.calibration.residual import residuals
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, predict
 from tests.support import model, overlay, poses_of, truth
 

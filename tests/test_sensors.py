@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array, exp
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.sensors import sensor_kinds
 from tests.support import errors_of, model, overlay, poses_of, truth

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 _SHARE = 5.0  # a part of its range to which a length can be measured by hand
 

@@ -11,7 +11,7 @@ from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
 from pkmcal_cli.covariates import with_covariates, with_directions
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, log_jacobian, skew
 from pkmcal_cli.calibration.identifiability import Directions
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 _SPATIAL = ("scale", "turn about x", "turn about y", "turn about z", "shift along x", "shift along y", "shift along z")
 _PLANAR = ("scale", "turn about z", "shift along x", "shift along y")

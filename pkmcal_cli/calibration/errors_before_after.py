@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
 from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import drive_travels
 
 KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "bench", "length")

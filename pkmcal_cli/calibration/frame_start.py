@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, best_rotation, log
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.effect_sites import PlacedEffect
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.observed import PlacedSensor
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.sockets import PlacedEffect
-from pkmcal_cli.views import PlacedSensor
 
 FRAME = "frame"
 _FEWEST = 3  # points that fix a pose

@@ -15,7 +15,7 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
 from pkmcal_cli.calibration.same_poses import poses_alike
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.tables.measurement_set import Measurements
 
 Refit = Callable[[Problem, tuple[str, ...], Array], Fit]

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import WEAK, Directions
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 
 @dataclass(frozen=True)

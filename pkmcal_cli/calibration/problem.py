@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
-from pkmcal_cli.model import Model, tcp_model
+from pkmcal_cli.model.model import Model, tcp_model
 from pkmcal_cli.prediction import Rows, predict
 
 

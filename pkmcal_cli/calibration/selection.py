@@ -5,7 +5,7 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 _WORDS = ("auto", "all")
 

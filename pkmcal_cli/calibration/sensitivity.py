@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model import Model, tcp_model
+from pkmcal_cli.model.model import Model, tcp_model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 
 

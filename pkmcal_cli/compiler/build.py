@@ -30,7 +30,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.mechanism.builder import LayoutBuilder
 from pkmcal_cli.mechanism.connection_points import Point, Port
 from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Layout, Turn
-from pkmcal_cli.model import Actuator, Channel, Model, ModelParameter
+from pkmcal_cli.model.model import Actuator, Channel, Model, ModelParameter
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 

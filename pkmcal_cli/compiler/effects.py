@@ -11,8 +11,8 @@ from pkmcal_cli.base.errors import BadInput, did_you_mean
 from pkmcal_cli.effects import Effect, catalogue
 from pkmcal_cli.language.effect_entries import EffectNumber, unit_at
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.model import Model, ModelParameter
-from pkmcal_cli.sockets import PlacedEffect, Socket, Sockets, places
+from pkmcal_cli.model.effect_sites import PlacedEffect, Socket, Sockets, places
+from pkmcal_cli.model.model import Model, ModelParameter
 
 _FRAME: Final = "frame"
 _AWAY = 20.0  # sizes of the machine: how far away an instrument may stand

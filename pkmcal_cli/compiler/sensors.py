@@ -16,9 +16,9 @@ from pkmcal_cli.language.machine import Machine, Sensor, axis_vector
 from pkmcal_cli.language.quantities import Quantity
 from pkmcal_cli.mechanism.connection_points import Number, Point, Port
 from pkmcal_cli.mechanism.topology import GROUND, Index
-from pkmcal_cli.model import Channel
+from pkmcal_cli.model.model import Channel
+from pkmcal_cli.model.observed import Given, PlacedSensor, View
 from pkmcal_cli.sensors import WIDTHS, SensorKind, Sight
-from pkmcal_cli.views import Given, PlacedSensor, View
 
 _UNKNOWN = -1
 

@@ -14,8 +14,8 @@ from pkmcal_cli.compiler.numbers import number
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.effects import Port as EffectPort
 from pkmcal_cli.mechanism.topology import Group, Index, Layout
-from pkmcal_cli.sockets import Socket, Sockets
-from pkmcal_cli.views import PlacedSensor
+from pkmcal_cli.model.effect_sites import Socket, Sockets
+from pkmcal_cli.model.observed import PlacedSensor
 
 _AXES = "xyz"
 TOOL, LOAD = "tool", "effect.load"

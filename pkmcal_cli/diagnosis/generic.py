@@ -19,7 +19,7 @@ from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.noise import time_order
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
-from pkmcal_cli.sockets import PlacedEffect
+from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _WIDTHS = (0.03, 0.045, 0.065, 0.1)  # full width at half maximum of bumps, in shares of the travel
 _STEP = 0.3  # of their places, in widths

@@ -10,9 +10,9 @@ import numpy as np
 from pkmcal_cli.compiler.effects import placed_effect, possible_effects
 from pkmcal_cli.covariates import with_covariates
 from pkmcal_cli.effects import Column, Effect, catalogue
-from pkmcal_cli.model import Model, ModelParameter
+from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
+from pkmcal_cli.model.model import Model, ModelParameter
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.sockets import PlacedEffect, Socket
 from pkmcal_cli.tables.measurement_set import Measurements
 
 RELEASE = "release"

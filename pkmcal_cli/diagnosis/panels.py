@@ -17,7 +17,7 @@ from pkmcal_cli.diagnosis.groups import pose_shapes
 from pkmcal_cli.diagnosis.plan import cosines_between
 from pkmcal_cli.diagnosis.search import linear_without, refit, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
-from pkmcal_cli.sockets import PlacedEffect
+from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _MOST_ALIKE = 12

@@ -13,9 +13,9 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.model import ModelParameter
+from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
+from pkmcal_cli.model.model import ModelParameter
 from pkmcal_cli.prediction.inputs import SocketInputs
-from pkmcal_cli.sockets import PlacedEffect, Socket
 
 
 @dataclass(frozen=True)

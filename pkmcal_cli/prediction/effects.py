@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.effects import WIDTHS
 from pkmcal_cli.mechanism.topology import Index
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.inputs import Reactions, SocketInputs
 from pkmcal_cli.prediction.rows import Rows
-from pkmcal_cli.sockets import PlacedEffect, Socket
 
 _STEP = 1e-40
 

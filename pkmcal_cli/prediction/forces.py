@@ -16,7 +16,7 @@ from pkmcal_cli.equilibrium.kinematics import State, place_prescribed
 from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import forced_energy
 from pkmcal_cli.mechanism.topology import DriveKind
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.solving import Solution
 
 _STEP = 1e-30

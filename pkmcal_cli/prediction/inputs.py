@@ -11,9 +11,9 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.effect_sites import AtSocket, PlacedEffect
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.rows import Rows
-from pkmcal_cli.sockets import AtSocket, PlacedEffect
 from pkmcal_cli.units.unit_text import UNITS
 
 _REFERENCE = UNITS["degC"].to_si(20.0)  # K, ISO 1

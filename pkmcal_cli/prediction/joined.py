@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.observed import PlacedSensor
 from pkmcal_cli.prediction.laws import given_width
 from pkmcal_cli.prediction.rows import Prediction
 from pkmcal_cli.sensors import Sight, derivatives, read
-from pkmcal_cli.views import PlacedSensor
 
 _OTHERS: Sight = "other"
 

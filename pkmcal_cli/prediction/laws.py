@@ -7,13 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, exp, log
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.observed import Given, PlacedSensor
 from pkmcal_cli.prediction.effects import displacements
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.prediction.stages import BaseSlots
 from pkmcal_cli.sensors import Sight, derivatives, read
 from pkmcal_cli.sensors.tcp import strained
-from pkmcal_cli.views import Given, PlacedSensor
 
 
 def read_sensors(model: Model, views: Array, slots: Array, by_slot: Array | None) -> tuple[Array, Array | None]:

@@ -9,7 +9,7 @@ from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import Readings, read_channels
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.effects import Displacements
 from pkmcal_cli.prediction.forces import drive_forces, force_derivative
 from pkmcal_cli.prediction.laws import read_sensors

@@ -10,7 +10,8 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.effect_sites import PlacedEffect
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.effects import Displacements, displacements
 from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.joined import join_rows
@@ -19,7 +20,6 @@ from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import solve
 from pkmcal_cli.prediction.stages import BaseSlots, Chain, commanded_slots
-from pkmcal_cli.sockets import PlacedEffect
 
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
 _SMOOTHED = 0.1  # share of the usual force over which the sign of a force is smoothed

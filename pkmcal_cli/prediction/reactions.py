@@ -14,14 +14,14 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.derivative import lagrangian_gradient
 from pkmcal_cli.equilibrium.kinematics import arm_vectors, views
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.effects import Displacements
 from pkmcal_cli.prediction.forces import drive_forces, force_slot, slot_force_derivative
 from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
-from pkmcal_cli.sockets import PlacedEffect, Socket
 
 
 def reactions(

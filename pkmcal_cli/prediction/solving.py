@@ -17,7 +17,7 @@ from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, Slack, follow, 
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.mechanism.topology import DriveKind, Index
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.rows import Method
 
 _REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.mechanism.topology import Index
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.effects import Displacements, displacements
 from pkmcal_cli.prediction.rows import Request, Rows
 

@@ -8,7 +8,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.identifiability import Combination
 from pkmcal_cli.calibration.observability import Observability
 from pkmcal_cli.calibration.sensitivity import Sensitivity
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter, bar
 from pkmcal_cli.report.numbers import finite, readable, short
 from pkmcal_cli.report.parameters import combination_json, parameter_unit

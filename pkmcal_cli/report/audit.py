@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.robust import Doubtful, RobustFit
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.poses import Place
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import readable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 
 
 def one_stdin(*inputs: str | None) -> None:

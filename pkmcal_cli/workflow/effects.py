@@ -37,7 +37,7 @@ def run_effects(machine: str | None, as_json: bool, quiet: bool) -> int:
 
 def _places(machine: str) -> dict[str, list[str]]:
     from pkmcal_cli.loading import load_machine
-    from pkmcal_cli.sockets import places
+    from pkmcal_cli.model.effect_sites import places
 
     model = load_machine(machine, receptive=True).model
     return {e.keyword: list(places(model.sockets, e, ("SESSION",))) for e in catalogue().values()}

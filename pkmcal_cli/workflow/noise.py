@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import stated_sigma
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount

@@ -20,7 +20,7 @@ from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, best_points, plan_of, whitened_blocks, with_rows
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.poses import PoseSource, failed_rows
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -203,7 +203,7 @@ def _pool(loaded: LoadedMachine, problem: Problem, values: Array, size: int, see
 
 def _places(model: Model, rows: Rows, values: Array) -> Array:
     """TCP coordinates (N, 6) of rows, rotation vectors in the drawing's sense."""
-    from pkmcal_cli.model import tcp_model
+    from pkmcal_cli.model.model import tcp_model
 
     bare = replace(tcp_model(model), effects=(), parameters=model.parameters)
     found = predict(bare, values, rows).values

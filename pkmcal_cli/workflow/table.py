@@ -10,7 +10,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.dialect import split_header
 from pkmcal_cli.csv_files.writer import Values
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.tables.columns import columns_of, temperature_column
 from pkmcal_cli.units.unit_text import UnitError, parse_unit

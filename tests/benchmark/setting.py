@@ -19,7 +19,7 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis, can
 from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear, Score, linear_problem
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.model import Model
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign
 

@@ -16,8 +16,8 @@ from pkmcal_cli.equilibrium.mobility import rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.mechanism.topology import GROUND, Index, Layout
-from pkmcal_cli.sockets import PlacedEffect, Sockets
-from pkmcal_cli.views import PlacedSensor, View
+from pkmcal_cli.model.effect_sites import PlacedEffect, Sockets
+from pkmcal_cli.model.observed import PlacedSensor, View
 
 _SYSTEMS = ("exact", "rigid", "released", "independent_coordinates", "inverse", "drawn_slots", "drawn_mode")
 """Cached properties that depend on the layout only."""

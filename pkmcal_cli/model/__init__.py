@@ -1,0 +1,1 @@
+"""The compiled machine: what it is made of, where effects sit, what is observed."""
