@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import length_residuals
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.loading import load_machine, load_measurements
+from pkmcal_cli.loading.machine import load_machine, load_measurements
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -9,7 +9,7 @@ import pytest
 
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.loading import load_machine, load_measurements
+from pkmcal_cli.loading.machine import load_machine, load_measurements
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, run
 
 

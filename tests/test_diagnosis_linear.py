@@ -14,7 +14,6 @@ from scipy.stats import chi2, kstest, ncx2
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.covariates import directions, with_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -23,6 +22,7 @@ from pkmcal_cli.diagnosis.noise import noise_scale
 from pkmcal_cli.diagnosis.rows import heavy_tails, row_scores
 from pkmcal_cli.diagnosis.search import Search, score_all
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
+from pkmcal_cli.loading.covariates import directions, with_directions
 from pkmcal_cli.prediction import Rows
 from tests.benchmark.setting import Setting, diagnosed, ready
 from tests.truth.campaigns import Campaign, campaign, unit

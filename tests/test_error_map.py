@@ -31,7 +31,7 @@ def test_the_map_is_what_parameters_drawn_from_the_file_do(tmp_path: Path, monke
     assert done.code == 0 and "uncertainty of the TCP's position by the calibration" in done.err
     head, table = written(tmp_path / "map.csv")
     assert head[-2:] == ["u.x [um]", "u.y [um]"]
-    from pkmcal_cli.loading import load_machine, load_parameters
+    from pkmcal_cli.loading.machine import load_machine, load_parameters
 
     machine = load_machine(TRIGLIDE).model
     start = load_parameters(machine, "p.yaml")

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.diagnosis.confirm import cells
-from pkmcal_cli.loading import load_machine, load_measurements
+from pkmcal_cli.loading.machine import load_machine, load_measurements
 from tests.command import MACHINES
 
 

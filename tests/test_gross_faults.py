@@ -14,7 +14,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.loading import load_machine, load_measurements
+from pkmcal_cli.loading.machine import load_machine, load_measurements
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.tables.plausibility import Hint
 from pkmcal_cli.workflow.hints import copied_rows, measurement_hints

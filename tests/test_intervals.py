@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.intervals import profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
-from pkmcal_cli.loading import load_machine, load_measurements
+from pkmcal_cli.loading.machine import load_machine, load_measurements
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, run
 

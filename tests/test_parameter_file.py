@@ -12,9 +12,15 @@ from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.fingerprint import Fingerprint
-from pkmcal_cli.loading import load_machine, load_parameters
+from pkmcal_cli.loading.machine import load_machine, load_parameters
+from pkmcal_cli.loading.parameter_file import (
+    Correlations,
+    ParameterEntry,
+    dump_parameters,
+    exact_value,
+    read_parameters,
+)
 from pkmcal_cli.model.model import ModelParameter
-from pkmcal_cli.parameter_file import Correlations, ParameterEntry, dump_parameters, exact_value, read_parameters
 from pkmcal_cli.units.unit_text import UNITS, parse_unit
 from tests.command import MACHINES, TRIGLIDE, run
 

@@ -149,7 +149,7 @@ def test_a_start_that_fails_is_helped_and_hopeless_data_are_told() -> None:
 @cache
 def by_engine_of_five_bar() -> Problem:
     from pkmcal_cli.calibration.bound import problem_of
-    from pkmcal_cli.loading import load_machine, load_measurements
+    from pkmcal_cli.loading.machine import load_machine, load_measurements
 
     loaded = load_machine(str(MACHINES / "five-bar.yaml"))
     problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "five-bar.csv")]))

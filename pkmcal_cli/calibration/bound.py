@@ -10,7 +10,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.frame_start import with_frames
 from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
-from pkmcal_cli.covariates import with_covariates, with_directions
+from pkmcal_cli.loading.covariates import with_covariates, with_directions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements

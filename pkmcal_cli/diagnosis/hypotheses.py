@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.compiler.effects import placed_effect, possible_effects
-from pkmcal_cli.covariates import with_covariates
 from pkmcal_cli.effects import Column, Effect, catalogue
+from pkmcal_cli.loading.covariates import with_covariates
 from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
 from pkmcal_cli.model.model import Model, ModelParameter
 from pkmcal_cli.prediction import Rows

@@ -9,8 +9,8 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.robust import Doubtful, RobustFit
+from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.poses import Place
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.units.unit_text import parse_unit

@@ -19,9 +19,9 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.calibration.residual import lost_rows
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.loading.parameter_file import Correlations, ParameterEntry, dump_parameters
+from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.parameter_file import Correlations, ParameterEntry, dump_parameters
-from pkmcal_cli.poses import Place
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows

@@ -10,8 +10,8 @@ from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.findings import Detectable
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.poses import place_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.numbers import readable
 from pkmcal_cli.tables.measurement_set import Measurements

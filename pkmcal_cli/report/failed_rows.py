@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.poses import Place
+from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.report.console import Reporter
 
 _SHOWN = 20  # rows told one by one

@@ -15,7 +15,7 @@ from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.parameter_file import ParameterEntry, dump_parameters, scalar
+from pkmcal_cli.loading.parameter_file import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json

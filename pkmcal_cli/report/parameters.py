@@ -11,8 +11,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
 from pkmcal_cli.calibration.intervals import Intervals
+from pkmcal_cli.loading.parameter_file import exact_value
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.parameter_file import exact_value
 from pkmcal_cli.report.numbers import finite, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 

@@ -13,10 +13,10 @@ from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.sensitivity import sensitivity
-from pkmcal_cli.covariates import at_rest, resting
-from pkmcal_cli.loading import LoadedMachine, load_machine, load_parameters
+from pkmcal_cli.loading.covariates import at_rest, resting
+from pkmcal_cli.loading.machine import LoadedMachine, load_machine, load_parameters
+from pkmcal_cli.loading.poses import Place, Poses, PoseSource, failed_rows
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.poses import Place, Poses, PoseSource, failed_rows
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.report.analysis import (
     UNSTRAINED,

@@ -24,8 +24,8 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
-from pkmcal_cli.loading import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from pkmcal_cli.poses import Place, failed_rows, place_of
+from pkmcal_cli.loading.machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
+from pkmcal_cli.loading.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json

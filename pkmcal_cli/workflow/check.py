@@ -7,7 +7,7 @@ from typing import Any
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.influence import idle_parameters
-from pkmcal_cli.loading import LoadedMachine, load_machine
+from pkmcal_cli.loading.machine import LoadedMachine, load_machine
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.machine import machine_json, show_machine
 from pkmcal_cli.workflow.arguments import one_stdin
@@ -88,8 +88,8 @@ def _check_tables(
 
     from pkmcal_cli.calibration.bound import problem_of
     from pkmcal_cli.calibration.residual import evaluate
-    from pkmcal_cli.loading import load_measurements
-    from pkmcal_cli.poses import place_of
+    from pkmcal_cli.loading.machine import load_measurements
+    from pkmcal_cli.loading.poses import place_of
     from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
     try:

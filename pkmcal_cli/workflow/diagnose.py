@@ -15,11 +15,11 @@ from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.covariates import derived_directions
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
-from pkmcal_cli.loading import LoadedMachine, load_machine, load_measurements
-from pkmcal_cli.poses import place_of
+from pkmcal_cli.loading.covariates import derived_directions
+from pkmcal_cli.loading.machine import LoadedMachine, load_machine, load_measurements
+from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.provenance import provenance

@@ -36,7 +36,7 @@ def run_effects(machine: str | None, as_json: bool, quiet: bool) -> int:
 
 
 def _places(machine: str) -> dict[str, list[str]]:
-    from pkmcal_cli.loading import load_machine
+    from pkmcal_cli.loading.machine import load_machine
     from pkmcal_cli.model.effect_sites import places
 
     model = load_machine(machine, receptive=True).model

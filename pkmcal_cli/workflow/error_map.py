@@ -12,9 +12,9 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.loading import Start
+from pkmcal_cli.loading.machine import Start
+from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.model.model import Model, tcp_model
-from pkmcal_cli.poses import Place
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.numbers import finite
 

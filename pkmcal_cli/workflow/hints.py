@@ -12,8 +12,8 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.loading import LoadedMachine
-from pkmcal_cli.poses import Place, place_of
+from pkmcal_cli.loading.machine import LoadedMachine
+from pkmcal_cli.loading.poses import Place, place_of
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.plausibility import find_limit_faults
 

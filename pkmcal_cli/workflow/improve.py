@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.loading import load_measurements
+from pkmcal_cli.loading.machine import load_measurements
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance

@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.writer import open_writer
-from pkmcal_cli.loading import LoadedMachine
+from pkmcal_cli.loading.machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.workflow.sides import moves_together

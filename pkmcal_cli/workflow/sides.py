@@ -10,7 +10,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.inverse import DIRECTIONS, drive_positions
-from pkmcal_cli.loading import LoadedMachine
+from pkmcal_cli.loading.machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 
 _SHARE = 1e-3  # of the machine's size, or rad: how far away a motion towards the pose begins

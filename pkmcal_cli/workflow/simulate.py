@@ -16,9 +16,9 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.writer import TableWriter, open_writer
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.loading import load_machine, load_parameters
+from pkmcal_cli.loading.machine import load_machine, load_parameters
+from pkmcal_cli.loading.poses import Place, Poses, PoseSource
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.poses import Place, Poses, PoseSource
 from pkmcal_cli.prediction import Method, Prediction, Request, predict
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.numbers import finite

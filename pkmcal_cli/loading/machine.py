@@ -86,7 +86,7 @@ class Start:
 
 def load_parameters(model: Model, path: str | None) -> Start:
     """Nominal parameter values, or those of a parameter file. Raises BadInput."""
-    from pkmcal_cli.parameter_file import read_parameters
+    from pkmcal_cli.loading.parameter_file import read_parameters
 
     values = model.nominal
     if path is None:

@@ -1,0 +1,1 @@
+"""Files of the user become machines, tables, start values, poses."""
