@@ -11,10 +11,10 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict, row_chunks, stage_slots
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 from .frames import elastic_step
 from .steps import against_bare

@@ -18,9 +18,9 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.support import model
 from tests.truth import generate
 

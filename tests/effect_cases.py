@@ -10,11 +10,11 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.compiler.effects import placed_effect, possible_effects
-from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.language.effect_entries import EffectNumber
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions
 from tests.command import MACHINES
 from tests.elastic_guide import TOWERS, sliders
 from tests.kinds import PLANAR_KINDS, SPATIAL_KINDS

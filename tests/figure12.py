@@ -19,8 +19,8 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.campaigns import by_engine, shipped
 from tests.support import UM
 

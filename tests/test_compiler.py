@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import brentq
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.structures import point
 from tests.support import at, compiled, errors_of, model, overlay, poses_of, truth
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests import measured, structures
 from tests.measured import REDUNDANT, against_force_control, against_truth, hangprinter, hangprinter_readings
 from tests.support import UM, at, errors_of, model, overlay, poses_of, truth

@@ -21,9 +21,9 @@ from pkmcal_cli.calibration.identifiability import (
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.observability import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.report.parameters import combination_json, determined_sums
 from tests.command import run
 from tests.support import MACHINES, model

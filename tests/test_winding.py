@@ -13,8 +13,8 @@ import pytest
 from scipy.optimize import root
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.influence import idle_parameters
 from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction.influence import idle_parameters
 from tests.command import clean, run
 from tests.measured import jacobian_check
 from tests.support import at, model

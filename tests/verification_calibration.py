@@ -15,8 +15,8 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import combinations
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.report.parameters import determined_sums
 from tests import figure12, hangprinter_cases
 from tests.campaigns import by_engine, planted, shipped

@@ -11,10 +11,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation
-from pkmcal_cli.inverse import drive_positions
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import drive_travels
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "bench", "length")
 

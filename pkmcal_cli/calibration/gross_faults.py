@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.drive_columns import explain_by_prediction
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.scene import Scene
-from pkmcal_cli.inverse import drive_positions
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.tables.column_faults import explain_columns
 from pkmcal_cli.tables.mirror import brought_back, explain_frame
 from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit

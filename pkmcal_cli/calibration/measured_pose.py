@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import in_machine_frame
+from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions, independent_coordinates
 
 
 def poses_of(model: Model, readings: Array) -> Array:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.inverse import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.loading.covariates import at_rest, resting, with_covariates, with_directions
 from pkmcal_cli.loading.machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, joined_rows
+from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.tables.measurement_set import Measurements, concatenate
 from pkmcal_cli.tables.measurements import MeasurementStream
 from pkmcal_cli.travels import Travels

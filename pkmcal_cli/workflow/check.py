@@ -6,8 +6,8 @@ from typing import Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.influence import idle_parameters
 from pkmcal_cli.loading.machine import LoadedMachine, load_machine
+from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.machine import machine_json, show_machine
 from pkmcal_cli.workflow.arguments import one_stdin

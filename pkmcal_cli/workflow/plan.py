@@ -17,12 +17,12 @@ from pkmcal_cli.calibration.residual import evaluate, reasons
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis, candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.plan import Aim, Chosen, Plan, best_points, plan_of, whitened_blocks, with_rows
-from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.loading.poses import PoseSource, failed_rows
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.plan import PlanReport

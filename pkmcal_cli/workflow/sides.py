@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.inverse import DIRECTIONS, drive_positions
 from pkmcal_cli.loading.machine import LoadedMachine
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions
 
 _SHARE = 1e-3  # of the machine's size, or rad: how far away a motion towards the pose begins
 
