@@ -12,12 +12,12 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bound import problem_of
-from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.gross_errors.gross_faults import gross_faults
+from pkmcal_cli.gross_errors.hints import copied_rows, measurement_hints
+from pkmcal_cli.gross_errors.plausibility import Hint
 from pkmcal_cli.loading.machine import load_machine, load_measurements
 from pkmcal_cli.prediction import Rows, predict
-from pkmcal_cli.tables.plausibility import Hint
-from pkmcal_cli.workflow.hints import copied_rows, measurement_hints
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, SCISSORS, TRIGLIDE, run
 from tests.support import model, overlay

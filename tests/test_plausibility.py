@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pkmcal_cli.tables.column_faults import explain_columns
-from pkmcal_cli.tables.plausibility import find_limit_faults
+from pkmcal_cli.gross_errors.column_faults import explain_columns
+from pkmcal_cli.gross_errors.plausibility import find_limit_faults
 
 NAMES = ("x", "y", "rz")
 UNITS = ("mm", "mm", "deg")

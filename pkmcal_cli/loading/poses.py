@@ -16,11 +16,11 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.covariates import at_rest, resting, with_covariates, with_directions
 from pkmcal_cli.loading.machine import LoadedMachine
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.travel_limits import Travels
 from pkmcal_cli.prediction import Rows, joined_rows
 from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions, independent_coordinates
 from pkmcal_cli.tables.measurement_set import Measurements, concatenate
 from pkmcal_cli.tables.measurements import MeasurementStream
-from pkmcal_cli.travels import Travels
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
 OUT_OF_REACH = "out of reach: no drive positions for this TCP pose"

@@ -24,6 +24,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.calibration.settled import settle
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
@@ -35,7 +36,6 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
-from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
 _FOLDS = "5"
 _SCHEMES = ("session", "cells", "none")

@@ -88,9 +88,9 @@ def _check_tables(
 
     from pkmcal_cli.calibration.bound import problem_of
     from pkmcal_cli.calibration.residual import evaluate
+    from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
     from pkmcal_cli.loading.machine import load_measurements
     from pkmcal_cli.loading.poses import place_of
-    from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
     try:
         measured = load_measurements(loaded, paths)

@@ -17,6 +17,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.covariates import derived_directions
 from pkmcal_cli.loading.machine import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.loading.poses import place_of
@@ -26,7 +27,6 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.calibrate import unsolved
-from pkmcal_cli.workflow.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 
 MOST_ALPHA = 0.2
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise

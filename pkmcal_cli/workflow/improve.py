@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.improve import Improvement, improve
+from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading.machine import load_measurements
@@ -22,7 +23,6 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, check_alpha, prepare
-from pkmcal_cli.workflow.hints import nothing_measured
 
 FEWEST_TO_SPLIT = 20  # rows of which some can be kept apart
 

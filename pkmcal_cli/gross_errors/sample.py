@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, residuals
-from pkmcal_cli.tables.mirror import brought_back
-from pkmcal_cli.tables.plausibility import GROSS, rms, spread
+from pkmcal_cli.gross_errors.mirror import brought_back
+from pkmcal_cli.gross_errors.plausibility import GROSS, rms, spread
 
 IntArray = NDArray[np.intp]
 _ROWS = 200  # a sample of a long table shows a gross mistake as well

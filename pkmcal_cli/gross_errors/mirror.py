@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from pkmcal_cli.base.rotation import best_rotation
-from pkmcal_cli.tables.plausibility import (
+from pkmcal_cli.gross_errors.plausibility import (
     BETTER,
     EXPLAINED,
     FloatArray,

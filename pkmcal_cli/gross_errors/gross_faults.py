@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.drive_columns import explain_by_prediction
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.scene import Scene
+from pkmcal_cli.gross_errors.column_faults import explain_columns
+from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
+from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
+from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
+from pkmcal_cli.gross_errors.sample import Scene
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
-from pkmcal_cli.tables.column_faults import explain_columns
-from pkmcal_cli.tables.mirror import brought_back, explain_frame
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
-from pkmcal_cli.tables.row_shift import RowShift, apply_shifts, find_row_shifts
 from pkmcal_cli.units.unit_text import parse_unit
 
 IntArray = NDArray[np.intp]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, FloatArray, spread
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, FloatArray, spread
 
 IntArray = NDArray[np.intp]
 Seen = Callable[[FloatArray, FloatArray], FloatArray]

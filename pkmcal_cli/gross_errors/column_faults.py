@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from pkmcal_cli.tables.plausibility import (
+from pkmcal_cli.gross_errors.plausibility import (
     BETTER,
     EXPLAINED,
     FEW,

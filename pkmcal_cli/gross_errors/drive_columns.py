@@ -13,8 +13,8 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
 from pkmcal_cli.prediction import predict
-from pkmcal_cli.tables.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _ROWS = 16  # rows that are predicted

@@ -8,8 +8,8 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.gross_errors.plausibility import limit_excess
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.tables.plausibility import limit_excess
 from pkmcal_cli.units.unit_text import parse_unit
 
 

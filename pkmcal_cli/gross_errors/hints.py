@@ -10,12 +10,12 @@ import numpy as np
 from pkmcal_cli.base.errors import MAX_FAULTS, Fault, Location
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.gross_faults import gross_faults
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.gross_errors.gross_faults import gross_faults
+from pkmcal_cli.gross_errors.plausibility import find_limit_faults
 from pkmcal_cli.loading.machine import LoadedMachine
 from pkmcal_cli.loading.poses import Place, place_of
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.tables.plausibility import find_limit_faults
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _REACH = 20.0  # sizes of the machine: no TCP is as far away
