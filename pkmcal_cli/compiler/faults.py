@@ -13,9 +13,9 @@ from pkmcal_cli.compiler.numbers import is_zero
 from pkmcal_cli.compiler.paths import path_of
 from pkmcal_cli.compiler.physical import section_faults
 from pkmcal_cli.compiler.springs import stiffness_faults
-from pkmcal_cli.gross_errors.plausibility import limit_excess
 from pkmcal_cli.language.machine import End, Joint, Machine
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.travel_limits import limit_excess
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.yaml_source.tree import Path
 

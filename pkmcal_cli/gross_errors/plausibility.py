@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.model.travel_limits import limit_excess
 from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
 
 FloatArray = NDArray[np.float64]
@@ -68,15 +69,6 @@ def find_limit_faults(
 
 
 # --- against limits ---------------------------------------------------------------------------
-
-
-def limit_excess(values: FloatArray | float, limits: FloatArray | tuple[float, float]) -> FloatArray:
-    """By how much values lie outside [low, high]; 0 inside, within rounding of a limit, and where unknown (nan)."""
-    ends = np.asarray(limits)
-    finite = ends[np.isfinite(ends)]
-    slack = 1e-9 * float(np.abs(finite).max()) if finite.size else 0.0
-    excess = np.maximum(ends[0] - values, values - ends[1])
-    return np.where(excess > slack, excess, 0.0)
 
 
 def _outside(values: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:

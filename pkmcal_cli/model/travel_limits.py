@@ -8,7 +8,6 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.gross_errors.plausibility import limit_excess
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -42,3 +41,12 @@ class Travels:
         low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, self.worst[k]))
         rows = f"{outside} of {count(self.rows, 'position')}"
         return f"warning: `{actuator.name}` would leave its limits ({low} to {high}) at {rows}, at worst {worst}"
+
+
+def limit_excess(values: Array | float, limits: Array | tuple[float, float]) -> Array:
+    """By how much values lie outside [low, high]; 0 inside, within rounding of a limit, and where unknown (nan)."""
+    ends = np.asarray(limits)
+    finite = ends[np.isfinite(ends)]
+    slack = 1e-9 * float(np.abs(finite).max()) if finite.size else 0.0
+    excess = np.maximum(ends[0] - values, values - ends[1])
+    return np.where(excess > slack, excess, 0.0)
