@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.language.sense import RESERVED
+from pkmcal_cli.language.checks.consistency import RESERVED
 from pkmcal_cli.loading.machine import load_machine
 from tests.command import HANGPRINTER, MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, run
 

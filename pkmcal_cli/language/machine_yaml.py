@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 
 from pkmcal_cli.base.errors import FaultList
+from pkmcal_cli.language.checks.consistency import SenseCheck
+from pkmcal_cli.language.checks.references import NameCheck
+from pkmcal_cli.language.checks.validation import shape
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.names import NameCheck
 from pkmcal_cli.language.overlay import load
 from pkmcal_cli.language.resolve import Resolver
-from pkmcal_cli.language.sense import SenseCheck
-from pkmcal_cli.language.shape import shape
 
 
 def read_machine(path: str | os.PathLike[str]) -> Machine:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.binding import Binder, Slip
+from pkmcal_cli.language.checks.validation import Aside
 from pkmcal_cli.language.parts import Parameter, Ranges
 from pkmcal_cli.language.quantities import Draft, Quantity
-from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.units.dimensions import DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST

@@ -7,21 +7,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pkmcal_cli.base.errors import FaultList
-from pkmcal_cli.language.bench_sense import check_bench
 from pkmcal_cli.language.binding import Binder, Slip, article
+from pkmcal_cli.language.checks.bench import check_bench
+from pkmcal_cli.language.checks.expected_dimensions import Wanted, wanted
+from pkmcal_cli.language.checks.magnitudes import MagnitudeCheck, radian_warning
+from pkmcal_cli.language.checks.validation import Aside
 from pkmcal_cli.language.effect_entries import EffectResolver
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.magnitudes import MagnitudeCheck, radian_warning
 from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimension
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Parameter
 from pkmcal_cli.language.quantities import Draft, Quantity
 from pkmcal_cli.language.sensing import Sensor
-from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.language.walk import drafts, replaced
-from pkmcal_cli.language.wanted import Wanted, wanted
 from pkmcal_cli.units.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST

@@ -9,9 +9,9 @@ from typing import Any
 
 from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.expressions.parse import RESERVED
+from pkmcal_cli.language.checks.validation import Aside
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
-from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.language.walk import drafts
 from pkmcal_cli.units.unit_text import UNITS
 from pkmcal_cli.yaml_source.tree import Path, SourceMap

@@ -7,12 +7,12 @@ from typing import Any
 
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.channels import SensorChannel, channels_of
+from pkmcal_cli.language.checks.sensors import check_sensor
+from pkmcal_cli.language.checks.validation import Aside
 from pkmcal_cli.language.fields import PLANAR
 from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Beam, Machine, Stiffness
 from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint
-from pkmcal_cli.language.sensor_sense import check_sensor
-from pkmcal_cli.language.shape import Aside
 from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 

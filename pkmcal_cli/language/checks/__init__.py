@@ -1,0 +1,1 @@
+"""Consistency of a machine as written: references, dimensions, magnitudes, shapes."""
