@@ -16,7 +16,11 @@ from tests.command import ROOT, environment
 PACKAGE = ROOT / "pkmcal_cli"
 MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
 
-ROOMS = ["base", "units", "expressions", "yaml_source", "csv_files", "effects", "elements", "sensors", "language", "mechanism", "equilibrium", "model", "compiler", "prediction", "tables", "loading", "calibration", "gross_errors", "diagnosis", "report", "workflow", "commands", "app", "__main__"]
+ROOMS = (
+    "base", "units", "expressions", "yaml_source", "csv_files", "effects", "elements", "sensors", "language",
+    "mechanism", "equilibrium", "model", "compiler", "prediction", "tables", "loading", "calibration", "gross_errors",
+    "diagnosis", "report", "workflow", "commands", "app", "__main__",
+)  # fmt: skip
 """From the innermost outwards; a folder, or loose module, imports itself and those before it, also for types only."""
 
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from pkmcal_cli.errors import OutputError
-from pkmcal_cli.outputs import check_target
+from pkmcal_cli.base.errors import OutputError
+from pkmcal_cli.base.outputs import check_target
 from tests.command import SCISSORS, SHOPFLOOR, TRIGLIDE, Done, clean, environment, run
 
 MACHINE = {"m.yaml", "mid.yaml", "root.yaml"}
