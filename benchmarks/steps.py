@@ -52,8 +52,12 @@ def against_other_program(effort: Effort) -> list[Line]:
     planar, spatial = other_program.planar(ops, count), other_program.spatial(ops, count)
     frames = planar_frame(effort.rows(2000)), spatial_frame(effort.rows(512))
     return [
-        _compared(ops, "planar three-rod frame", "planar_three_rods", frames[0], planar, 5, effort),
-        _compared(ops, "spatial frame", "spatial_gough_stewart", frames[1], spatial, 2, effort),
+        _compared(
+            ops, "planar three-rod frame", "planar_three_rods", frame=frames[0], other=planar, least=5, effort=effort
+        ),
+        _compared(
+            ops, "spatial frame", "spatial_gough_stewart", frame=frames[1], other=spatial, least=2, effort=effort
+        ),
     ]
 
 

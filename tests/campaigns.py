@@ -30,7 +30,7 @@ SLOW_TRUTH = ("hexapod7", "hangprinter")
 """Machines of which 500 campaigns by the independent simulator take hours."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """A campaign before it is measured: true drive positions (N, A), parameters to identify, who simulates.
 
@@ -71,7 +71,14 @@ class Plan:
         q = self.positions if positions is None else positions
         spread = np.broadcast_to(self.sigma if sigma is None else sigma, readings.shape)
         drives = np.broadcast_to(self.drive_sigma, q.shape)
-        return Problem(self.model, Rows.at(q), readings, spread, drives, ~np.isnan(readings) & ~np.isnan(spread))
+        return Problem(
+            model=self.model,
+            rows=Rows.at(q),
+            readings=readings,
+            sigma=spread,
+            drive_sigma=drives,
+            measured=~np.isnan(readings) & ~np.isnan(spread),
+        )
 
     def measured(self, values: Array, rng: np.random.Generator) -> Problem:
         """What is measured at parameter values (P,), with noise of channels and drives."""
@@ -115,7 +122,16 @@ def shipped(name: str) -> Plan:
         positions = generate.campaigns()[name].set_values()
     sigma = np.array([c.sigma for c in machine.channels])
     drive_sigma = np.nan_to_num([a.sigma for a in machine.actuators])
-    plan = Plan(name, machine, positions, select(machine, "auto"), sigma, drive_sigma, "", lambda v: v)
+    plan = Plan(
+        name=name,
+        model=machine,
+        positions=positions,
+        selected=select(machine, "auto"),
+        sigma=sigma,
+        drive_sigma=drive_sigma,
+        source="",
+        simulate=lambda v: v,
+    )
     return by_engine(plan) if name in SLOW_TRUTH else by_truth(plan)
 
 
@@ -131,7 +147,7 @@ def planted(name: str) -> tuple[Plan, Fit, Array]:
     return plan, fit, (fit.values[plan.index] - values) / plan.ranges
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Coverage:
     """Campaigns of one plan: scores (n, p), errors in standard uncertainties, nan where undetermined; errors (n, p) in
     ranges; chi2, dof and number of directions held (n,)."""
@@ -177,14 +193,15 @@ def campaigns(plan: Plan, count: int, seed: int = 0, first: int = 0) -> Coverage
         rows.append((error / fit.std, error / plan.ranges, fit.chi2, fit.dof, fit.found.held.sum(), fit.status))
     scores, errors, chi2, dof, held, status = (list(c) for c in zip(*rows, strict=True))
     done = status.count("converged")
-    return Coverage(plan.selected, *(np.array(v) for v in (scores, errors, chi2, dof, held)), done)
+    arrays = {"scores": scores, "errors": errors, "chi2": chi2, "dof": dof, "held": held}
+    return Coverage(names=plan.selected, converged=done, **{name: np.array(v) for name, v in arrays.items()})
 
 
 def joined(parts: Iterable[Coverage]) -> Coverage:
     """All campaigns of a plan together."""
     parts = list(parts)
-    arrays = (np.concatenate([getattr(p, n) for p in parts]) for n in ("scores", "errors", "chi2", "dof", "held"))
-    return Coverage(parts[0].names, *arrays, sum(p.converged for p in parts))
+    arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in ("scores", "errors", "chi2", "dof", "held")}
+    return Coverage(names=parts[0].names, converged=sum(p.converged for p in parts), **arrays)
 
 
 def _batch(name: str, seed: int, first: int, count: int) -> Coverage:

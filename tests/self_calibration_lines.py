@@ -20,7 +20,7 @@ DIGITS = 7
 TAPE, CAMERA, BENCH = 0.2 * MM, 0.3 * MM, 0.5 * MM
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Case:
     """A machine of four lines, and what is measured of it. Lengths in mm, forces in N.
 

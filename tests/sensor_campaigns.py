@@ -29,7 +29,7 @@ Cells = dict[str, Any]
 """Readings (N,) in SI by header; NaN: not measured. Texts are labels."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """What a machine with planted errors does at N rows: set values `q` (N, A), the platform's place (N, 3), rotation
     vector (N, 3) and matrix, where its drives stand (N, A) and with what force."""
@@ -48,7 +48,7 @@ class Scene:
         return np.asarray(self.place + self.turn @ full)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
     """A campaign. `changes`: what the machine file says over the shipped one; `free`: parameters with planted errors,
     the others are exact and held; `measure`: readings with noise; `nuisance`: true values (SI) of what belongs to the
@@ -93,7 +93,9 @@ def at_set_values(case: Case, q: Array, values: Mapping[str, float]) -> Scene:
     spatial = found.tcp.shape[1] == 6
     place = found.tcp[:, :3] if spatial else np.pad(found.tcp[:, :2], ((0, 0), (0, 1)))
     vector = found.tcp[:, 3:] if spatial else np.pad(found.tcp[:, 2:], ((0, 0), (2, 0)))
-    return Scene(q, place, vector, exp(vector), found.travel, found.drive_force, values)
+    return Scene(
+        q=q, place=place, vector=vector, turn=exp(vector), travel=found.travel, force=found.drive_force, values=values
+    )
 
 
 def written(case: Case, scene: Scene, rng: Generator, folder: Path) -> tuple[Path, list[Path]]:

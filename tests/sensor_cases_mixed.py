@@ -67,47 +67,67 @@ def other_instruments_next_day(scene: Scene, rng: Generator) -> Cells:
 
 MIXED: tuple[Case, ...] = (
     Case(
-        "tracker_ballbar_and_bench", "delta4", MACHINE,
-        """{parameters: {bx: {nominal: 30, range: 3}, by: {nominal: -300, range: 3}, bz: {nominal: -900, range: 5}},
+        name="tracker_ballbar_and_bench",
+        machine="delta4",
+        free=MACHINE,
+        changes="""{parameters:
+          {bx: {nominal: 30, range: 3}, by: {nominal: -300, range: 3}, bz: {nominal: -900, range: 5}},
         ground: {ball: [bx, by, bz]},
         sensors: {tracker: {offset: [0, 0, -50], frame: fitted, sigma: 8 um},
         ballbar: {kind: distance, at: platform, offset: [5, 6, -70], to: ball, sigma: 1 um},
         pair: {kind: bench, of: l1a - l1b, reading: 0, sigma: 3 um},
         arm: {kind: bench, of: (l2a + l2b)/2, reading: 500, sigma: 5 um}}}""",
-        tracker_and_ballbar, pose("tracker") | {"bx": BALL[0], "by": BALL[1], "bz": BALL[2]},
+        measure=tracker_and_ballbar,
+        nuisance=pose("tracker") | {"bx": BALL[0], "by": BALL[1], "bz": BALL[2]},
         bench=lambda v, rng: {
             "pair": noisy(v["l1a"] - v["l1b"], 3 * UM, rng) / MM,
             "arm": noisy((v["l2a"] + v["l2b"]) / 2, 5 * UM, rng) / MM,
         },
     ),
     Case(
-        "probe_calipers_joint_and_current", "scissors", LENGTHS,
-        """{parameters: {kt: {nominal: 120, range: 5, unit: N}, i0: {nominal: 0, range: 100, unit: N},
+        name="probe_calipers_joint_and_current",
+        machine="scissors",
+        free=LENGTHS,
+        changes="""{parameters: {kt: {nominal: 120, range: 5, unit: N}, i0: {nominal: 0, range: 100, unit: N},
         e0: {nominal: 0, range: 0.05}},
         frames: {bed: {at: [0, -100], turn: 0.02}},
         sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], "on": bed, sigma: 2 um},
         calipers: {kind: span, at: platform, sigma: 5 um},
         pin: {kind: angle, at: B1, to: A1, zero: e0, sigma: 2 urad, unit: deg},
         current: {kind: force, drive: q2, column: amps, unit: "1", scale: kt, zero: i0, sigma: 0.05}}}""",
-        inside_the_machine, {"kt": FACTOR, "i0": BIAS, "e0": ANGLE_ZERO}, rows=60,
+        measure=inside_the_machine,
+        nuisance={"kt": FACTOR, "i0": BIAS, "e0": ANGLE_ZERO},
+        rows=60,
     ),
     Case(
-        "other_instruments_next_day", "scissors", LENGTHS,
-        f"""{{parameters: {{{DECLARED_BALL}, w0: {{nominal: 0, range: 5}}, ws: {{nominal: 1, range: 0.01, unit: "1"}}}},
+        name="other_instruments_next_day",
+        machine="scissors",
+        free=LENGTHS,
+        changes=f"""{{parameters:
+          {{{DECLARED_BALL}, w0: {{nominal: 0, range: 5}}, ws: {{nominal: 1, range: 0.01, unit: "1"}}}},
         ground: {{ball: [bx, by], hook: [-300, -900]}},
         sensors: {{grid: {{frame: fitted}},
         wire: {{kind: distance, at: platform, to: hook, zero: w0, scale: ws, sigma: 5 um}},
         ballbar: {BALLBAR}}}}}""",
-        other_instruments_next_day, {**frame(), **TRUE_BALL, "w0": 1.7e-3, "ws": 1.0029}, sessions=2, rows=70,
+        measure=other_instruments_next_day,
+        nuisance={**frame(), **TRUE_BALL, "w0": 1.7e-3, "ws": 1.0029},
+        sessions=2,
+        rows=70,
     ),
     Case(
-        "plate_moved_wire_newly_zeroed", "scissors", LENGTHS,
-        """{parameters: {w0: {nominal: 0, range: 5, per: session}},
+        name="plate_moved_wire_newly_zeroed",
+        machine="scissors",
+        free=LENGTHS,
+        changes="""{parameters: {w0: {nominal: 0, range: 5, per: session}},
         ground: {hook: [-300, -900]},
         sensors: {grid: {frame: fitted per session},
         wire: {kind: distance, at: platform, to: hook, zero: w0, scale: 1.0029, sigma: 5 um}}}""",
-        lambda s, rng: {f"grid.{k}": v for k, v in in_two_frames(s, rng).items()}
-        | {"wire [mm]": sometimes(wire_reading(s, rng, zeros_of_sessions(s)), 2)},
-        {**frame("[s0]"), **frame("[s1]"), "w0[s0]": 1.7e-3, "w0[s1]": -2.2e-3}, sessions=2, rows=50,
+        measure=lambda s, rng: (
+            {f"grid.{k}": v for k, v in in_two_frames(s, rng).items()}
+            | {"wire [mm]": sometimes(wire_reading(s, rng, zeros_of_sessions(s)), 2)}
+        ),
+        nuisance={**frame("[s0]"), **frame("[s1]"), "w0[s0]": 1.7e-3, "w0[s1]": -2.2e-3},
+        sessions=2,
+        rows=50,
     ),
-)  # fmt: skip
+)

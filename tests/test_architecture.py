@@ -15,6 +15,7 @@ from tests.command import ROOT, environment
 
 PACKAGE = ROOT / "pkmcal_cli"
 MAX_LINES, MAX_FUNCTION, MAX_DATA = 300, 40, 60
+MANY = 7  # values
 
 ROOMS = (
     "base", "units", "expressions", "yaml_source", "csv_files", "effects", "elements", "sensors", "language",
@@ -160,3 +161,24 @@ def test_nothing_names_a_place_of_this_computer() -> None:
     for file in [*MODULES, *TESTS, *ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), ROOT / ".ci" / "run"]:
         text = file.read_text(encoding="utf-8")
         assert not any(place in text for place in ("/" + "work/", "/home" + "/", "/root" + "/")), file
+
+
+def is_data(node: ast.AST) -> bool:
+    """Whether a class is a dataclass with seven fields or more."""
+    if not isinstance(node, ast.ClassDef) or not any("dataclass" in ast.unparse(d) for d in node.decorator_list):
+        return False
+    return sum(isinstance(n, ast.AnnAssign) and "ClassVar" not in ast.unparse(n.annotation) for n in node.body) >= MANY
+
+
+def test_many_values_have_names() -> None:
+    """Seven values in a row say nothing: wide dataclasses are made by keyword, and so are calls of seven."""
+    files = [*MODULES, *TESTS, *(ROOT / "benchmarks").glob("*.py")]
+    wide = [n for f in files for n in ast.walk(tree_of(f)) if is_data(n)]
+    assert len(wide) > 50
+    assert [n.name for n in wide if not any("kw_only=True" in ast.unparse(d) for d in n.decorator_list)] == []
+    functions = [n for f in files for n in ast.walk(tree_of(f)) if isinstance(n, ast.FunctionDef)]
+    of_any_length = {n.name for n in functions if n.args.vararg} | {"one_of"}
+    calls = [(f.name, n) for f in files for n in ast.walk(tree_of(f)) if isinstance(n, ast.Call)]
+    long = {(name, ast.unparse(n.func)) for name, n in calls if len(n.args) >= MANY}
+    others = {"ops.element", "ops.section", "ops.fix", "ops.load"}  # another program's interface has no names
+    assert {(name, f) for name, f in long if f.split(".")[-1] not in of_any_length and f not in others} == set()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
+import inspect
 import re
 import shlex
 from pathlib import Path
@@ -94,5 +97,19 @@ def test_a_command_is_one_small_module() -> None:
     """Read, call one function, write."""
     for name in COMMANDS:
         text = (ROOT / "pkmcal_cli" / "commands" / f"{name}.py").read_text()
-        body = text.partition('"""\n    from')[2] or text.partition('"""\n    import')[2]
-        assert 0 < len(body.splitlines()) <= 30
+        body = text[text.rindex('"""\n    ') :]
+        assert 1 < len(body.splitlines()) <= 10
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_are_what_is_asked_for(name: str) -> None:
+    """Every option of a command is a field of its request, or of what that consists of."""
+    module = importlib.import_module(f"pkmcal_cli.commands.{name}")
+    code = inspect.getsource(getattr(module, name))
+    kinds = [
+        getattr(importlib.import_module(m), k)
+        for m, k in re.findall(r"from (\S+) import (\w*(?:Request|Treatment))", code)
+    ]
+    if kinds:
+        asked = {f.name for kind in kinds for f in dataclasses.fields(kind)} - {"how"}
+        assert asked == set(inspect.signature(getattr(module, name)).parameters)

@@ -39,7 +39,7 @@ LINE = st.one_of(
 def test_fast_and_plain_reader_agree(rows: list[list[str]], separator: str, trailing: int) -> None:
     block = "".join(separator.join(row) + "\n" for row in rows)
     header = tuple(split_header(name) for name in ("x", "y", "id"))
-    form = Format(separator, ".", True, 1, header, trailing)
+    form = Format(separator=separator, decimal=".", decimal_seen=True, header_line=1, header=header, trailing=trailing)
     plan = Plan(("number", "number", "text"))
     results = []
     for fast in (True, False):

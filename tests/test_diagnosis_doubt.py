@@ -129,7 +129,7 @@ def test_resampled_rows_name_the_same_effect() -> None:
 def test_resampled_noise_names_now_this_now_that() -> None:
     """What is best in pure noise is best in few resamples."""
     ready = setting().ready
-    now = Search(ready.candidates, ready.problem, ready.selected, calibrated())
+    now = Search(candidates=ready.candidates, problem=ready.problem, declared=ready.selected, fit=calibrated())
     scored = score_all(now, now.open)
     best = scored.hypotheses[int(np.argmax(scored.log_bayes))]
     none = scored.log_bayes

@@ -148,7 +148,9 @@ def test_a_value_after_a_gap_stays_as_it_is() -> None:
     measured = np.array([[True], [True], [False], [True], [True]])
     memory = Memory(np.arange(5), 0.6, measured)
     x = np.array([1.0, 2.0, 0.0, 3.0, 5.0])
-    linear = Linear(x, np.zeros((5, 0)), (), np.zeros(0), (), 4, 1).prewhitened(memory)
+    linear = Linear(
+        residual=x, columns=np.zeros((5, 0)), names=(), ranges=np.zeros(0), projected=(), used=4, channels=1
+    ).prewhitened(memory)
     assert linear.residual == pytest.approx([1.0, (2 - 0.6) / 0.8, 0.0, 3.0, (5 - 1.8) / 0.8])
 
 
@@ -156,7 +158,7 @@ def test_weak_effects_must_be_confirmed() -> None:
     """With little evidence, what does not help rows held out is dropped and what helps stays; much evidence stays."""
     there = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.4)], 4))
     fit = identify(there.problem, there.selected)
-    plain = Search(there.candidates, there.problem, there.selected, fit)
+    plain = Search(candidates=there.candidates, problem=there.problem, declared=there.selected, fit=fit)
     names = {h.name: h for h in plain.open}
     idle = next(
         s
@@ -184,7 +186,9 @@ def test_gaps_are_no_memory() -> None:
     measured = problem.measured.copy()
     measured[np.arange(len(problem)) % 3 > 0, 1] = False
     problem = replace(problem, measured=measured)
-    now = Search(there.candidates, problem, there.selected, identify(problem, there.selected))
+    now = Search(
+        candidates=there.candidates, problem=problem, declared=there.selected, fit=identify(problem, there.selected)
+    )
     scored = score_all(now, ())
     assert scored.linear.memory is None
     assert noise_scale(scored.linear, problem, group_columns(problem)).variance < 1.3

@@ -68,7 +68,15 @@ def null_p_values() -> Array:
 def synthetic(columns: Array, projected: int, residual: Array) -> Linear:
     names = tuple(f"p{k}" for k in range(columns.shape[1]))
     ranges = np.full(len(names), 2.0)
-    return Linear(residual, columns, names, ranges, names[:projected], len(residual), 1)
+    return Linear(
+        residual=residual,
+        columns=columns,
+        names=names,
+        ranges=ranges,
+        projected=names[:projected],
+        used=len(residual),
+        channels=1,
+    )
 
 
 def test_what_declared_parameters_absorb_has_no_direction() -> None:
@@ -107,7 +115,9 @@ def test_score_estimate_is_the_refit_estimate_to_first_order(name: str) -> None:
     case = ready(campaign("scissors", [unit("scissors", keyword, at, 5).scaled(0.2)], 5))
     before = identify(case.problem, case.selected)
     (hypothesis,) = (h for h in case.candidates.hypotheses if h.name == name)
-    found = score_all(Search(case.candidates, case.problem, case.selected, before), [hypothesis])
+    found = score_all(
+        Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=before), [hypothesis]
+    )
     one = hypothesis.parameters[:1]  # a lag has no first order at null
     score = found.linear.score(found.linear.of(one))
     fit = identify(case.problem, (*case.selected, *one))

@@ -21,7 +21,14 @@ def off_by(name: str, positions: Array, errors: Array) -> Problem:
     """A nominal machine that reads its predictions plus errors (N, C); nan: not measured."""
     machine = model(name)
     readings = predict(machine, machine.nominal, Rows.at(positions)).values + errors
-    return Problem(machine, Rows.at(positions), readings, np.full(errors.shape, 1.0), 0 * positions, ~np.isnan(errors))
+    return Problem(
+        model=machine,
+        rows=Rows.at(positions),
+        readings=readings,
+        sigma=np.full(errors.shape, 1.0),
+        drive_sigma=0 * positions,
+        measured=~np.isnan(errors),
+    )
 
 
 def test_points() -> None:

@@ -191,14 +191,16 @@ sensors:
 def read_by(text: str, seed: int, size: float = 0.5) -> Problem:
     """Readings of other instruments on the delta, at 40 of its poses."""
     machine, rng = model(overlay("delta4", text)), np.random.default_rng(seed)
-    positions = shipped("delta4").positions[:40]
+    rows = Rows.at(shipped("delta4").positions[:40])
     free = np.array([p.identify for p in machine.parameters])
     values = machine.nominal + rng.normal(size=len(free)) * machine.ranges * size * free
     sigma = np.array([c.sigma for c in machine.channels])
-    readings = predict(machine, values, Rows.at(positions)).values
-    readings = readings + sigma * rng.normal(size=readings.shape)
+    readings = predict(machine, values, rows).values
+    readings += sigma * rng.normal(size=readings.shape)
     known = np.ones(readings.shape, dtype=bool)
-    return Problem(machine, Rows.at(positions), readings, sigma * known, np.zeros(positions.shape), known)
+    drives = np.zeros(rows.readings.shape)
+    noise = {"sigma": sigma * known, "drive_sigma": drives}
+    return Problem(model=machine, rows=rows, readings=readings, measured=known, **noise)
 
 
 @pytest.mark.parametrize("label", ["drives rotated", "drive turned", "drive in m", "rows one late", "rows two late"])

@@ -74,7 +74,12 @@ def measured(machine: Model, q: Array, errors: dict[str, float], noise: int | No
     if noise is not None:
         readings = readings + np.random.default_rng(noise).normal(size=readings.shape) * SIGMA
     return Problem(
-        machine, Rows.at(q), readings, np.full(readings.shape, SIGMA), np.zeros(q.shape), ~np.isnan(readings)
+        model=machine,
+        rows=Rows.at(q),
+        readings=readings,
+        sigma=np.full(readings.shape, SIGMA),
+        drive_sigma=np.zeros(q.shape),
+        measured=~np.isnan(readings),
     )
 
 

@@ -249,7 +249,16 @@ def self_measured(sigma: str) -> tuple[list[Problem], tuple[str, ...]]:
         spread = np.broadcast_to([c.sigma for c in machine.channels], readings.shape)
         spread = np.where([False, False, True], 5e-6, 1e-6 + 0 * spread)
         drives = np.broadcast_to(np.nan_to_num([a.sigma for a in machine.actuators]), q.shape)
-        problems.append(Problem(machine, Rows.at(q), readings, spread, drives, ~np.isnan(readings)))
+        problems.append(
+            Problem(
+                model=machine,
+                rows=Rows.at(q),
+                readings=readings,
+                sigma=spread,
+                drive_sigma=drives,
+                measured=~np.isnan(readings),
+            )
+        )
     return problems, names
 
 

@@ -208,7 +208,12 @@ def test_turns_near_pi(text: str) -> None:
     turned = readings[:, -1] / np.abs(readings[:, -1])
     assert set(turned) == {1.0, -1.0}
     problem = Problem(
-        machine, Rows.at(q), readings, np.broadcast_to(sigma, true.shape), 0 * q, np.ones(true.shape, dtype=bool)
+        model=machine,
+        rows=Rows.at(q),
+        readings=readings,
+        sigma=np.broadcast_to(sigma, true.shape),
+        drive_sigma=0 * q,
+        measured=np.ones(true.shape, dtype=bool),
     )
     fit = identify(problem, ("z0", "arm"))
     assert fit.status == "converged"

@@ -29,7 +29,9 @@ BAD = sorted(path.stem for path in (HERE / "bad" / "parameters").glob("*.yaml"))
 
 
 def parameter(name: str, unit: str, dimension: str = "length") -> ModelParameter:
-    return ModelParameter(name, 0.0, 1.0, (-math.inf, math.inf), unit, dimension, True)
+    return ModelParameter(
+        name=name, nominal=0.0, range=1.0, bounds=(-math.inf, math.inf), unit=unit, dimension=dimension, identify=True
+    )
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -69,9 +69,13 @@ def test_copies_and_neighbours_do_not_count() -> None:
     plan = shipped("scissors")
     problem = plan.problem(plan.simulate(plan.model.nominal))
     doubled = Problem(
-        problem.model, Rows.at(np.vstack([problem.rows.readings] * 2)), np.vstack([problem.readings] * 2),
-        np.vstack([problem.sigma] * 2), np.vstack([problem.drive_sigma] * 2), np.vstack([problem.measured] * 2),
-    )  # fmt: skip
+        model=problem.model,
+        rows=Rows.at(np.vstack([problem.rows.readings] * 2)),
+        readings=np.vstack([problem.readings] * 2),
+        sigma=np.vstack([problem.sigma] * 2),
+        drive_sigma=np.vstack([problem.drive_sigma] * 2),
+        measured=np.vstack([problem.measured] * 2),
+    )
     doubled = replace(doubled, copies=tuple(copies(doubled)))
     assert len(doubled.copies) == len(problem)
     assert (repeated_poses(doubled) == -1).all() and (repeated_poses(problem) == -1).all()

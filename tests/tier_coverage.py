@@ -113,7 +113,7 @@ TIERS: dict[str, Tier] = {
 }
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Counts:
     """Of campaigns: how many, converged; by parameter: interval holds the true value, has no end, is undetermined;
     sums of chi-square per degree of freedom, and of the share of parameters inside and its square."""
@@ -180,7 +180,7 @@ def plan_of(name: str) -> Plan:
 def measure(machine: str, tier: str, count: int, so_far: Counts | None = None) -> Counts:
     """Campaigns of a machine up to `count` of them; each has a seed of its own."""
     plan = plan_of(machine)
-    counts = so_far or Counts(plan.selected)
+    counts = so_far or Counts(names=plan.selected)
     for k in range(counts.campaigns, count):
         rng = np.random.default_rng([SEED, k])
         values = plan.drawn(rng)

@@ -35,7 +35,9 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     sigma = np.where(np.isnan(given), sigma, given)
     known = ~np.isnan(readings) & ~np.isnan(sigma)
     model = with_frames(model, rows, np.where(known, readings, np.nan))
-    problem = Problem(model, rows, readings, sigma, np.nan_to_num(drive_sigma), known)
+    problem = Problem(
+        model=model, rows=rows, readings=readings, sigma=sigma, drive_sigma=np.nan_to_num(drive_sigma), measured=known
+    )
     groups = tuple(copies(problem))
     known[[row for group in groups for row in group[1:]]] = False
     return usable(replace(problem, copies=groups))

@@ -15,7 +15,7 @@ from pkmcal_cli.calibration.residual import Evaluation
 _SIGNIFICANT = 0.01  # chance of a chi-square so large at which more is left than sigma explains
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """Result of an identification.
 

@@ -26,7 +26,7 @@ _SHARE = 1e-6  # a parameter takes part in a null direction when its component, 
 _TRACE = 0.1  # and in one that is seen a little, this: smaller components add their prior to the uncertainty instead
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Directions:
     """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak.
 
@@ -114,13 +114,20 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, known: in
         scaled = np.vstack([scaled, np.zeros((p - len(scaled), p))])
     if p == 0:
         empty = np.zeros(0)
-        return Directions(names, ranges, empty, np.zeros((0, 0)), empty.astype(bool), empty.astype(bool))
+        return Directions(
+            names=names,
+            ranges=ranges,
+            singular_values=empty,
+            vectors=np.zeros((0, 0)),
+            null=empty.astype(bool),
+            weak=empty.astype(bool),
+        )
     if len(scaled) > 4 * p:
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, s, vt = np.linalg.svd(scaled)
     null = (s <= NULL * s[0]) | (s < UNSEEN)
     weak = ~null & (s < WEAK * (1 - 1e-9))  # what nothing but the ranges know is not weak
-    return Directions(names, ranges, s, vt, null, weak, known=besides)
+    return Directions(names=names, ranges=ranges, singular_values=s, vectors=vt, null=null, weak=weak, known=besides)
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ def _identified(
     failed = reasons(problem, lead)
     kept, now = _kept(problem, first, lead, failed)
     if fixed:
-        return _finished(kept, selected, first, now, "nothing_identifiable", 0, failed)
+        return _finished(kept, selected, first, last=now, status="nothing_identifiable", count=0, failed=failed)
     damping, status, chi2 = 0.0, "", list[float]()
     while len(chi2) < iterations and not status:
         near = linearise(kept, now)
@@ -133,7 +133,7 @@ def _identified(
             kept, now = _kept(problem, first, evaluate(problem, now.values, selected, now.state, now.shift), failed)
         if progress is not None:
             progress(len(chi2), near.chi2)
-    fit = _finished(kept, selected, first, now, status or "not_converged", len(chi2), failed)
+    fit = _finished(kept, selected, first, last=now, status=status or "not_converged", count=len(chi2), failed=failed)
     return replace(fit, flat=_flat([*chi2, fit.chi2]))
 
 
@@ -215,16 +215,16 @@ def _finished(
     moved = int((~found.held).sum()) - int(on_bound.sum())
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)
     return Fit(
-        last.values,
-        selected,
-        found,
-        first,
-        evaluate(problem, last.values, start=last.state) if last.shift.any() else last,
-        near.chi2,
-        problem.count + near.known - max(moved, 0),
-        status,
-        count,
-        names,
-        last,
-        failed,
+        values=last.values,
+        selected=selected,
+        found=found,
+        before=first,
+        after=evaluate(problem, last.values, start=last.state) if last.shift.any() else last,
+        chi2=near.chi2,
+        dof=problem.count + near.known - max(moved, 0),
+        status=status,
+        iterations=count,
+        at_bound=names,
+        last=last,
+        failed=failed,
     )

@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Observability:
     """Of the range-scaled, whitened Jacobian.
 
@@ -52,16 +52,16 @@ def observability(problem: Problem, values: Array, selected: tuple[str, ...]) ->
         found = directions(near.jacobian[:, keep], names, ranges[keep])
     covariance = found.covariance()
     return Observability(
-        found,
-        _paper_condition(part, solved, names, ranges[keep], keep),
-        observability_indices(found.singular_values, part.count),
-        np.sqrt(np.diag(covariance)) if names else np.zeros(0),
-        combinations(found),
-        evaluation,
-        part.count,
-        names,
-        datum,
-        found.std_of_data(),
+        found=found,
+        condition_number=_paper_condition(part, solved, names, ranges[keep], keep),
+        indices=observability_indices(found.singular_values, part.count),
+        std=np.sqrt(np.diag(covariance)) if names else np.zeros(0),
+        undetermined=combinations(found),
+        evaluation=evaluation,
+        count=part.count,
+        selected=names,
+        datum=datum,
+        alone=found.std_of_data(),
     )
 
 

@@ -16,7 +16,7 @@ from pkmcal_cli.model.model import Model, tcp_model
 from pkmcal_cli.prediction import Rows, predict
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Problem:
     """A model and what was measured: readings (N, C), their sigma (N, C) and that of the drives as travel (N, A).
 
@@ -158,4 +158,6 @@ def design_problem(model: Model, rows: Rows, measured: NDArray[np.bool_] | None 
     sigma = stated_sigma(model, np.full(shape, np.nan) if far is None else far)
     drives = np.tile(np.nan_to_num([a.sigma for a in model.actuators]), (len(rows), 1))
     on = ~np.isnan(sigma) if measured is None else measured & ~np.isnan(sigma)
-    return usable(Problem(model, rows, np.full(shape, np.nan), sigma, drives, on))
+    return usable(
+        Problem(model=model, rows=rows, readings=np.full(shape, np.nan), sigma=sigma, drive_sigma=drives, measured=on)
+    )

@@ -17,13 +17,14 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.same_poses import poses_alike
+from pkmcal_cli.model.model import Channel
 from pkmcal_cli.units.unit_text import parse_unit
 
 DOUBT = 0.01  # probability below which the stated sigma is not believed
 _SAME = 1e-4  # share of a drive's spread that readings of one pose may differ by
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReplicateNoise:
     """Noise of a channel: standard deviation `std` within `n_groups` repeated poses, and the stated `sigma`, SI.
 
@@ -71,16 +72,14 @@ def replicate_noise(problem: Problem, fit: Fit) -> tuple[ReplicateNoise, ...]:
             rows = np.nonzero(problem.measured[:, k] & np.isfinite(residual[:, k]) & (groups >= 0))[0]
             sigma = problem.sigma[rows, k]
             spread = np.sqrt(sigma**2 + from_drives[rows, k])
-            each = _noise(groups[rows], residual[rows, k], sigma, spread)
-            if each is not None:
-                found.append(ReplicateNoise(channel.name, *each[:4], channel.unit, each[4]))
-    return tuple(found)
+            found.append(_noise(channel, groups[rows], residual[rows, k], sigma, spread))
+    return tuple(noise for noise in found if noise is not None)
 
 
 def _noise(
-    groups: NDArray[np.intp], residual: Array, sigma: Array, spread: Array
-) -> tuple[int, int, float, float, float] | None:
-    """Groups, degrees of freedom, standard deviation, stated sigma and p-value; None without two of one group.
+    channel: Channel, groups: NDArray[np.intp], residual: Array, sigma: Array, spread: Array
+) -> ReplicateNoise | None:
+    """Of a channel's residuals (n,) in groups (n,); None without two of one group.
 
     sigma, spread (n,): stated, without and with errors of the drives.
     """
@@ -94,7 +93,15 @@ def _noise(
     low, high = (_weighed(place[many], residual[many], s[many], len(numbers)) for s in (sigma, spread))
     p = 2 * min(float(chdtr(freedom, low)), float(chdtrc(freedom, high)))
     std = float(np.sqrt((rest**2).sum() / freedom))
-    return int((size > 1).sum()), freedom, std, float(np.sqrt(np.mean(sigma[many] ** 2))), min(1.0, p)
+    return ReplicateNoise(
+        channel=channel.name,
+        n_groups=int((size > 1).sum()),
+        degrees_of_freedom=freedom,
+        std=std,
+        sigma=float(np.sqrt(np.mean(sigma[many] ** 2))),
+        unit=channel.unit,
+        p_value=min(1.0, p),
+    )
 
 
 def _weighed(place: NDArray[np.intp], residual: Array, sigma: Array, count: int) -> float:

@@ -113,7 +113,7 @@ def _nearest_turn(measured: Array, predicted: Array) -> Array:
     return np.where(near[:, None], other, measured)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearised:
     """A problem near one evaluation: whitened residuals (N * C + k,) and Jacobian (N * C + k, P'), the drives' part.
 
@@ -175,14 +175,14 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     flat = jacobian.reshape(problem.readings.size, found.jacobian.shape[2])
     errors, columns = _known(problem, evaluation)
     return Linearised(
-        np.concatenate([residual.ravel(), errors]),
-        np.vstack([flat, columns]),
-        tuple(drives),
-        (1.0 - free) * evaluation.shift,
-        chi_square(problem, evaluation),
-        (1.0 - free) * _drive_chi_square(problem, evaluation),
-        len(errors),
-        root,
+        residual=np.concatenate([residual.ravel(), errors]),
+        jacobian=np.vstack([flat, columns]),
+        drives=tuple(drives),
+        kept=(1.0 - free) * evaluation.shift,
+        chi2=chi_square(problem, evaluation),
+        least=(1.0 - free) * _drive_chi_square(problem, evaluation),
+        known=len(errors),
+        root=root,
     )
 
 

@@ -31,7 +31,7 @@ _LEAST = 1e-8  # weight of a value that is left out
 _FEWEST = 10  # values of a channel by which its scale is judged
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Doubtful:
     """A value that a robust fit weighs down.
 
@@ -157,7 +157,17 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
             worst = int(np.argmax(np.abs(step))) if len(step) else 0
             moved = (fit.selected[worst], float(step[worst])) if len(step) else ("", 0.0)
             far = float(off[row, k] * unit[row, k])
-            found.append(Doubtful(row, k, far, float(deviation[row, k]), weight, leverage, moved))
+            found.append(
+                Doubtful(
+                    row=row,
+                    channel=k,
+                    off=far,
+                    deviation=float(deviation[row, k]),
+                    weight=weight,
+                    leverage=leverage,
+                    moved=moved,
+                )
+            )
     return tuple(sorted(found, key=lambda d: -abs(d.deviation)))
 
 

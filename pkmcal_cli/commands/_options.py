@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Annotated, Any, TypeVar, cast
 
 import typer
+
+Record = TypeVar("Record")
+
+
+def as_request(kind: type[Record], options: Mapping[str, Any], **rest: Any) -> Record:
+    """A record whose fields are options of a command, by their names; lists, which may be absent, as tuples."""
+    own = {f.name: options[f.name] for f in fields(cast(Any, kind)) if f.name not in rest}
+    return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}, **rest)
+
 
 MachineFile = Annotated[str, typer.Argument(metavar="MACHINE.yaml", help="Machine file; - is stdin.")]
 PosesFile = Annotated[

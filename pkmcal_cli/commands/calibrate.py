@@ -18,6 +18,7 @@ from pkmcal_cli.commands._options import (
     Select,
     Starts,
     Uncertainty,
+    as_request,
 )
 
 
@@ -52,11 +53,9 @@ def calibrate(
 
     Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
     """
+    options = locals()
     from pkmcal_cli.calibration.fitted import Treatment
     from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
-    how = Treatment(loss, prior, uncertainty, seed, starts)
-    request = CalibrationRequest(
-        machine, tuple(measurements), output, select, holdout, parameters, how, max_rms, as_json, quiet, force
-    )
-    raise typer.Exit(run_calibration(request))
+    how = as_request(Treatment, options)
+    raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, how=how)))

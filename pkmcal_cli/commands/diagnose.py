@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Json, MachineFile, Quiet, Select
+from pkmcal_cli.commands._options import Json, MachineFile, Quiet, Select, as_request
 
 
 def diagnose(
@@ -28,7 +28,7 @@ def diagnose(
 
     Example: pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv
     """
+    options = locals()
     from pkmcal_cli.workflow.diagnose import DiagnosisRequest, run_diagnosis
 
-    request = DiagnosisRequest(machine, tuple(measurements), select, alpha, seed, plots, as_json, quiet)
-    raise typer.Exit(run_diagnosis(request))
+    raise typer.Exit(run_diagnosis(as_request(DiagnosisRequest, options)))

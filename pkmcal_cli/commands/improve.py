@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Json, MachineFile, Quiet, Select
+from pkmcal_cli.commands._options import Force, Json, MachineFile, Quiet, Select, as_request
 
 
 def improve(
@@ -31,9 +31,7 @@ def improve(
 
     Example: pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv -o improved.yaml
     """
+    options = locals()
     from pkmcal_cli.workflow.improve import ImproveRequest, run_improvement
 
-    request = ImproveRequest(
-        machine, tuple(measurements), validation, output, select, alpha, seed, as_json, quiet, force
-    )
-    raise typer.Exit(run_improvement(request))
+    raise typer.Exit(run_improvement(as_request(ImproveRequest, options)))

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import typer
 
-from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, Select
+from pkmcal_cli.commands._options import (
+    Grid,
+    Json,
+    MachineFile,
+    Offset,
+    Parameters,
+    PosesFile,
+    Quiet,
+    Select,
+    as_request,
+)
 
 
 def observability(
@@ -21,7 +31,7 @@ def observability(
 
     Example: pkmcal observability machines/triglide-nonredundant.yaml --grid "x=0:950:3,y=160:390:77"
     """
+    options = locals()
     from pkmcal_cli.workflow.analysis import AnalysisRequest, run_observability
 
-    request = AnalysisRequest(machine, poses, grid, parameters, select, tuple(offset or ()), as_json, quiet)
-    raise typer.Exit(run_observability(request))
+    raise typer.Exit(run_observability(as_request(AnalysisRequest, options)))

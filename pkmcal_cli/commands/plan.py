@@ -6,7 +6,17 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet, Select
+from pkmcal_cli.commands._options import (
+    Force,
+    Grid,
+    Json,
+    MachineFile,
+    Parameters,
+    PosesFile,
+    Quiet,
+    Select,
+    as_request,
+)
 
 
 def plan(
@@ -35,9 +45,7 @@ def plan(
 
     Example: pkmcal plan machines/scissors.yaml --grid "x=-200:200:6,y=-200:200:6" --separate backlash@q1,backlash@q2
     """
+    options = locals()
     from pkmcal_cli.workflow.plan import PlanRequest, run_plan
 
-    request = PlanRequest(
-        machine, poses, grid, parameters, select, see, separate, determine, points, output, seed, as_json, quiet, force
-    )
-    raise typer.Exit(run_plan(request))
+    raise typer.Exit(run_plan(as_request(PlanRequest, options)))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet
+from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, as_request
 
 
 def sensitivity(
@@ -26,7 +26,7 @@ def sensitivity(
 
     Example: pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
     """
+    options = locals()
     from pkmcal_cli.workflow.analysis import AnalysisRequest, run_sensitivity
 
-    request = AnalysisRequest(machine, poses, grid, parameters, select, tuple(offset or ()), as_json, quiet)
-    raise typer.Exit(run_sensitivity(request))
+    raise typer.Exit(run_sensitivity(as_request(AnalysisRequest, options)))

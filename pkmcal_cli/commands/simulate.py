@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet
+from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet, as_request
 
 
 def simulate(
@@ -35,9 +35,7 @@ def simulate(
 
     Example: pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
     """
+    options = locals()
     from pkmcal_cli.workflow.simulate import SimulationRequest, run_simulation
 
-    request = SimulationRequest(
-        machine, poses, grid, parameters, method, noise, seed, forces, uncertainty, output, as_json, quiet, force
-    )
-    raise typer.Exit(run_simulation(request))
+    raise typer.Exit(run_simulation(as_request(SimulationRequest, options)))

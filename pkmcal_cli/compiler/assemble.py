@@ -37,7 +37,7 @@ class Gap:
     value: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mobility:
     """What the ranks at the drawing say."""
 
@@ -210,17 +210,17 @@ def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[s
     engaged_system = all_drives(layout, DriveState.ENGAGED)
     engaged = _strains(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
     return Mobility(
-        released.shape[1],
-        freedom,
-        len(layout.drives),
-        len(layout.drives) - freedom,
-        own_stress,
-        held,
-        loud,
-        substructure.shape[1] - rs,
-        substructure.shape[0] - rs - own_stress,
-        _rigid_loops(engaged.names, engaged.jacobian[engaged.rigid], engaged.rigid),
-        near_drawing(layout, length),
+        unknowns=released.shape[1],
+        degrees_of_freedom=freedom,
+        actuators=len(layout.drives),
+        redundancy=len(layout.drives) - freedom,
+        self_stress=own_stress,
+        free_motions=held,
+        uncontrolled=loud,
+        undetermined=substructure.shape[1] - rs,
+        overdetermined=substructure.shape[0] - rs - own_stress,
+        rigid_loops=_rigid_loops(engaged.names, engaged.jacobian[engaged.rigid], engaged.rigid),
+        nearby=near_drawing(layout, length),
     )
 
 

@@ -53,10 +53,10 @@ def _beam_end(structure: Structure, name: str, side: int, beam: BeamSpec, chord:
             structure,
             label,
             end.joint,
-            rows,
-            (structure.port(node, rows[-1][0] == "r"), port),
-            triad,
-            end.stiffness,
+            rows=rows,
+            ports=(structure.port(node, rows[-1][0] == "r"), port),
+            triad=triad,
+            stiffness=end.stiffness,
         )
     return port
 

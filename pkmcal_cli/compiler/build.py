@@ -107,8 +107,8 @@ class _Draft:
 
 def _draft(machine: Machine, drawing: Drawing, receptive: bool) -> _Draft:
     """One pass over the machine."""
-    builder = LayoutBuilder(machine.space == "planar", nominal=machine.nominal_values())
-    structure = Structure(machine, drawing, builder, receptive=receptive)
+    builder = LayoutBuilder(planar=machine.space == "planar", nominal=machine.nominal_values())
+    structure = Structure(machine=machine, drawing=drawing, builder=builder, receptive=receptive)
     structure.prepare()
     for name in [*machine.bodies, *machine.nodes, *structure.owner]:
         structure.point(name)
@@ -156,14 +156,14 @@ def _aim_at_tcp(structure: Structure, rotation: int) -> None:
 def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors: SensorTable, length: float) -> Model:
     parameters = tuple(
         ModelParameter(
-            name,
-            p.nominal,
-            p.range,
-            p.bounds if p.bounds is not None else (-math.inf, math.inf),
-            p.unit,
-            p.dimension.name,
-            p.identify,
-            p.per == "session",
+            name=name,
+            nominal=p.nominal,
+            range=p.range,
+            bounds=p.bounds if p.bounds is not None else (-math.inf, math.inf),
+            unit=p.unit,
+            dimension=p.dimension.name,
+            identify=p.identify,
+            per_session=p.per == "session",
         )
         for name, p in machine.parameters.items()
     )
@@ -174,18 +174,18 @@ def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors:
         channels.append(channel)
     readings = _drawn_readings(layout, actuators)
     return Model(
-        machine.files[0][0] if machine.files else "machine",
-        layout,
-        parameters,
-        actuators,
-        tuple(channels),
-        length,
-        readings,
-        (0, sensors.tcp),
-        _tcp_drawn(layout, 0, sensors.tcp),
-        tuple(sensors.views),
-        tuple(sensors.direct),
-        tuple(sensors.sensors),
+        name=machine.files[0][0] if machine.files else "machine",
+        layout=layout,
+        parameters=parameters,
+        actuators=actuators,
+        channels=tuple(channels),
+        length=length,
+        drawn_readings=readings,
+        tcp=(0, sensors.tcp),
+        tcp_drawn=_tcp_drawn(layout, 0, sensors.tcp),
+        views=tuple(sensors.views),
+        direct=tuple(sensors.direct),
+        sensors=tuple(sensors.sensors),
         correlated=sensors.correlated(machine),
     )
 
@@ -199,7 +199,15 @@ def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator
     sigma = math.nan if spec.sigma is None else spec.sigma.number(nominal)
     dimension = spec.reading_dimension
     unit = spec.unit or machine.file_units.unit(dimension).text
-    return Actuator(placed.drive.name, placed.gain_slot, (low, high), sigma, unit, dimension.name, placed.force_slot)
+    return Actuator(
+        name=placed.drive.name,
+        gain_slot=placed.gain_slot,
+        limits=(low, high),
+        sigma=sigma,
+        unit=unit,
+        dimension=dimension.name,
+        force_slot=placed.force_slot,
+    )
 
 
 def _drive_channels(layout: Layout, actuators: tuple[Actuator, ...]) -> list[Channel]:
@@ -208,7 +216,17 @@ def _drive_channels(layout: Layout, actuators: tuple[Actuator, ...]) -> list[Cha
     for a, (drive, actuator) in enumerate(zip(layout.drives, actuators, strict=True)):
         if drive.force_controlled:
             gain = abs(float(layout.slots.constants[actuator.gain_slot]))
-            out.append(Channel(drive.name, "drive", a, 0, actuator.sigma / gain, actuator.unit, actuator.dimension))
+            out.append(
+                Channel(
+                    name=drive.name,
+                    quantity="drive",
+                    index=a,
+                    component=0,
+                    sigma=actuator.sigma / gain,
+                    unit=actuator.unit,
+                    dimension=actuator.dimension,
+                )
+            )
     return out
 
 

@@ -100,7 +100,17 @@ def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDriv
 
 def _drive(name: str, actuator: Actuator, kind: DriveKind, slot: int, target: tuple[int, ...], sign: float) -> Drive:
     forced = not actuator.holds
-    return Drive(name, kind, slot, target, -1, sign, actuator.redundant, forced, actuator.stiffness is None)
+    return Drive(
+        name=name,
+        kind=kind,
+        slot=slot,
+        target=target,
+        force_slot=-1,
+        force_sign=sign,
+        redundant=actuator.redundant,
+        force_controlled=forced,
+        rigid=actuator.stiffness is None,
+    )
 
 
 def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[Drive, str, str]:
@@ -125,12 +135,12 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         structure,
         element,
         "prismatic",
-        ("x",),
-        ports,
-        triad_along(axis),
-        None,
-        {"x": base},
-        {"x": number(actuator.stiffness)},
+        rows=("x",),
+        ports=ports,
+        triad=triad_along(axis),
+        stiffness=None,
+        rest={"x": base},
+        extra={"x": number(actuator.stiffness)},
     )
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "x"
 
@@ -172,7 +182,17 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     stiffness = {} if actuator.stiffness is None else {"angle": number(actuator.stiffness)}
     rest = {"angle": combined(lambda z: z - offset, zero)}
     element = f"{name}.drive"
-    add_joint_link(structure, element, "revolute", ("angle",), ports, triad_about(about), None, rest, stiffness)
+    add_joint_link(
+        structure,
+        element,
+        "revolute",
+        rows=("angle",),
+        ports=ports,
+        triad=triad_about(about),
+        stiffness=None,
+        rest=rest,
+        extra=stiffness,
+    )
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "angle"
 
 

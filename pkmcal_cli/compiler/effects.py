@@ -80,7 +80,17 @@ def placed_effect(
         name = f"{effect.keyword}@{at}.{spec.name}"
         dimension = unit.dimension.name
         text = "" if unit.text == "1" else unit.text
-        parameters.append(ModelParameter(name, entry.value, spread, bounds, text, dimension, entry.identify))
+        parameters.append(
+            ModelParameter(
+                name=name,
+                nominal=entry.value,
+                range=spread,
+                bounds=bounds,
+                unit=text,
+                dimension=dimension,
+                identify=entry.identify,
+            )
+        )
     options = {
         option.name: entries[option.name].interval or (entries[option.name].value,)
         for option in effect.options

@@ -36,7 +36,17 @@ def add_joints(structure: Structure) -> None:
             ports = (structure.port(joint.between[0], turning), structure.port(joint.between[1], turning))
             chord = structure.position(ports[1].point) - structure.position(ports[0].point)
             triad = joint_triad(structure, joint, chord if chord.any() else np.array([0.0, 0.0, 1.0]))
-            add_joint_link(structure, name, joint.type, rows, ports, triad, joint.stiffness, None, extra)
+            add_joint_link(
+                structure,
+                name,
+                joint.type,
+                rows=rows,
+                ports=ports,
+                triad=triad,
+                stiffness=joint.stiffness,
+                rest=None,
+                extra=extra,
+            )
 
 
 def _axis_built_in(structure: Structure, name: str) -> bool:
@@ -63,10 +73,10 @@ def add_guides(structure: Structure) -> None:
             structure,
             f"{name}.guidance",
             "fixed",
-            rows,
-            ports,
-            triad,
-            structure.machine.guides[body.on].stiffness,
+            rows=rows,
+            ports=ports,
+            triad=triad,
+            stiffness=structure.machine.guides[body.on].stiffness,
         )
 
 

@@ -137,7 +137,11 @@ class SensorTable:
                 )
         where = np.array([k for k, _ in channels], dtype=np.intp)
         outputs = np.array([c.output for _, c in channels], dtype=np.intp)
-        self.sensors.append(PlacedSensor(name, kind, where, outputs, given, point, rotation))
+        self.sensors.append(
+            PlacedSensor(
+                name=name, kind=kind, channels=where, outputs=outputs, given=given, point=point, rotation=rotation
+            )
+        )
 
     def _plain(self, channel: SensorChannel, point: int, rotation: int) -> int:
         if channel.quantity == "orientation":
@@ -176,7 +180,17 @@ class SensorTable:
             component = max(c.output - 3, 0) if c.quantity == "orientation" else c.output
             once = sensor.reading.number(nominal) if sensor.reading is not None else math.nan
             out.append(
-                Channel(c.name, c.quantity, index, component, stated, c.unit.text, c.dimension.name, growth, once)
+                Channel(
+                    name=c.name,
+                    quantity=c.quantity,
+                    index=index,
+                    component=component,
+                    sigma=stated,
+                    unit=c.unit.text,
+                    dimension=c.dimension.name,
+                    sigma_per_length=growth,
+                    once=once,
+                )
             )
         return out
 

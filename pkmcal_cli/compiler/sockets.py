@@ -85,14 +85,19 @@ def _commands(c: _Collector) -> Named:
         kind, radius = _kind(c, a)
         period = c.structure.machine.actuators[drive.name].period
         repeats = math.nan if period is None else period.number(c.structure.nominal)
-        made = Socket(drive.name, _slots(drive.slot), _ONE, actuator=a, length=radius, kind=kind, period=repeats)
+        made = Socket(
+            part=drive.name, slots=_slots(drive.slot), matrix=_ONE, actuator=a, length=radius, kind=kind, period=repeats
+        )
         yield drive.name, (made,)
 
 
 def _drive_forces(c: _Collector) -> Named:
     for a, drive in enumerate(c.layout.drives):
         if drive.force_controlled:
-            yield drive.name, (Socket(drive.name, _slots(drive.force_slot), drive.force_sign * _ONE, actuator=a),)
+            yield (
+                drive.name,
+                (Socket(part=drive.name, slots=_slots(drive.force_slot), matrix=drive.force_sign * _ONE, actuator=a),),
+            )
 
 
 def _lengths(c: _Collector) -> Named:
@@ -105,7 +110,14 @@ def _lengths(c: _Collector) -> Named:
         share = 1.0 / len(pieces)
         total = sum(length for _, _, length in pieces)
         slots = np.array([slot for slot, _, _ in pieces])
-        yield name, (Socket(name, slots, np.full((len(pieces), 1), share), member=pieces[0][1], length=total),)
+        yield (
+            name,
+            (
+                Socket(
+                    part=name, slots=slots, matrix=np.full((len(pieces), 1), share), member=pieces[0][1], length=total
+                ),
+            ),
+        )
 
 
 def _travelling(c: _Collector) -> Iterator[tuple[str, str, int]]:
@@ -129,7 +141,9 @@ def _guides(c: _Collector) -> Named:
                 normal /= np.sqrt(normal @ normal)
                 down = np.array([gravity @ triad @ normal, 0.0, 0.0])
                 name = f"{guide}.{_AXES[k]}"
-                made = Socket(guide, c.offset("carriage", body), normal[:, None], actuator=a, down=down)
+                made = Socket(
+                    part=guide, slots=c.offset("carriage", body), matrix=normal[:, None], actuator=a, down=down
+                )
                 found.setdefault(name, []).append(made)
     for name, made_all in found.items():
         yield name, tuple(made_all)
@@ -153,7 +167,7 @@ def _carriages(c: _Collector) -> Named:
         for k in [2] if c.layout.planar else range(3):
             moved = (skew(np.eye(3)[k]) @ arms.T).T.reshape(-1, 1)
             if moved.any():
-                yield f"{body}.r{_AXES[k]}", (Socket(body, slots, moved, actuator=a),)
+                yield f"{body}.r{_AXES[k]}", (Socket(part=body, slots=slots, matrix=moved, actuator=a),)
 
 
 def _tilts(c: _Collector, body: str, a: int) -> Named:
@@ -163,7 +177,7 @@ def _tilts(c: _Collector, body: str, a: int) -> Named:
         for m, strain in enumerate(strains):
             if strain[0] == "r":
                 slot = group.rest.start + e * len(strains) + m
-                yield f"{body}.{strain}", (Socket(body, _slots(slot), _ONE, actuator=a),)
+                yield f"{body}.{strain}", (Socket(part=body, slots=_slots(slot), matrix=_ONE, actuator=a),)
 
 
 def _turn_is_felt(c: _Collector, body: str) -> bool:
@@ -185,7 +199,7 @@ def _base(c: _Collector) -> Named:
             slots = c.offset(kind, name)
             matrix = np.eye(3)
             matrix[c.axes :] = 0.0
-            yield name, (Socket(name, slots, matrix, at=c.layout.slots.constants[slots]),)
+            yield name, (Socket(part=name, slots=slots, matrix=matrix, at=c.layout.slots.constants[slots]),)
 
 
 def _tools(c: _Collector) -> Named:
@@ -193,14 +207,14 @@ def _tools(c: _Collector) -> Named:
         if sensor.name and (TOOL, sensor.name) in c.structure.anchors:
             matrix = np.eye(3)
             matrix[c.axes :] = 0.0
-            yield sensor.name, (Socket(sensor.name, c.offset(TOOL, sensor.name), matrix),)
+            yield sensor.name, (Socket(part=sensor.name, slots=c.offset(TOOL, sensor.name), matrix=matrix),)
 
 
 def _instrument_frames(c: _Collector) -> Named:
     for sensor in c.sensors:
         if "motion" in sensor.given and c.structure.receptive:
             slots = sensor.given["motion"].slots
-            yield sensor.name, (Socket(sensor.name, slots, np.eye(len(slots))),)
+            yield sensor.name, (Socket(part=sensor.name, slots=slots, matrix=np.eye(len(slots))),)
 
 
 def _stiffnesses(c: _Collector) -> Named:
@@ -215,7 +229,7 @@ def _stiffnesses(c: _Collector) -> Named:
             if used:
                 found.setdefault(stem if piece.isdigit() else name, []).extend(used)
     for name, every in found.items():
-        yield name, (Socket(name, np.array(every), np.ones((len(every), 1)), scales=True),)
+        yield name, (Socket(part=name, slots=np.array(every), matrix=np.ones((len(every), 1)), scales=True),)
 
 
 def _weights(c: _Collector) -> Named:
@@ -229,7 +243,7 @@ def _weights(c: _Collector) -> Named:
     ]
     if slots:
         loads = c.layout.slots.constants[slots]
-        yield "machine", (Socket("machine", np.array(slots), loads[:, None]),)
+        yield "machine", (Socket(part="machine", slots=np.array(slots), matrix=loads[:, None]),)
 
 
 def _loads(c: _Collector) -> Named:
@@ -239,7 +253,7 @@ def _loads(c: _Collector) -> Named:
         matrix[c.axes :] = 0.0
         down = _gravity(c)
         name = next((s.name for s in c.sensors if s.kind.sees_tool), "tcp")
-        yield name, (Socket(name, slots, matrix, down=down),)
+        yield name, (Socket(part=name, slots=slots, matrix=matrix, down=down),)
 
 
 def _gravity(c: _Collector) -> Array:

@@ -29,7 +29,7 @@ class Drawing:
     orientations: dict[str, Array] = field(default_factory=dict)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Structure:
     """Ports by name, made on demand."""
 

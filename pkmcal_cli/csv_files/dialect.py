@@ -49,7 +49,7 @@ class HeaderCell:
     unit: str | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Format:
     """How the file is written. Lines count from 1; `trailing` nameless empty cells end every row."""
 
@@ -143,7 +143,7 @@ def find_format(lines: Sequence[str]) -> Format | Flaw:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Trial:
     """How well one pair of separator and decimal mark explains the lines."""
 
@@ -200,7 +200,17 @@ def _try(header: str, rows: Sequence[str], separator: str, decimal: str) -> _Tri
     failing = sum(1 for cell in cells if not is_number(cell, decimal))
     seen = any(is_number(cell, ".") != is_number(cell, ",") for cell in cells)
     widths = tuple(len(row) for row in split)
-    return _Trial(separator, decimal, tuple(names), nameless, widths, trailing, fitting, failing, seen)
+    return _Trial(
+        separator=separator,
+        decimal=decimal,
+        header=tuple(names),
+        nameless=nameless,
+        widths=widths,
+        trailing=trailing,
+        fitting=fitting,
+        failing=failing,
+        seen=seen,
+    )
 
 
 def _trials(header: str, rows: Sequence[str], separators: Iterable[str]) -> list[_Trial]:
@@ -241,7 +251,15 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
     if trial.nameless not in (0, trial.trailing):
         return _header_end(trial, number)
     header = tuple(split_header(name) for name in trial.header)
-    return Format(trial.separator, trial.decimal, trial.seen, number, header, trial.trailing, tuple(comments))
+    return Format(
+        separator=trial.separator,
+        decimal=trial.decimal,
+        decimal_seen=trial.seen,
+        header_line=number,
+        header=header,
+        trailing=trial.trailing,
+        comments=tuple(comments),
+    )
 
 
 def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:

@@ -40,7 +40,7 @@ _BLOCK = 1 << 21  # characters read at once
 _LARGE = 1 << 22  # bytes; from here on the import of pandas pays
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
     """A whole table in the units of its file.
 
@@ -211,10 +211,18 @@ def _table(reader: TableReader, kinds: Sequence[Kind], chunks: Sequence[Chunk]) 
     }
     form = reader.format
     return Table(
-        reader.name, names, tuple(cell.unit for cell in reader.header), numbers, texts,
-        np.concatenate([chunk.lines for chunk in chunks]), form.separator, form.decimal, form.comments,
-        reader.notes, reader.sha256,
-    )  # fmt: skip
+        path=reader.name,
+        names=names,
+        units=tuple(cell.unit for cell in reader.header),
+        numbers=numbers,
+        texts=texts,
+        lines=np.concatenate([chunk.lines for chunk in chunks]),
+        separator=form.separator,
+        decimal=form.decimal,
+        comments=form.comments,
+        notes=reader.notes,
+        sha256=reader.sha256,
+    )
 
 
 def _survey(file: BinaryIO) -> tuple[int, str, bool]:

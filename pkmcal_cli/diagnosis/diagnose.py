@@ -32,7 +32,7 @@ _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at 
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """All that `diagnose` reports."""
 
@@ -74,7 +74,7 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     problem = problem.without(before.failed)
     model = settled_smoothing(problem.model, before.values, problem.rows)
     problem, found = replace(problem, model=model), replace(found, model=model)
-    start = Search(found, problem, selected, before)
+    start = Search(candidates=found, problem=problem, declared=selected, fit=before)
     first = score_all(start, found.hypotheses)
     same = _same_as_parameters(first)
     found = replace(found, hypotheses=tuple(h for h in found.hypotheses if h.name not in same))
@@ -86,20 +86,20 @@ def diagnose(found: Candidates, problem: Problem, selected: tuple[str, ...], alp
     noise = tuple(n for n in range_noise(last.linear, now.problem, last.scale) if n.p_value < parts.groups / TESTS)
     memory = 0.0 if last.linear.memory is None else last.linear.memory.correlation
     return Diagnosis(
-        _verdict(findings, unknown, bool(now.bad_rows or noise), now.fit),
-        now.problem,
-        before,
-        now,
-        findings,
-        unknown,
-        noise,
-        sizes_seen(first, now),
-        found.not_testable,
-        last.scale,
-        memory,
-        same,
-        p,
-        seed,
+        verdict=_verdict(findings, unknown, bool(now.bad_rows or noise), now.fit),
+        problem=now.problem,
+        before=before,
+        search=now,
+        findings=findings,
+        unknown=unknown,
+        noise=noise,
+        detectable=sizes_seen(first, now),
+        not_testable=found.not_testable,
+        scale=last.scale,
+        correlation=memory,
+        same=same,
+        p_global=p,
+        seed=seed,
     )
 
 

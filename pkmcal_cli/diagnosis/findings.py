@@ -19,7 +19,7 @@ _LINEAR = 0.2  # by which the fall of chi-square may differ from the score
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Finding:
     """One accepted effect with its credible set; `estimate` and `std` (k,) SI, nan where undetermined."""
 
@@ -84,18 +84,18 @@ def _finding(now: Search, hypothesis: Hypothesis, last: Scored, every: float, do
     linear = abs(ratio - 1.0) < _LINEAR  # else resampled scores say nothing of refits
     stable = stability(without, evidence, now.problem, hypothesis, alike, seed) if linear else float("nan")
     return Finding(
-        hypothesis,
-        estimate,
-        std,
-        now.evidence[hypothesis.name],
-        now.p_values[hypothesis.name],
-        max(share, 0.0),
-        rivals,
-        gain,
-        stable,
-        ratio,
-        beyond,
-        doubt or beyond or not gain.confirmed or stable < STABLE,
+        hypothesis=hypothesis,
+        estimate=estimate,
+        std=std,
+        evidence=now.evidence[hypothesis.name],
+        p_value=now.p_values[hypothesis.name],
+        share=max(share, 0.0),
+        rivals=rivals,
+        held_out=gain,
+        stable=stable,
+        nonlinear=ratio,
+        beyond=beyond,
+        provisional=doubt or beyond or not gain.confirmed or stable < STABLE,
     )
 
 

@@ -50,7 +50,7 @@ class Step:
         return not self.refused
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Improvement:
     """The loop's result; `gain`: of the mean square whitened, `rms_gain` (SI) of positions; `fit`: on all rows.
 
@@ -94,9 +94,19 @@ def improve(
             now = _tried(now, hypothesis, clean, whole, seed)
     except Exception as error:  # what was done before it stands, and is told first
         broken = error
-    gains = gain_of(first, now.turns, seed), rms_gain_of(first, now.turns, seed)
     return Improvement(
-        whole, len(first), now.steps, now.accepted, before, now.errors, *gains, now.last, clean, alpha, broken
+        whole=whole,
+        rotations=len(first),
+        steps=now.steps,
+        accepted=now.accepted,
+        before=before,
+        after=now.errors,
+        gain=gain_of(first, now.turns, seed),
+        rms_gain=rms_gain_of(first, now.turns, seed),
+        fit=now.last,
+        problem=clean,
+        alpha=alpha,
+        broken=broken,
     )
 
 

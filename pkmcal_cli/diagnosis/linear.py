@@ -67,7 +67,7 @@ class Memory:
     measured: NDArray[np.bool_]  # (N, C); a value after one that is missing stays as it is
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linear:
     """Whitened residual (n,), columns (n, q) of all parameters in standard deviations of their priors, by name.
 
@@ -272,4 +272,13 @@ def linear_problem(
     ranges = problem.model.ranges[[places[n] for n in names]]
     columns = near.jacobian * (0.5 * ranges)
     channels = problem.readings.shape[1]
-    return Linear(near.residual, columns, names, ranges, selected, part.count, channels, measured=part.measured)
+    return Linear(
+        residual=near.residual,
+        columns=columns,
+        names=names,
+        ranges=ranges,
+        projected=selected,
+        used=part.count,
+        channels=channels,
+        measured=part.measured,
+    )

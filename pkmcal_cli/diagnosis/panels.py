@@ -23,7 +23,7 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 _MOST_ALIKE = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DriverPanel:
     """One accepted effect over what drives it: measured displacement of its port (N,), SI, with its standard
     uncertainty, what the effect says and 1.96 of its standard uncertainties; `side` (N,) of approach, or None.
@@ -85,16 +85,16 @@ def driver_panel(found: Diagnosis, finding: Finding) -> DriverPanel | None:
     covariance = np.nan_to_num(now.fit.covariance[np.ix_(index, index)])
     name, unit_text, x, side = _driver(problem, placed)
     return DriverPanel(
-        finding,
-        name,
-        unit_text,
-        x[used],
-        displaced(linear.residual)[:, 0],
-        1 / np.sqrt(length2[used]),
-        by_size @ estimate,
-        1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
-        None if side is None else side[used],
-        placed.effect.port == "carriage",
+        finding=finding,
+        name=name,
+        unit=unit_text,
+        x=x[used],
+        measured=displaced(linear.residual)[:, 0],
+        noise=1 / np.sqrt(length2[used]),
+        fitted=by_size @ estimate,
+        band=1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
+        side=None if side is None else side[used],
+        turns=placed.effect.port == "carriage",
     )
 
 

@@ -23,7 +23,7 @@ _EXCHANGED = 60  # points up to which exchanges are tried
 Status = Literal["detectable", "weak", "invisible"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Visibility:
     """What a plan says of one hypothesis: minimal detectable and separable size of `parameter`, and plausible, SI.
 
@@ -82,14 +82,14 @@ class Plan:
         sine = np.sqrt(max(1 - cosine**2, 0.0))
         by = absorbing(self.linear, hypothesis, score)
         return Visibility(
-            hypothesis,
-            hypothesis.parameters[j],
-            size,
-            PLAUSIBLE * float(scale[j]),
-            size / sine if sine > 0 else float("inf"),
-            self.candidates.hypotheses[rival].name if cosine > 0 else "",
-            cosine,
-            by,
+            hypothesis=hypothesis,
+            parameter=hypothesis.parameters[j],
+            mdb=size,
+            plausible=PLAUSIBLE * float(scale[j]),
+            msb=size / sine if sine > 0 else float("inf"),
+            rival=self.candidates.hypotheses[rival].name if cosine > 0 else "",
+            cosine=cosine,
+            absorbed_by=by,
         )
 
 

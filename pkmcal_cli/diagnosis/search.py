@@ -49,7 +49,7 @@ class Alpha:
         return 0.2 * self.total
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scored:
     """All hypotheses scored at one solution; `p_values`, `log_bayes` (H,)."""
 
@@ -62,7 +62,7 @@ class Scored:
     rows: RowScores
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Search:
     """Where the search has come to: the problem without the rows taken out or left out, its fit, what was accepted."""
 
@@ -95,7 +95,7 @@ class Search:
 
 def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed: int) -> Search:
     """Accept effects and take out rows until nothing significant is left. `problem`: of the candidates' model."""
-    now = Search(found, problem, fit.selected, fit, failed=fit.failed)
+    now = Search(candidates=found, problem=problem, declared=fit.selected, fit=fit, failed=fit.failed)
     scored = score_all(now, now.open)
     draws = smallest_p(scored.linear, [scored.linear.of(h.parameters) for h in scored.hypotheses], scored.scores, seed)
     now = replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
@@ -155,7 +155,15 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
     evidence = log_evidence(statistic / scale.variance, count)
-    return Scored(linear, scale, tuple(hypotheses), scores, p, evidence, row_scores(plain, plain.on, scale))
+    return Scored(
+        linear=linear,
+        scale=scale,
+        hypotheses=tuple(hypotheses),
+        scores=scores,
+        p_values=p,
+        log_bayes=evidence,
+        rows=row_scores(plain, plain.on, scale),
+    )
 
 
 def shape_gains(now: Search, found: Scored) -> Array:

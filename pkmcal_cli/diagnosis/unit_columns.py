@@ -45,7 +45,10 @@ def unit_columns(
         return []
     names = tuple(f"unit {k}" for k in range(len(made)))
     units = tuple(_unit(e, s, part, name) for (e, s, part), name in zip(made, names, strict=True))
-    parameters = tuple(ModelParameter(n, 0.0, 1.0, (-np.inf, np.inf), "", "", True) for n in names)
+    parameters = tuple(
+        ModelParameter(name=n, nominal=0.0, range=1.0, bounds=(-np.inf, np.inf), unit="", dimension="", identify=True)
+        for n in names
+    )
     wide = replace(problem, model=model.with_effects(units, parameters))
     columns = linearise_at(wide, np.append(values, np.zeros(len(names))), names, state).jacobian
     return [
@@ -66,6 +69,9 @@ def _unit(placed: PlacedEffect, socket: Socket, part: int, name: str) -> PlacedE
         return size if width == 1 else [size if k == part else 0.0 for k in range(width)]
 
     effect = replace(
-        placed.effect, keyword="unit", parameters=(EffectParameter("size", "1", 1.0, ""),), formula=formula
+        placed.effect,
+        keyword="unit",
+        parameters=(EffectParameter(name="size", unit="1", range=1.0, text=""),),
+        formula=formula,
     )
     return replace(placed, effect=effect, sockets=(socket,), parameters=(name,))

@@ -61,7 +61,11 @@ def _oscillations(linear: Linear, problem: Problem, scale: Scale) -> list[Unknow
     time = problem.rows.columns.get("time")
     if time is not None and np.isfinite(time).all() and np.ptp(time) > 0:
         axes.append(("time", "in time", time))
-    return [u for name, words, x in axes if (u := _periodogram(linear, problem, scale, x, name, words, len(axes)))]
+    return [
+        u
+        for name, words, x in axes
+        if (u := _periodogram(linear, problem, scale, x=x, depends_on=name, words=words, axes=len(axes)))
+    ]
 
 
 def _periodogram(

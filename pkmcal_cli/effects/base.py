@@ -99,7 +99,7 @@ Formula = Callable[..., Any]
 """(Inputs, *parameters) -> displacement (N,) of ports of width 1, else a sequence of arrays or numbers 0, one each."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EffectParameter:
     """A parameter: `range` in `unit` is the half-width of what is plausible, two standard deviations; null is 0.
 
@@ -121,7 +121,7 @@ class EffectParameter:
         return self.turning if rotary and self.turning is not None else self.range
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Option:
     """A constant of an effect, not identified: a value with a unit, or an interval; `needed` if it has no default.
 
@@ -137,7 +137,7 @@ class Option:
     positive: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """A named physical effect; texts may contain {at} and {size}."""
 

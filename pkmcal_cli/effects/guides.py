@@ -6,7 +6,12 @@ from typing import Any
 
 from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option, legendre
 
-_OVER = Option("over", "mm", "travel on which the shape is spread; default the limits, else the table's", True)
+_OVER = Option(
+    name="over",
+    unit="mm",
+    text="travel on which the shape is spread; default the limits, else the table's",
+    interval=True,
+)
 
 
 def _straightness(at: Inputs, *sizes: Any) -> Any:
@@ -14,13 +19,16 @@ def _straightness(at: Inputs, *sizes: Any) -> Any:
 
 
 STRAIGHT = Effect(
-    "straight",
-    "straightness error of a guide",
-    "EYX, EZX",
-    "ISO 230-1 (straightness error motion)",
-    "guide",
-    tuple(EffectParameter(f"n{k}", "um", 80, f"Legendre polynomial {k} over the travel") for k in range(2, 5)),
-    _straightness,
+    keyword="straight",
+    title="straightness error of a guide",
+    symbol="EYX, EZX",
+    source="ISO 230-1 (straightness error motion)",
+    port="guide",
+    parameters=tuple(
+        EffectParameter(name=f"n{k}", unit="um", range=80, text=f"Legendre polynomial {k} over the travel")
+        for k in range(2, 5)
+    ),
+    formula=_straightness,
     options=(_OVER,),
     common=False,
     cause="The guide {at} is not straight.",
@@ -28,26 +36,26 @@ STRAIGHT = Effect(
     action="Measure {at} with a straightedge or laser; align or compensate it.",
 )
 GUIDE_ANGLE = Effect(
-    "guide_angle",
-    "direction of a guide: parallelism, squareness",
-    "EC0Y",
-    "ISO 230-1 (squareness and parallelism)",
-    "guide",
-    (EffectParameter("g", "urad", 1000, "turn of the guide towards the direction"),),
-    lambda at, g: g * at.travel,
+    keyword="guide_angle",
+    title="direction of a guide: parallelism, squareness",
+    symbol="EC0Y",
+    source="ISO 230-1 (squareness and parallelism)",
+    port="guide",
+    parameters=(EffectParameter(name="g", unit="urad", range=1000, text="turn of the guide towards the direction"),),
+    formula=lambda at, g: g * at.travel,
     common=False,
     cause="The guide {at} is inclined by {size}.",
     result="Carriages on {at} leave their line in proportion to the travel.",
     action="Align {at} against the others, or identify its direction as a parameter.",
 )
 SAG = Effect(
-    "sag",
-    "sag of a guide or crossbeam",
-    "EZX",
-    "deflection of a beam under its own weight",
-    "guide",
-    (EffectParameter("c", "um", 160, "deflection in the middle"),),
-    lambda at, c: c * at.down[0] * (1 - at.share**2) ** 2,
+    keyword="sag",
+    title="sag of a guide or crossbeam",
+    symbol="EZX",
+    source="deflection of a beam under its own weight",
+    port="guide",
+    parameters=(EffectParameter(name="c", unit="um", range=160, text="deflection in the middle"),),
+    formula=lambda at, c: c * at.down[0] * (1 - at.share**2) ** 2,
     options=(_OVER,),
     common=False,
     cause="The beam that carries {at} sags by {size} in the middle.",
@@ -55,16 +63,16 @@ SAG = Effect(
     action="Support {at}, or compensate the sag; measure it with another payload.",
 )
 CARRIAGE_ANGLE = Effect(
-    "carriage_angle",
-    "angular error of a carriage (roll, pitch, yaw), Abbe error",
-    "EAX, EBX, ECX",
-    "ISO 230-1 (angular error motion)",
-    "carriage",
-    (
-        EffectParameter("a1", "urad", 100, "turn in proportion to the travel"),
-        EffectParameter("a2", "urad", 100, "turn with the second Legendre polynomial"),
+    keyword="carriage_angle",
+    title="angular error of a carriage (roll, pitch, yaw), Abbe error",
+    symbol="EAX, EBX, ECX",
+    source="ISO 230-1 (angular error motion)",
+    port="carriage",
+    parameters=(
+        EffectParameter(name="a1", unit="urad", range=100, text="turn in proportion to the travel"),
+        EffectParameter(name="a2", unit="urad", range=100, text="turn with the second Legendre polynomial"),
     ),
-    lambda at, a1, a2: a1 * at.share + a2 * legendre(at.share, 2),
+    formula=lambda at, a1, a2: a1 * at.share + a2 * legendre(at.share, 2),
     options=(_OVER,),
     common=False,
     cause="The carriage {at} turns as it travels.",

@@ -7,9 +7,13 @@ from typing import Any
 
 from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option, legendre
 
-_PLACE = tuple(EffectParameter(f"t{c}", "um", 1000, f"shift along {c}", spatial=c == "z") for c in "xyz")
-_TURN = tuple(EffectParameter(f"r{c}", "urad", 1000, f"turn about {c}", spatial=c != "z") for c in "xyz")
-_DURING = Option("during", "s", "time on which the shape is spread; default the table's", True)
+_PLACE = tuple(
+    EffectParameter(name=f"t{c}", unit="um", range=1000, text=f"shift along {c}", spatial=c == "z") for c in "xyz"
+)
+_TURN = tuple(
+    EffectParameter(name=f"r{c}", unit="urad", range=1000, text=f"turn about {c}", spatial=c != "z") for c in "xyz"
+)
+_DURING = Option(name="during", unit="s", text="time on which the shape is spread; default the table's", interval=True)
 
 
 def _moved(at: Inputs, tx: Any, ty: Any, tz: Any, rx: Any, ry: Any, rz: Any) -> Any:
@@ -22,13 +26,13 @@ def _drifted(at: Inputs, *sizes: Any) -> Any:
 
 
 FRAME = Effect(
-    "frame",
-    "pose of the measuring frame",
-    "",
-    "datum definition; ISO 230-10, ISO 10360",
-    "frame",
-    _PLACE + _TURN,
-    _moved,
+    keyword="frame",
+    title="pose of the measuring frame",
+    symbol="",
+    source="datum definition; ISO 230-10, ISO 10360",
+    port="frame",
+    parameters=_PLACE + _TURN,
+    formula=_moved,
     common=False,
     measurement=True,
     cause="The instrument {at} does not stand where the machine's frame says.",
@@ -36,13 +40,13 @@ FRAME = Effect(
     action="Measure the datum points again, or let the frame of {at} be fitted.",
 )
 MEAS_SCALE = Effect(
-    "meas_scale",
-    "scale of the instrument, refraction",
-    "",
-    "ISO 230-6, refractive index of air (1 K or 3.6 hPa: about 1 um/m)",
-    "frame",
-    (EffectParameter("s", "um/m", 100, "scale"),),
-    lambda at, s: [0, 0, 0, 0, 0, 0, s, 0, 0, 0],
+    keyword="meas_scale",
+    title="scale of the instrument, refraction",
+    symbol="",
+    source="ISO 230-6, refractive index of air (1 K or 3.6 hPa: about 1 um/m)",
+    port="frame",
+    parameters=(EffectParameter(name="s", unit="um/m", range=100, text="scale"),),
+    formula=lambda at, s: [0, 0, 0, 0, 0, 0, s, 0, 0, 0],
     common=False,
     measurement=True,
     cause="{at} measures lengths in a scale that is off by {size}.",
@@ -50,17 +54,17 @@ MEAS_SCALE = Effect(
     action="Measure a calibrated length in the same set-up; check air temperature and pressure of {at}.",
 )
 MEAS_SHEAR = Effect(
-    "meas_shear",
-    "axes of the instrument not square",
-    "",
-    "squareness of a grid plate or of the axes of an instrument",
-    "frame",
-    (
-        EffectParameter("xy", "urad", 400, "angle between x and y"),
-        EffectParameter("xz", "urad", 400, "angle between x and z", spatial=True),
-        EffectParameter("yz", "urad", 400, "angle between y and z", spatial=True),
+    keyword="meas_shear",
+    title="axes of the instrument not square",
+    symbol="",
+    source="squareness of a grid plate or of the axes of an instrument",
+    port="frame",
+    parameters=(
+        EffectParameter(name="xy", unit="urad", range=400, text="angle between x and y"),
+        EffectParameter(name="xz", unit="urad", range=400, text="angle between x and z", spatial=True),
+        EffectParameter(name="yz", unit="urad", range=400, text="angle between y and z", spatial=True),
     ),
-    lambda at, xy, xz, yz: [0, 0, 0, 0, 0, 0, 0, xy, xz, yz],
+    formula=lambda at, xy, xz, yz: [0, 0, 0, 0, 0, 0, 0, xy, xz, yz],
     common=False,
     measurement=True,
     cause="The axes of {at} are not square.",
@@ -68,13 +72,13 @@ MEAS_SHEAR = Effect(
     action="Turn the grid plate or artefact of {at} by 90 degrees and measure again.",
 )
 RESETUP = Effect(
-    "resetup",
-    "set-up change between sessions",
-    "",
-    "datum definition of each session",
-    "frame",
-    tuple(replace(p, range=400 if p.unit == "um" else 600) for p in _PLACE + _TURN),
-    _moved,
+    keyword="resetup",
+    title="set-up change between sessions",
+    symbol="",
+    source="datum definition of each session",
+    port="frame",
+    parameters=tuple(replace(p, range=400 if p.unit == "um" else 600) for p in _PLACE + _TURN),
+    formula=_moved,
     needs=("session",),
     places="session",
     common=False,
@@ -84,17 +88,23 @@ RESETUP = Effect(
     action="Measure the same datum points at the start and the end of every session.",
 )  # fmt: skip
 DRIFT = Effect(
-    "drift",
-    "drift of machine or instrument in time",
-    "ETVE",
-    "ISO 230-3 (environmental temperature variation error)",
-    "frame",
-    tuple(
-        EffectParameter(f"{c}{k}", "um", 100, f"shift along {c}, Legendre polynomial {k} in time", spatial=c == "z")
+    keyword="drift",
+    title="drift of machine or instrument in time",
+    symbol="ETVE",
+    source="ISO 230-3 (environmental temperature variation error)",
+    port="frame",
+    parameters=tuple(
+        EffectParameter(
+            name=f"{c}{k}",
+            unit="um",
+            range=100,
+            text=f"shift along {c}, Legendre polynomial {k} in time",
+            spatial=c == "z",
+        )
         for k in (1, 2)
         for c in "xyz"
     ),
-    _drifted,
+    formula=_drifted,
     needs=("time", "temperature"),
     options=(_DURING,),
     common=False,

@@ -9,7 +9,11 @@ import numpy as np
 from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option, legendre
 
 _OVER = Option(
-    "over", "mm", "travel on which the shape is spread; default the limits, else the table's", True, rotary="deg"
+    name="over",
+    unit="mm",
+    text="travel on which the shape is spread; default the limits, else the table's",
+    interval=True,
+    rotary="deg",
 )
 
 
@@ -33,58 +37,68 @@ def _unwinding(at: Inputs, b: Any) -> Any:
 
 
 ZERO = Effect(
-    "zero",
-    "zero offset of a drive",
-    "",
-    "ISO 230-1 (position error of the axis origin)",
-    "command",
-    (EffectParameter("o", "um", 1000, "offset of the position", rotary="urad", turning=20_000),),
-    lambda at, o: o,
+    keyword="zero",
+    title="zero offset of a drive",
+    symbol="",
+    source="ISO 230-1 (position error of the axis origin)",
+    port="command",
+    parameters=(
+        EffectParameter(name="o", unit="um", range=1000, text="offset of the position", rotary="urad", turning=20_000),
+    ),
+    formula=lambda at, o: o,
     cause="The home position or encoder zero of {at} is off by {size}.",
     result="Every position of {at} is shifted by the same amount.",
     action="Correct the zero of {at} in the control by {size}, or home it again against a reference.",
 )
 SCALE = Effect(
-    "scale",
-    "linear positioning error, scale",
-    "EXX slope",
-    "ISO 230-1, ISO 230-2 (mean linear positioning deviation)",
-    "command",
-    (EffectParameter("s", "um/m", 400, "positioning error per travel"),),
-    lambda at, s: s * at.travel,
+    keyword="scale",
+    title="linear positioning error, scale",
+    symbol="EXX slope",
+    source="ISO 230-1, ISO 230-2 (mean linear positioning deviation)",
+    port="command",
+    parameters=(EffectParameter(name="s", unit="um/m", range=400, text="positioning error per travel"),),
+    formula=lambda at, s: s * at.travel,
     cause="The scale of {at} (lead of the screw, radius of the spool, grating) is off by {size}.",
     result="The positioning error of {at} grows in proportion to its travel.",
     action="Correct the scale of {at} in the control, or measure it alone with a laser interferometer.",
 )
 PITCH_CURVE = Effect(
-    "pitch_curve",
-    "cumulative pitch error, positioning deviation along the travel",
-    "EXX",
-    "ISO 230-2",
-    "command",
-    tuple(
-        EffectParameter(f"p{k}", "um", 60, f"Legendre polynomial {k} of the travel", "urad", turning=500)
+    keyword="pitch_curve",
+    title="cumulative pitch error, positioning deviation along the travel",
+    symbol="EXX",
+    source="ISO 230-2",
+    port="command",
+    parameters=tuple(
+        EffectParameter(
+            name=f"p{k}", unit="um", range=60, text=f"Legendre polynomial {k} of the travel", rotary="urad", turning=500
+        )
         for k in range(2, 7)
     ),
-    _curve,
+    formula=_curve,
     options=(_OVER,),
     cause="The screw or scale of {at} has an error that varies along its travel.",
     result="A smooth curve of positioning errors over the travel of {at}, the same in both directions.",
     action="Enter a compensation table for {at}, or check the screw for wear in the zone most used.",
-)  # fmt: skip
+)
 PITCH = Effect(
-    "pitch",
-    "periodic positioning error",
-    "",
-    "ISO 230-1 (periodic error of a screw or encoder)",
-    "command",
-    (
-        EffectParameter("c", "um", 40, "cosine part", rotary="urad", turning=400),
-        EffectParameter("s", "um", 40, "sine part", rotary="urad", turning=400),
+    keyword="pitch",
+    title="periodic positioning error",
+    symbol="",
+    source="ISO 230-1 (periodic error of a screw or encoder)",
+    port="command",
+    parameters=(
+        EffectParameter(name="c", unit="um", range=40, text="cosine part", rotary="urad", turning=400),
+        EffectParameter(name="s", unit="um", range=40, text="sine part", rotary="urad", turning=400),
     ),
-    _wave,
+    formula=_wave,
     options=(
-        Option("period", "mm", "lead of screw or period of encoder; default the drive's", rotary="deg", positive=True),
+        Option(
+            name="period",
+            unit="mm",
+            text="lead of screw or period of encoder; default the drive's",
+            rotary="deg",
+            positive=True,
+        ),
     ),
     common=False,
     cause="The screw, its coupling or the encoder of {at} runs out once in every period.",
@@ -92,17 +106,19 @@ PITCH = Effect(
     action="Check the alignment of the end bearing, coupling and encoder of {at}; measure a short fine scan.",
 )
 GEAR = Effect(
-    "gear",
-    "rotary encoder and gear error",
-    "",
-    "ISO 230-1 (angular positioning error)",
-    "command",
-    tuple(
-        EffectParameter(f"{part}{n}", "urad", 400, f"{word} of {n} time{'s' if n > 1 else ''} the angle")
+    keyword="gear",
+    title="rotary encoder and gear error",
+    symbol="",
+    source="ISO 230-1 (angular positioning error)",
+    port="command",
+    parameters=tuple(
+        EffectParameter(
+            name=f"{part}{n}", unit="urad", range=400, text=f"{word} of {n} time{'s' if n > 1 else ''} the angle"
+        )
         for n in (1, 2)
         for part, word in (("c", "cosine"), ("s", "sine"))
     ),
-    _turns,
+    formula=_turns,
     where="rotary",
     common=False,
     cause="The rotary encoder or gear of {at} sits off its centre.",
@@ -110,13 +126,17 @@ GEAR = Effect(
     action="Centre the encoder of {at}, or average two reading heads.",
 )
 BUILDUP = Effect(
-    "buildup",
-    "build-up of line on a spool",
-    "",
-    "geometry of wound rope: each layer changes the radius",
-    "command",
-    (EffectParameter("b", "um/m", 2000, "change of the spool's radius per length of unwound line"),),
-    _unwinding,
+    keyword="buildup",
+    title="build-up of line on a spool",
+    symbol="",
+    source="geometry of wound rope: each layer changes the radius",
+    port="command",
+    parameters=(
+        EffectParameter(
+            name="b", unit="um/m", range=2000, text="change of the spool's radius per length of unwound line"
+        ),
+    ),
+    formula=_unwinding,
     where="spool",
     cause="The effective radius of the spool of {at} changes by {size} as line leaves it.",
     result="The length of line is a curved function of the angle of {at}.",

@@ -8,9 +8,15 @@ import numpy as np
 
 from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
 
-_SMOOTH = Option("smooth", "N", "force over which the sign of a reaction is smoothed; default 10 N", positive=True)
+_SMOOTH = Option(
+    name="smooth", unit="N", text="force over which the sign of a reaction is smoothed; default 10 N", positive=True
+)
 _OVER = Option(
-    "over", "mm", "travel on which the shape is spread; default the limits, else the table's", True, rotary="deg"
+    name="over",
+    unit="mm",
+    text="travel on which the shape is spread; default the limits, else the table's",
+    interval=True,
+    rotary="deg",
 )
 
 
@@ -24,48 +30,67 @@ def _wound(at: Inputs, w: Any) -> Any:
 
 
 BACKLASH = Effect(
-    "backlash",
-    "reversal error, backlash",
-    "B",
-    "ISO 230-2 (reversal error), ISO 230-4",
-    "command",
-    (EffectParameter("b", "um", 60, "difference between the two directions of approach", rotary="urad", turning=1000),),
-    lambda at, b: -0.5 * b * at.direction,
+    keyword="backlash",
+    title="reversal error, backlash",
+    symbol="B",
+    source="ISO 230-2 (reversal error), ISO 230-4",
+    port="command",
+    parameters=(
+        EffectParameter(
+            name="b",
+            unit="um",
+            range=60,
+            text="difference between the two directions of approach",
+            rotary="urad",
+            turning=1000,
+        ),
+    ),
+    formula=lambda at, b: -0.5 * b * at.direction,
     needs=("direction",),
     cause="The nut, end bearing, belt or gear of {at} has play.",
     result="Positions of {at} approached from either side differ by {size}.",
     action="Check the preload of the nut and the end bearing of {at}; until then compensate the reversal by {size}.",
 )
 UNEQUAL_BACKLASH = Effect(
-    "unequal_backlash",
-    "reversal error that varies along the travel",
-    "B",
-    "ISO 230-2 (reversal error at each position)",
-    "command",
-    (
+    keyword="unequal_backlash",
+    title="reversal error that varies along the travel",
+    symbol="B",
+    source="ISO 230-2 (reversal error at each position)",
+    port="command",
+    parameters=(
         EffectParameter(
-            "b1", "um", 80, "change of the reversal error from the middle to the end", rotary="urad", turning=1000
+            name="b1",
+            unit="um",
+            range=80,
+            text="change of the reversal error from the middle to the end",
+            rotary="urad",
+            turning=1000,
         ),
     ),
-    lambda at, b1: -0.5 * b1 * at.share * at.direction,
+    formula=lambda at, b1: -0.5 * b1 * at.share * at.direction,
     needs=("direction",),
     options=(_OVER,),
     cause="The play of {at} changes along its travel: wear, or wind-up of a long screw or belt.",
     result="The two curves of {at}, forward and backward, are not parallel.",
     action="Measure the reversal error of {at} at both ends of the travel; replace the worn screw or belt.",
-)  # fmt: skip
+)
 WINDUP = Effect(
-    "windup",
-    "wind-up under friction that grows with the load",
-    "",
-    "friction and elasticity of the drive train between encoder and carriage",
-    "command",
-    (
+    keyword="windup",
+    title="wind-up under friction that grows with the load",
+    symbol="",
+    source="friction and elasticity of the drive train between encoder and carriage",
+    port="command",
+    parameters=(
         EffectParameter(
-            "w", "um/kN", 20, "lost motion per force that the drive carries", rotary="urad/(kN*m)", turning=2000
+            name="w",
+            unit="um/kN",
+            range=20,
+            text="lost motion per force that the drive carries",
+            rotary="urad/(kN*m)",
+            turning=2000,
         ),
     ),
-    _wound,
+    formula=_wound,
     needs=("direction",),
     options=(_SMOOTH,),
     reactive=True,
@@ -74,13 +99,15 @@ WINDUP = Effect(
     action="Check lubrication and alignment of {at}; measure with another payload (play would stay, wind-up not).",
 )
 CLEARANCE = Effect(
-    "clearance",
-    "lost motion from joint clearance",
-    "",
-    "clearance of the joints at the ends of a member",
-    "length",
-    (EffectParameter("c", "um", 60, "clearance of the joints of the member, along it"),),
-    _lost,
+    keyword="clearance",
+    title="lost motion from joint clearance",
+    symbol="",
+    source="clearance of the joints at the ends of a member",
+    port="length",
+    parameters=(
+        EffectParameter(name="c", unit="um", range=60, text="clearance of the joints of the member, along it"),
+    ),
+    formula=_lost,
     options=(_SMOOTH,),
     reactive=True,
     cause="The joints of {at} have a clearance of {size}.",

@@ -6,15 +6,20 @@ from typing import Any
 
 from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
 
-_REFERENCE = Option("reference", "degC", "temperature at which the effect is zero; default 20 degC")
+_REFERENCE = Option(name="reference", unit="degC", text="temperature at which the effect is zero; default 20 degC")
 _EXPANSION = "um/(m*K)"
-_LAG = EffectParameter("lag", "min", 120, "time constant of the part behind its sensor", possible=(0, 1000))
+_LAG = EffectParameter(
+    name="lag", unit="min", range=120, text="time constant of the part behind its sensor", possible=(0, 1000)
+)
 
 
 def _per_kelvin(size: float, what: str) -> tuple[EffectParameter, ...]:
     """Parameters of a shift along each axis, and of its lag."""
     axes = (
-        EffectParameter(f"g{c}", "um/K", size, f"{what} along {c} per temperature", spatial=c == "z") for c in "xyz"
+        EffectParameter(
+            name=f"g{c}", unit="um/K", range=size, text=f"{what} along {c} per temperature", spatial=c == "z"
+        )
+        for c in "xyz"
     )
     return (*axes, _LAG)
 
@@ -30,16 +35,18 @@ def _shift(at: Inputs, gx: Any, gy: Any, gz: Any, lag: Any) -> Any:
 
 
 STRUT = Effect(
-    "thermal_strut",
-    "thermal growth of struts, with lag",
-    "",
-    "linear thermal expansion; ISO 230-3",
-    "length",
-    (
-        EffectParameter("a", _EXPANSION, 50, "expansion coefficient (steel 11.5, aluminium 23, CFRP 0 to 2)"),
+    keyword="thermal_strut",
+    title="thermal growth of struts, with lag",
+    symbol="",
+    source="linear thermal expansion; ISO 230-3",
+    port="length",
+    parameters=(
+        EffectParameter(
+            name="a", unit=_EXPANSION, range=50, text="expansion coefficient (steel 11.5, aluminium 23, CFRP 0 to 2)"
+        ),
         _LAG,
     ),
-    lambda at, a, lag: a * at.length * at.lagged(lag),
+    formula=lambda at, a, lag: a * at.length * at.lagged(lag),
     needs=("temperature",),
     options=(_REFERENCE,),
     cause="{at} grows with temperature.",
@@ -47,34 +54,42 @@ STRUT = Effect(
     action="Measure the temperature of {at} and compensate, or use members of low expansion.",
 )
 SCREW = Effect(
-    "thermal_screw",
-    "thermal growth of a ballscrew or scale",
-    "",
-    "ISO 230-3 (thermal distortion by moving axes)",
-    "command",
-    (
-        EffectParameter("a", _EXPANSION, 50, "expansion coefficient"),
+    keyword="thermal_screw",
+    title="thermal growth of a ballscrew or scale",
+    symbol="",
+    source="ISO 230-3 (thermal distortion by moving axes)",
+    port="command",
+    parameters=(
+        EffectParameter(name="a", unit=_EXPANSION, range=50, text="expansion coefficient"),
         EffectParameter(
-            "o", "um/K", 10, "shift of the zero, by the place of the fixed bearing", rotary="urad/K", turning=20
+            name="o",
+            unit="um/K",
+            range=10,
+            text="shift of the zero, by the place of the fixed bearing",
+            rotary="urad/K",
+            turning=20,
         ),
         _LAG,
     ),
-    lambda at, a, o, lag: (a * at.travel + o) * at.lagged(lag),
+    formula=lambda at, a, o, lag: (a * at.travel + o) * at.lagged(lag),
     needs=("temperature",),
     options=(_REFERENCE,),
     where="linear",
     cause="The screw or scale of {at} grows with temperature.",
     result="Slope and zero of the positioning error of {at} follow the temperature.",
     action="Log the temperature of {at}; cool or preload the screw, or use a linear scale.",
-)  # fmt: skip
+)
 BASE = Effect(
-    "thermal_base",
-    "thermal growth of the base",
-    "",
-    "ISO 230-3 (environmental temperature variation error)",
-    "base",
-    (EffectParameter("a", _EXPANSION, 50, "expansion coefficient of the base about its origin"), _LAG),
-    _base,
+    keyword="thermal_base",
+    title="thermal growth of the base",
+    symbol="",
+    source="ISO 230-3 (environmental temperature variation error)",
+    port="base",
+    parameters=(
+        EffectParameter(name="a", unit=_EXPANSION, range=50, text="expansion coefficient of the base about its origin"),
+        _LAG,
+    ),
+    formula=_base,
     needs=("temperature",),
     options=(_REFERENCE,),
     places="all",
@@ -83,13 +98,13 @@ BASE = Effect(
     action="Log the temperature of the base, wait for a steady state, or compensate.",
 )
 FOOT = Effect(
-    "thermal_foot",
-    "thermal shift of one part of the base",
-    "",
-    "ISO 230-3 (bending of columns by temperature gradients)",
-    "base",
-    _per_kelvin(20, "shift"),
-    _shift,
+    keyword="thermal_foot",
+    title="thermal shift of one part of the base",
+    symbol="",
+    source="ISO 230-3 (bending of columns by temperature gradients)",
+    port="base",
+    parameters=_per_kelvin(20, "shift"),
+    formula=_shift,
     needs=("temperature",),
     options=(_REFERENCE,),
     common=False,
@@ -98,13 +113,13 @@ FOOT = Effect(
     action="Log temperatures on both sides of the column at {at}; shield it from heat sources.",
 )
 TOOL = Effect(
-    "thermal_tool",
-    "thermal growth of spindle and tool",
-    "",
-    "ISO 230-3 (spindle growth)",
-    "tool",
-    _per_kelvin(10, "growth"),
-    _shift,
+    keyword="thermal_tool",
+    title="thermal growth of spindle and tool",
+    symbol="",
+    source="ISO 230-3 (spindle growth)",
+    port="tool",
+    parameters=_per_kelvin(10, "growth"),
+    formula=_shift,
     needs=("temperature",),
     options=(_REFERENCE,),
     common=False,

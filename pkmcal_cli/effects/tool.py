@@ -15,13 +15,15 @@ def _runout(at: Inputs, c: Any, s: Any) -> Any:
 
 
 OFFSET = Effect(
-    "tool",
-    "offset of tool or reflector",
-    "",
-    "tool centre point in the platform's axes",
-    "tool",
-    tuple(EffectParameter(f"t{c}", "um", 1000, f"offset along {c}", spatial=c == "z") for c in "xyz"),
-    lambda at, tx, ty, tz: [tx, ty, tz],
+    keyword="tool",
+    title="offset of tool or reflector",
+    symbol="",
+    source="tool centre point in the platform's axes",
+    port="tool",
+    parameters=tuple(
+        EffectParameter(name=f"t{c}", unit="um", range=1000, text=f"offset along {c}", spatial=c == "z") for c in "xyz"
+    ),
+    formula=lambda at, tx, ty, tz: [tx, ty, tz],
     common=False,
     measurement=True,
     cause="What {at} sees does not stand on the platform where the machine file says.",
@@ -29,13 +31,16 @@ OFFSET = Effect(
     action="Measure the tool offset, or turn the tool by 180 degrees and measure again.",
 )
 RUNOUT = Effect(
-    "runout",
-    "runout of the spindle or reflector",
-    "",
-    "ISO 230-7 (runout)",
-    "tool",
-    (EffectParameter("c", "um", 60, "eccentricity at angle 0"), EffectParameter("s", "um", 60, "across it")),
-    _runout,
+    keyword="runout",
+    title="runout of the spindle or reflector",
+    symbol="",
+    source="ISO 230-7 (runout)",
+    port="tool",
+    parameters=(
+        EffectParameter(name="c", unit="um", range=60, text="eccentricity at angle 0"),
+        EffectParameter(name="s", unit="um", range=60, text="across it"),
+    ),
+    formula=_runout,
     needs=("spindle",),
     common=False,
     measurement=True,

@@ -57,7 +57,7 @@ def group_view(system: System, index: int, stacked: Array) -> View:
     return View(*(part.of(stacked) for part in parts))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Context:
     """What all groups of one evaluation share."""
 
@@ -97,7 +97,10 @@ def balance(
     forces = np.empty((maps.residual.columns, rows), dtype=kind)
     tangents = np.empty((maps.tangent.columns, rows)) if tangent else None
     residual = np.empty((rows, system.size), dtype=kind, order="F")
-    context = _Context(system, numbers, state, arms, stacked, forces, tangents, residual, scale, curved)
+    context = _Context(
+        system=system, numbers=numbers, state=state, arms=arms, views=stacked, forces=forces, tangents=tangents,
+        residual=residual, scale=scale, curved=curved,
+    )  # fmt: skip
     parts = [
         _add_group(context, k, None if slack is None or not group.group.rope.any() else slack[k])
         for k, group in enumerate(system.groups)
@@ -166,7 +169,7 @@ def _add_group(context: _Context, index: int, loose: Loose | None) -> tuple[Arra
         rows = slice(system.unknowns + group.rows.start, system.unknowns + group.rows.stop)
         context.residual[:, rows] = context.scale * of_constraints(e, group)
     if context.tangents is not None:
-        _add_own(context, index, view, numbers, used, stress, loose)
+        _add_own(context, index, view, numbers=numbers, b=used, stress=stress, loose=loose)
         _add_varying(context.tangents, group, blocks, directions)
         _add_arm_curvature(context, index, force, view.directions)
         _add_constraints(context, index, used, directions)

@@ -57,7 +57,7 @@ def lagrangian_gradient(system: System, slots: Array | Given, state: State, slac
     for index, group in enumerate(system.groups):
         loose = slack[index] if slack is not None and group.group.rope.any() else None
         view = group_view(system, index, stacked)
-        _add_group(system, index, numbers.groups[index], state, view, sums, loose)
+        _add_group(system, index, numbers.groups[index], state=state, view=view, sums=sums, loose=loose)
     _arm_slots(system, numbers, state, sums)
     return sums.slots
 

@@ -58,7 +58,7 @@ class Pairs(NamedTuple):
     turning: Index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LinkMap:
     """Local unknowns of the E links of a group and how the inputs depend on them."""
 
@@ -104,7 +104,7 @@ class LinkMap:
         entries.add(target[:, :, None], source, self.sliding.axis[:, None, :])
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Collector:
     """Entries collected link by link."""
 
@@ -164,7 +164,7 @@ class _Collector:
 
 def build_links(layout: Layout, links: slice, ports: Index | None, place: Index) -> LinkMap:
     """The map of a range of links; `ports` (2, E): rotations of the end triads, None where they do not matter."""
-    found = _Collector(layout, place)
+    found = _Collector(layout=layout, place=place)
     for e, link in enumerate(range(links.start, links.stop)):
         found.add_link(e, link, [] if ports is None else [int(r) for r in ports[:, e]])
     width = max((len(local) for local in found.local), default=0)
@@ -173,17 +173,17 @@ def build_links(layout: Layout, links: slice, ports: Index | None, place: Index)
         unknowns[e, : len(local)] = place[local]
     moving = sorted({int(entry[0]) for entry in (*found.turning, *found.hinged, *found.sliding)})
     return LinkMap(
-        layout,
-        links,
-        unknowns,
-        _template(found, ports, width),
-        np.array(moving, dtype=np.intp),
-        _varying(found, moving, width),
-        Turning(*_numbers(found.turning)),
-        Hinged(*_numbers(found.hinged), _axes(found.hinged)),
-        Sliding(*_numbers(found.sliding), _axes(found.sliding)),
-        _pairs(found.sliding_turning),
-        _pairs(found.sliding_hinged),
+        layout=layout,
+        links=links,
+        unknowns=unknowns,
+        template=_template(found, ports, width),
+        moving=np.array(moving, dtype=np.intp),
+        varying=_varying(found, moving, width),
+        turning=Turning(*_numbers(found.turning)),
+        hinged=Hinged(*_numbers(found.hinged), _axes(found.hinged)),
+        sliding=Sliding(*_numbers(found.sliding), _axes(found.sliding)),
+        sliding_turning=_pairs(found.sliding_turning),
+        sliding_hinged=_pairs(found.sliding_hinged),
     )
 
 

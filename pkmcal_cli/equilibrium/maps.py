@@ -61,7 +61,7 @@ def _add_views(layout: Layout, group: GroupMap, mine: ViewBlocks, entries: Entri
     group.map.add_directions(mine.directions, entries)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Blocks:
     """One group's parts of the stacked arrays; E links, M of them with X varying inputs, R constraints."""
 
@@ -134,18 +134,18 @@ class MapsBuilder:
         acts = group.yields or element.curved
         r = len(group.rigid[0])
         return Blocks(
-            forces.block(e, i),
-            forces.block(m, x),
-            tangents.block(e if acts else 0, i, i),
-            tangents.block(m if acts else 0, x, i),
-            tangents.block(m if acts else 0, i, x),
-            tangents.block(m if acts else 0, x, x),
-            tangents.block(len(links.turning.link), 3, 3),
-            tangents.block(len(links.hinged.link)),
-            tangents.block(len(links.sliding_turning.sliding), 3),
-            tangents.block(len(links.sliding_hinged.sliding)),
-            tangents.block(r, i),
-            tangents.block(r, x),
+            force=forces.block(e, i),
+            varying_force=forces.block(m, x),
+            own=tangents.block(e if acts else 0, i, i),
+            left=tangents.block(m if acts else 0, x, i),
+            right=tangents.block(m if acts else 0, i, x),
+            both=tangents.block(m if acts else 0, x, x),
+            turning=tangents.block(len(links.turning.link), 3, 3),
+            hinged=tangents.block(len(links.hinged.link)),
+            sliding_turning=tangents.block(len(links.sliding_turning.sliding), 3),
+            sliding_hinged=tangents.block(len(links.sliding_hinged.sliding)),
+            rigid=tangents.block(r, i),
+            varying_rigid=tangents.block(r, x),
         )
 
     def _add_forces(self, group: GroupMap, mine: Blocks) -> None:

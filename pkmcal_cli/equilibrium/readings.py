@@ -122,7 +122,9 @@ def _drive_reading(
         position = _turned(state, r, system.layout.rotations.drawn) @ system.layout.rotations.axis[r]
         _rotation_gradient(system, state, r, np.tile(system.layout.rotations.axis[r], (rows, 1)), unknowns, direct)
     else:
-        position = _strain_position(system, slots, state, drive, unknowns, direct, derivatives)
+        position = _strain_position(
+            system, slots, state, drive=drive, unknowns=unknowns, direct=direct, derivatives=derivatives
+        )
     reading = (position - base) / gain
     if not derivatives:
         return Readings(reading)

@@ -28,7 +28,7 @@ class DriveState(Enum):
     FORCED = "forced"  # free, with a constant force
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class System:
     """One way to solve a machine: n unknown coordinates and c constraints."""
 
@@ -83,7 +83,16 @@ def build_system(layout: Layout, states: tuple[DriveState, ...], loaded: bool, a
         groups.append(made)
     read = slice(int(layout.points[0]), int(layout.points[-1]) + 1) if len(layout.points) else slice(0, 0)
     points = build_links(layout, read, None, place)
-    return System(layout, free, place, tuple(groups), row, points, loaded, states)
+    return System(
+        layout=layout,
+        free=free,
+        place=place,
+        groups=tuple(groups),
+        constraints=row,
+        points=points,
+        loaded=loaded,
+        states=states,
+    )
 
 
 def _active(layout: Layout, states: tuple[DriveState, ...], aim: tuple[str, ...]) -> list[NDArray[np.bool_]]:

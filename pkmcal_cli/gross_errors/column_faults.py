@@ -49,7 +49,7 @@ class _Match:
     after: float
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Table:
     """What is compared: measured and predicted (N, C), names, units, usual residuals (C,); what has been told."""
 
@@ -105,7 +105,9 @@ def explain_columns(
     """
     scale = [parse_unit(unit) for unit in units] if units is not None else [UNITS["1"]] * len(names)
     expected = np.zeros(len(names)) if usual is None else usual
-    table = _Table(measured, predicted, tuple(names), tuple(scale), expected, steady)
+    table = _Table(
+        measured=measured, predicted=predicted, names=tuple(names), units=tuple(scale), usual=expected, steady=steady
+    )
     best = {i: _best(table, i) for i in np.nonzero(table.gross)[0].tolist()}
     matches = {i: match for i, match in best.items() if match is not None} | ({} if steady else _rotation(table))
     corrected = measured.copy()

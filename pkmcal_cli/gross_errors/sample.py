@@ -84,7 +84,14 @@ class Scene:
 
     def _nearest(self, readings: Array, predicted: Array) -> Array:
         known = np.isfinite(readings)
-        part = Problem(self.sample.model, self.sample.rows, readings, self.sample.sigma, self.sample.drive_sigma, known)
+        part = Problem(
+            model=self.sample.model,
+            rows=self.sample.rows,
+            readings=readings,
+            sigma=self.sample.sigma,
+            drive_sigma=self.sample.drive_sigma,
+            measured=known,
+        )
         return residuals(part, predicted) + predicted
 
     @cached_property

@@ -16,7 +16,7 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 ORIENTATION: Final = ("rx", "ry", "rz")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorChannel:
     """One number that a sensor reads.
 
@@ -86,7 +86,14 @@ def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterato
         column = "" if kind.quantity == "bench" else sensor.column or next(iter(sensor.reads.values()), "") or name
         output = kind.channels.index(read[0])
         yield SensorChannel(
-            name, column, name, _first(sensor), "", output, kind.quantity, reading_unit(machine, sensor)
+            name=name,
+            column=column,
+            sensor=name,
+            target=_first(sensor),
+            direction="",
+            output=output,
+            quantity=kind.quantity,
+            unit=reading_unit(machine, sensor),
         )
         return
     for target in sensor.at:
@@ -98,7 +105,16 @@ def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterato
             turning = direction in ORIENTATION
             unit = machine.file_units.angle if turning else machine.file_units.length
             quantity = "orientation" if turning else kind.quantity
-            yield SensorChannel(own, column, name, target, direction, kind.channels.index(direction), quantity, unit)
+            yield SensorChannel(
+                name=own,
+                column=column,
+                sensor=name,
+                target=target,
+                direction=direction,
+                output=kind.channels.index(direction),
+                quantity=quantity,
+                unit=unit,
+            )
 
 
 def _first(sensor: Sensor) -> str:

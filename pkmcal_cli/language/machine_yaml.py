@@ -25,9 +25,9 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     if drafted is None:
         faults.raise_if_any()
         raise AssertionError("a machine without faults")
-    NameCheck(drafted, source, faults, aside).run()
+    NameCheck(machine=drafted, source=source, faults=faults, aside=aside).run()
     SenseCheck(drafted, source, faults, aside).run()
-    machine = Resolver(drafted, source, faults, aside).run()
+    machine = Resolver(machine=drafted, source=source, faults=faults, aside=aside).run()
     faults.raise_if_any()
     machine._source = source
     machine._files = loaded.files

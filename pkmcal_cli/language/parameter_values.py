@@ -105,7 +105,7 @@ class ParameterResolver:
         if key in Ranges.model_fields:
             hint += f", or `{key}:` in `ranges:` for every {dimension.name}"
         what = f"parameter `{name}` ({_kind(dimension)}) has no range"
-        self.faults.add(self.source.fault("range", what, path, hint, 0, True))
+        self.faults.add(self.source.fault("range", what, path, hint, at_key=True))
         return math.nan
 
     def _bounds(self, parameter: Parameter, dimension: Dimension, bare: Unit, path: Path) -> tuple[float, float] | None:

@@ -30,7 +30,7 @@ from pkmcal_cli.yaml_source.tree import Path, SourceMap
 _PLAIN = ("parameters", "ranges", "effects")
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Resolver:
     """Binds the drafts of one machine; faults are added at their places."""
 
@@ -78,7 +78,9 @@ class Resolver:
     def _check_values(self, bound: Mapping[Path, Quantity], parameters: Mapping[str, Parameter]) -> None:
         """Values at nominal: finite, sign, magnitude; pi in a file of degrees."""
         written = self.machine.parameters
-        check = MagnitudeCheck(parameters, written, self.units, self.source, self.faults)
+        check = MagnitudeCheck(
+            parameters=parameters, written=written, units=self.units, source=self.source, faults=self.faults
+        )
         for path, draft, _ in self.uses:
             if path in self.slipped:
                 continue
@@ -105,7 +107,7 @@ class Resolver:
         for name in self.machine.parameters:
             if name not in known and name in used:
                 what = f"what parameter `{name}` measures cannot be told from its uses"
-                found = self.source.fault("dimension", what, ("parameters", name), "give `unit:`", 0, True)
+                found = self.source.fault("dimension", what, ("parameters", name), "give `unit:`", at_key=True)
                 self.faults.add(found)
         return {name: known[name] for name in self.machine.parameters if name in known}
 

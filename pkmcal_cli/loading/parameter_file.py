@@ -115,7 +115,7 @@ def _number(value: float) -> str:
     return "null" if math.isnan(value) else f"{value:.12g}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ParameterFile:
     """What a parameter file says: SI values by name; how the fit that wrote it ended; the file's checksum.
 
@@ -150,8 +150,30 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
         hint = "a parameter file has a map `parameters:`; `pkmcal calibrate -o FILE` writes one"
         raise BadInput([tree.fault("parameters", "no map `parameters` in this file", (), hint)])
     _unknown_keys(tree, source.root, (), _SECTIONS, faults)
-    values, others = {}, []
-    for name, node in section.value.items():
+    values, others = _values(tree, section.value, known, parameters, faults)
+    faults.raise_if_any()
+    return ParameterFile(
+        file=source.file,
+        values=values,
+        status=_status(source.root.child("provenance")),
+        sha256=source.sha256,
+        covariance=_covariance(source.root.child("correlations"), known),
+        others=others,
+        of_machine=of_machine,
+    )
+
+
+def _values(
+    tree: SourceMap,
+    entries: Mapping[str, SourceNode],
+    known: Mapping[str, ModelParameter],
+    parameters: Sequence[ModelParameter],
+    faults: FaultList,
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Values, SI, by name; names of other sessions' parameters."""
+    values: dict[str, float] = {}
+    others: list[str] = []
+    for name, node in entries.items():
         if name not in known and _of_a_session(name, parameters):
             others.append(name)
             continue
@@ -163,12 +185,13 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
         value = _entry_value(tree, name, node, known[name], faults)
         if value is not None:
             values[name] = value
-    faults.raise_if_any()
-    head = source.root.child("provenance")
-    status = head.child("status") if head is not None else None
-    covariance = _covariance(source.root.child("correlations"), known)
-    ended = None if status is None else str(status.value)
-    return ParameterFile(source.file, values, ended, source.sha256, covariance, tuple(others), of_machine)
+    return values, tuple(others)
+
+
+def _status(provenance: SourceNode | None) -> str | None:
+    """How the fit ended that wrote the file."""
+    status = None if provenance is None else provenance.child("status")
+    return None if status is None else str(status.value)
 
 
 def _is_of(machine: Fingerprint, tree: SourceMap) -> bool:

@@ -85,7 +85,7 @@ class Poses:
         return {int(k): OUT_OF_REACH for k in np.nonzero(~self.reachable)[0]}
 
 
-@dataclass
+@dataclass(kw_only=True)
 class PoseSource:
     """The poses of a command: those of a table or of a grid.
 

@@ -14,7 +14,7 @@ from pkmcal_cli.mechanism.connection_points import Link, Number, Point, Port, ar
 from pkmcal_cli.mechanism.topology import GROUND, Arms, Drive, DriveKind, Group, Layout, Rotations, Turn
 
 
-@dataclass
+@dataclass(kw_only=True)
 class LayoutBuilder:
     """Collects the pieces of a machine; `build` freezes them."""
 
@@ -102,7 +102,19 @@ class LayoutBuilder:
         """An element between two ports."""
         frames = triads or (np.eye(3), np.eye(3))
         loads = tuple(prestress or (0.0,) * len(element.strains))
-        self.links.append(Link(element, name, ports, frames, tuple(rest), tuple(stiffness), loads, tuple(rigid), rope))
+        self.links.append(
+            Link(
+                element=element,
+                name=name,
+                ports=ports,
+                triads=frames,
+                rest=tuple(rest),
+                stiffness=tuple(stiffness),
+                prestress=loads,
+                rigid=tuple(rigid),
+                rope=rope,
+            )
+        )
 
     def aim(self, element: Element, name: str, ports: tuple[Port, Port]) -> None:
         """Constraints that hold port j at a pose given by slots; they act in inverse positions only."""
@@ -110,12 +122,34 @@ class LayoutBuilder:
         frames = (np.eye(3), np.eye(3))
         numbers = (0.0,) * len(element.patterns)
         zeros, rigid = (0.0,) * count, (True,) * count
-        self.aims.append(Link(element, name, ports, frames, zeros, numbers, zeros, rigid, False))
+        self.aims.append(
+            Link(
+                element=element,
+                name=name,
+                ports=ports,
+                triads=frames,
+                rest=zeros,
+                stiffness=numbers,
+                prestress=zeros,
+                rigid=rigid,
+                rope=False,
+            )
+        )
 
     def reading_point(self, name: str, port: Port) -> int:
         """A point that sensors read; returns its number among the points."""
         self.points.append(
-            Link(None, name, (Port(Point(), GROUND), port), (np.eye(3), np.eye(3)), (), (), (), (), False)
+            Link(
+                element=None,
+                name=name,
+                ports=(Port(Point(), GROUND), port),
+                triads=(np.eye(3), np.eye(3)),
+                rest=(),
+                stiffness=(),
+                prestress=(),
+                rigid=(),
+                rope=False,
+            )
         )
         return len(self.points) - 1
 
@@ -141,21 +175,21 @@ class LayoutBuilder:
         sequence += self.points
         arms = self._arms(sequence)
         return Layout(
-            self.planar,
-            SlotTable(np.array(self.constants), tuple(self.formulas), tuple(self.labels)),
-            np.array([t[0] for t in self.travels], dtype=np.intp),
-            np.array([t[1] for t in self.travels]),
-            np.array([t[2] for t in self.travels], dtype=bool),
-            tuple(t[3] for t in self.travels),
-            self._turning(),
-            arms,
-            tuple(groups),
-            tuple(aims),
-            np.arange(first_point, len(sequence)),
-            np.array(self._forced_dofs(), dtype=np.intp),
-            np.array([slot for _, _, slot in self.forces], dtype=np.intp),
-            tuple(_located(drive, element, strain, groups) for drive, element, strain in drives),
-            tuple(held),
+            planar=self.planar,
+            slots=SlotTable(np.array(self.constants), tuple(self.formulas), tuple(self.labels)),
+            travel_slots=np.array([t[0] for t in self.travels], dtype=np.intp),
+            travel_drawn=np.array([t[1] for t in self.travels]),
+            travel_free=np.array([t[2] for t in self.travels], dtype=bool),
+            travel_names=tuple(t[3] for t in self.travels),
+            rotations=self._turning(),
+            arms=arms,
+            groups=tuple(groups),
+            aims=tuple(aims),
+            points=np.arange(first_point, len(sequence)),
+            force_dofs=np.array(self._forced_dofs(), dtype=np.intp),
+            force_slots=np.array([slot for _, _, slot in self.forces], dtype=np.intp),
+            drives=tuple(_located(drive, element, strain, groups) for drive, element, strain in drives),
+            held=tuple(held),
         )
 
     def _groups(self) -> list[tuple[Element, list[Link]]]:
@@ -175,16 +209,16 @@ class LayoutBuilder:
 
         numbers = [str(k) for k in range(len(element.patterns))]
         return Group(
-            element,
-            tuple(link.name for link in links),
-            where,
-            np.array([[link.ports[side].rotation for link in links] for side in (0, 1)], dtype=np.intp),
-            np.array([[link.triads[side] for link in links] for side in (0, 1)]),
-            block("rest", [link.rest for link in links], element.strains),
-            block("stiffness", [link.stiffness for link in links], numbers),
-            block("prestress", [link.prestress for link in links], element.strains),
-            np.array([link.rigid for link in links], dtype=bool).reshape(len(links), len(element.strains)),
-            np.array([link.rope for link in links], dtype=bool),
+            element=element,
+            names=tuple(link.name for link in links),
+            links=where,
+            rotation=np.array([[link.ports[side].rotation for link in links] for side in (0, 1)], dtype=np.intp),
+            triads=np.array([[link.triads[side] for link in links] for side in (0, 1)]),
+            rest=block("rest", [link.rest for link in links], element.strains),
+            stiffness=block("stiffness", [link.stiffness for link in links], numbers),
+            prestress=block("prestress", [link.prestress for link in links], element.strains),
+            rigid=np.array([link.rigid for link in links], dtype=bool).reshape(len(links), len(element.strains)),
+            rope=np.array([link.rope for link in links], dtype=bool),
         )
 
     def _turning(self) -> Rotations:
@@ -223,13 +257,13 @@ class LayoutBuilder:
             for t, axis in travels:
                 travel[t, 3 * a : 3 * a + 3] += axis
         return Arms(
-            np.array([row[0] for row in rows], dtype=np.intp),
-            np.array([row[1] for row in rows], dtype=np.intp),
-            np.array(start, dtype=np.intp),
-            offset,
-            sign,
-            travel,
-            np.array(self.offsets, dtype=np.intp),
+            link=np.array([row[0] for row in rows], dtype=np.intp),
+            rotation=np.array([row[1] for row in rows], dtype=np.intp),
+            start=np.array(start, dtype=np.intp),
+            offset=offset,
+            sign=sign,
+            travel=travel,
+            offset_slots=np.array(self.offsets, dtype=np.intp),
         )
 
 

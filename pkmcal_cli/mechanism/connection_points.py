@@ -42,7 +42,7 @@ class Rail:
     along: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Link:
     """What a link carries: an element between two ports, with its numbers."""
 

@@ -47,7 +47,7 @@ class Rotations:
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Arms:
     """Vectors that add up to links, ordered by link."""
 
@@ -60,7 +60,7 @@ class Arms:
     offset_slots: Index  # (O, 3) slots of the offset vectors
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Group:
     """Links that carry elements of one kind."""
 
@@ -89,7 +89,7 @@ class DriveKind(IntEnum):
     STRAIN = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drive:
     """Where an actuator enters: the slot that its position sets, and how it is released or force-controlled."""
 
@@ -104,7 +104,7 @@ class Drive:
     rigid: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Layout:
     """Index arrays of one machine."""
 

@@ -15,7 +15,7 @@ _FELT = 1e-12  # m, rad, ... at effects of the size of one: less is rounding
 NONE: Index = np.zeros(0, dtype=np.intp)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Socket:
     """Slots that one port displaces by numbers d (W,): slots += matrix d, or slots *= exp(matrix d) where `scales`.
 

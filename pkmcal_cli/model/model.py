@@ -23,7 +23,7 @@ _SYSTEMS = ("exact", "rigid", "released", "independent_coordinates", "inverse", 
 """Cached properties that depend on the layout only."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModelParameter:
     """A parameter in SI: `range` is the half-width about nominal, two standard deviations of the prior.
 
@@ -50,7 +50,7 @@ class ModelParameter:
         return replace(self, name=f"{self.name}[{session}]", per_session=False, session=session)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Actuator:
     """A drive seen from the control: position = value of its slot at reading zero + gain * reading."""
 
@@ -63,7 +63,7 @@ class Actuator:
     force_slot: int  # constant force of a force-controlled drive where no column gives it, N or N m
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Channel:
     """One measured quantity.
 
@@ -82,7 +82,7 @@ class Channel:
     once: float = nan  # what was measured once, on the bench, SI
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Model:
     """What `predict` works on."""
 
@@ -238,10 +238,24 @@ def tcp_model(model: Model) -> Model:
     """The model with all coordinates of the TCP as channels, whatever its sensors read."""
     point, rotation = model.tcp
     axes = 2 if model.layout.planar else 3
-    channels = [Channel(c, "position", point, k, np.nan, "m", "length") for k, c in enumerate("xyz"[:axes])]
+    channels = [
+        Channel(name=c, quantity="position", index=point, component=k, sigma=np.nan, unit="m", dimension="length")
+        for k, c in enumerate("xyz"[:axes])
+    ]
     if rotation != GROUND:
         turns = [2] if model.layout.planar else [0, 1, 2]
-        channels += [Channel(f"r{'xyz'[k]}", "orientation", rotation, k, np.nan, "rad", "angle") for k in turns]
+        channels += [
+            Channel(
+                name=f"r{'xyz'[k]}",
+                quantity="orientation",
+                index=rotation,
+                component=k,
+                sigma=np.nan,
+                unit="rad",
+                dimension="angle",
+            )
+            for k in turns
+        ]
     views = tuple(View(c.quantity, c.index, c.component) for c in channels)  # type: ignore[arg-type]
     direct = tuple((k, k) for k in range(len(channels)))
     return replace(model, channels=tuple(channels), views=views, direct=direct, sensors=(), correlated=())

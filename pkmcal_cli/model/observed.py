@@ -27,7 +27,7 @@ class Given:
     slots: Index  # (w,)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlacedSensor:
     """A sensor at one point: its channels in the model, and which of the readings of its kind they are.
 

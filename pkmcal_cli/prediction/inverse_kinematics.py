@@ -53,7 +53,7 @@ def _chunk(model: Model, system: System, poses: Array, base: Array) -> tuple[Arr
     target = _aimed(model, base[None], np.where(np.isnan(poses), model.tcp_drawn, poses))
     state = drawn_state(layout, begin, len(poses), system.constraints)
     options = NewtonOptions(curved=False)
-    state, status, _ = follow(system, begin, target, state, model.length, options, Effort())
+    state, status, _ = follow(system, begin, target, state=state, length=model.length, options=options, effort=Effort())
     status = np.where(status == RowStatus.SOLVED, status, RowStatus.OUT_OF_REACH)
     readings = _readings(model, system, target, state)
     readings[status != RowStatus.SOLVED] = np.nan

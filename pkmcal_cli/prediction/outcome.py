@@ -34,7 +34,17 @@ def outcome(
         forces, energy = drive_forces(model, solution)
         forces[bad], energy[bad] = np.nan, np.nan
     names = _slack_names(solution)
-    return Prediction(values, solution.status, state, jacobian, by_drive, forces, energy, names, solution.steps)
+    return Prediction(
+        values=values,
+        status=solution.status,
+        state=state,
+        jacobian=jacobian,
+        by_drive=by_drive,
+        forces=forces,
+        energy=energy,
+        slack=names,
+        steps=solution.steps,
+    )
 
 
 def _views(model: Model, solution: Solution, gains: Array, derivatives: bool) -> tuple[Array, Array | None]:

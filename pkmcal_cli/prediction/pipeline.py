@@ -141,13 +141,13 @@ def _joined(parts: Sequence[Prediction]) -> Prediction:
         slack.update({first + row: name for row, name in part.slack.items()})
         first += len(part.status)
     return Prediction(
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.status for part in parts]),
-        state,
-        join("jacobian"),
-        join("by_drive"),
-        join("forces"),
-        join("energy"),
-        slack,
-        sum(part.steps for part in parts),
+        values=np.concatenate([part.values for part in parts]),
+        status=np.concatenate([part.status for part in parts]),
+        state=state,
+        jacobian=join("jacobian"),
+        by_drive=join("by_drive"),
+        forces=join("forces"),
+        energy=join("energy"),
+        slack=slack,
+        steps=sum(part.steps for part in parts),
     )

@@ -89,7 +89,7 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Prediction:
     """Predicted readings (N, C), nan where `status` (N,) is not SOLVED.
 

@@ -66,7 +66,7 @@ def rigid_pose(model: Model, slots: Array, options: NewtonOptions, effort: Effor
     system = model.rigid
     begin = model.drawn_slots
     state = drawn_state(model.layout, begin, len(slots), system.constraints)
-    state, status, _ = follow(system, begin, slots, state, model.length, options, effort)
+    state, status, _ = follow(system, begin, slots, state=state, length=model.length, options=options, effort=effort)
     elsewhere = left_mode(system, model.drawn_mode, slots, state, model.length)
     failed = np.nonzero(status != RowStatus.SOLVED)[0]
     status[elsewhere & (status == RowStatus.SOLVED)] = RowStatus.WRONG_MODE
@@ -147,7 +147,9 @@ def _from_drawing(model: Model, slots: Array, effort: Effort) -> tuple[State, ND
     def relaxed(some: Index) -> Array:
         return _relaxed_slots(model, mine[some], part.take(some))
 
-    part_solved, now, loose = follow(system, relaxed, mine, part, model.length, _ELASTIC, effort)
+    part_solved, now, loose = follow(
+        system, relaxed, mine, state=part, length=model.length, options=_ELASTIC, effort=effort
+    )
     for all_rows, theirs in zip(slack, loose, strict=True):
         all_rows[good] = theirs
         now[theirs.any(axis=1)] = RowStatus.SLACK

@@ -22,7 +22,7 @@ _WEAK = "weak: "
 _FEW = 4  # names or terms that are listed one by one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ParameterRow:
     """One parameter: numbers in `unit`; `std` None where undetermined; `reason` why not (well) identified."""
 
@@ -80,15 +80,15 @@ def parameter_rows(model: Model, fit: Fit, intervals: Intervals) -> tuple[Parame
         known = selected and not math.isnan(spread)
         rows.append(
             ParameterRow(
-                p.name,
-                exact_value(p.nominal, unit),
-                exact_value(float(fit.values[k]), unit),
-                float(spread) / unit.scale if known else None,
-                p.range / unit.scale,
-                unit.text,
-                known and not is_weak(reason),
-                reason,
-                _interval(ends.get(p.name), unit),
+                name=p.name,
+                nominal=exact_value(p.nominal, unit),
+                value=exact_value(float(fit.values[k]), unit),
+                std=float(spread) / unit.scale if known else None,
+                range=p.range / unit.scale,
+                unit=unit.text,
+                identified=known and not is_weak(reason),
+                reason=reason,
+                interval=_interval(ends.get(p.name), unit),
             )
         )
     return tuple(rows)

@@ -31,6 +31,7 @@ class PlanReport:
         self,
         machine: Machine,
         plan: Plan,
+        *,
         at_nominal: bool,
         aim: Aim | None,
         added: Problem | None,

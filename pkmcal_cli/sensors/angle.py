@@ -25,12 +25,13 @@ def _angle(x: Any, y: Any) -> Any:
 
 
 ANGLE = SensorKind(
-    "angle",
-    "direction of the line from one point to another, in the axes of the body that has the first (against the drawing)",
-    "encoder of a passive joint, inclinometer on a rod",
-    ("at", "to"),
-    ("axis", "column", "zero", "scale", "unit"),
-    ("place", "other", "turn", "basis", "zero", "scale"),
-    "angle",
-    _read,
+    keyword="angle",
+    title="direction of the line from one point to another, in the axes of the body that has the first "
+    "(against the drawing)",
+    instruments="encoder of a passive joint, inclinometer on a rod",
+    needs=("at", "to"),
+    may=("axis", "column", "zero", "scale", "unit"),
+    sees=("place", "other", "turn", "basis", "zero", "scale"),
+    quantity="angle",
+    law=_read,
 )

@@ -40,7 +40,7 @@ Law = Callable[[Mapping[Any, Any]], Sequence[Any]]
 """From what is seen, arrays (N, width) by name, to readings (N,) in the order of `channels`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorKind:
     """A kind of instrument. `needs` and `may`: keys of its entry besides `kind` and `sigma`.
 

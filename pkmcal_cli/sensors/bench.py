@@ -5,12 +5,12 @@ from __future__ import annotations
 from pkmcal_cli.sensors.base import SensorKind
 
 BENCH = SensorKind(
-    "bench",
-    "an expression of parameters, measured once by itself; its reading stands in the machine file",
-    "coordinate measuring machine, gauge blocks, tape",
-    ("of", "reading"),
-    (),
-    ("value",),
-    "bench",
-    lambda seen: [seen["value"][:, 0]],
+    keyword="bench",
+    title="an expression of parameters, measured once by itself; its reading stands in the machine file",
+    instruments="coordinate measuring machine, gauge blocks, tape",
+    needs=("of", "reading"),
+    may=(),
+    sees=("value",),
+    quantity="bench",
+    law=lambda seen: [seen["value"][:, 0]],
 )

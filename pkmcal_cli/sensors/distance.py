@@ -18,12 +18,12 @@ def distance(seen: Mapping[str, Any]) -> Sequence[Any]:
 
 
 DISTANCE = SensorKind(
-    "distance",
-    "distance between two points; either may be known or have parameters as coordinates",
-    "double ballbar, draw wire, length gauge",
-    ("at", "to"),
-    ("offset", "column", "zero", "scale", "sigma_per_length"),
-    ("place", "other", "zero", "scale"),
-    "distance",
-    distance,
+    keyword="distance",
+    title="distance between two points; either may be known or have parameters as coordinates",
+    instruments="double ballbar, draw wire, length gauge",
+    needs=("at", "to"),
+    may=("offset", "column", "zero", "scale", "sigma_per_length"),
+    sees=("place", "other", "zero", "scale"),
+    quantity="distance",
+    law=distance,
 )

@@ -30,13 +30,13 @@ def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
 
 
 TCP = SensorKind(
-    "tcp",
-    "coordinates and orientation of points in the instrument's frame",
-    "grid encoder, camera, laser tracker with one or several reflectors, level, autocollimator",
-    ("at", "reads", "frame"),
-    ("offset", "scale", "sigma_per_length", "correlation"),
-    ("place", "turn", "motion", "scale"),
-    "position",
-    _read,
-    ("x", "y", "z", "rx", "ry", "rz"),
+    keyword="tcp",
+    title="coordinates and orientation of points in the instrument's frame",
+    instruments="grid encoder, camera, laser tracker with one or several reflectors, level, autocollimator",
+    needs=("at", "reads", "frame"),
+    may=("offset", "scale", "sigma_per_length", "correlation"),
+    sees=("place", "turn", "motion", "scale"),
+    quantity="position",
+    law=_read,
+    channels=("x", "y", "z", "rx", "ry", "rz"),
 )

@@ -17,14 +17,14 @@ def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
 
 
 TOUCH = SensorKind(
-    "touch",
-    "deviation from a plane (default: normal of the frame `on`) or from a line (reads: [y, z])",
-    "touch probe, bed probing, dial gauge on a straightedge",
-    ("at", "on"),
-    ("reads", "offset", "column", "zero", "scale"),
-    ("place", "frame", "zero", "scale"),
-    "distance",
-    _read,
-    ("x", "y", "z"),
-    ("z", "y"),
+    keyword="touch",
+    title="deviation from a plane (default: normal of the frame `on`) or from a line (reads: [y, z])",
+    instruments="touch probe, bed probing, dial gauge on a straightedge",
+    needs=("at", "on"),
+    may=("reads", "offset", "column", "zero", "scale"),
+    sees=("place", "frame", "zero", "scale"),
+    quantity="distance",
+    law=_read,
+    channels=("x", "y", "z"),
+    normal=("z", "y"),
 )

@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 Rows = slice | NDArray[np.int64] | NDArray[np.bool_] | Sequence[int]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Measurements:
     """N rows of measurements, in SI (m, rad, N, N m, kg, K, s).
 

@@ -59,7 +59,7 @@ class MeasurementStream:
         faults, total, notes = list(_twice(self.paths)), 0, []
         clock, files = _Clock(), []
         for path, session in zip(self.paths, _session_names(self.paths), strict=True):
-            file = _File(self.machine, self.require, session, clock)
+            file = _File(machine=self.machine, require=self.require, session=session, clock=clock)
             try:
                 for part in file.read(path):
                     if not faults:
@@ -111,7 +111,7 @@ class _Clock:
             log.add(Flaw("csv-time", what, hint, line, bound.index), reader.header_source())
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _File:
     """One file on its way to measurements."""
 
@@ -154,14 +154,25 @@ class _File:
         sessions, session = self._sessions(labels, rows)
         forces = get.stack([f"{name}.force" for name in drives], "force")
         return Measurements(
-            drives, get.stack(drives, "actuator"), forces,
-            channels, get.stack(channels, "channel"), get.stack([f"sigma.{c}" for c in channels], "sigma"),
-            get.stack([f"sigma.{name}" for name in drives], "sigma"),
-            coordinates, get.stack(coordinates, "target"), places,
-            {b.column.name: get.values(b) for b in binding.of("covariate")},
-            labels, session, sessions,
-            np.broadcast_to(np.int64(0), (rows,)), (reader.name,), (reader.sha256,), chunk.lines,
-        )  # fmt: skip
+            actuator_names=drives,
+            actuators=get.stack(drives, "actuator"),
+            forces=forces,
+            channels=channels,
+            readings=get.stack(channels, "channel"),
+            sigma=get.stack([f"sigma.{c}" for c in channels], "sigma"),
+            actuator_sigma=get.stack([f"sigma.{name}" for name in drives], "sigma"),
+            coordinates=coordinates,
+            given_targets=get.stack(coordinates, "target"),
+            target_channels=places,
+            covariates={b.column.name: get.values(b) for b in binding.of("covariate")},
+            labels=labels,
+            session=session,
+            sessions=sessions,
+            file_index=np.broadcast_to(np.int64(0), (rows,)),
+            files=(reader.name,),
+            sha256=(reader.sha256,),
+            line=chunk.lines,
+        )
 
     def _sessions(self, labels: dict[str, tuple[str, ...]], rows: int) -> tuple[tuple[str, ...], IntArray]:
         """Names and index (n,): of the column `session`, else the file's."""

@@ -48,7 +48,7 @@ BASE_DIMENSIONS = {
 """The keys of `units:` and their dimensions."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FileUnits:
     """The units of bare numbers in a file; the other units are derived from these.
 

@@ -31,7 +31,7 @@ from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AnalysisRequest:
     """The arguments of `sensitivity` and `observability`."""
 
@@ -40,7 +40,7 @@ class AnalysisRequest:
     grid: str | None
     parameters: str | None
     select: str | None  # None: every parameter
-    offsets: tuple[str, ...]
+    offset: tuple[str, ...] | None
     as_json: bool
     quiet: bool
 
@@ -80,12 +80,12 @@ def _prepare(request: AnalysisRequest) -> _Setting:
         rows = at_rest(model, Rows.at(model.drawn_readings[None]))
         poses = Poses(rows, np.ones(1, dtype=bool), lambda _: Place(None, 0, ""))
     else:
-        source = PoseSource(loaded, request.poses, request.grid)
+        source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
         poses = source.together()
         to.notes(source.notes)
         for text in source.travels.warnings():
             to.warn(text)
-    rows = _offset_rows(model, poses.rows, request.offsets)
+    rows = _offset_rows(model, poses.rows, request.offset or ())
     return _Setting(loaded, start.values, selected, Poses(rows, poses.reachable, poses.place, poses.measured), to)
 
 

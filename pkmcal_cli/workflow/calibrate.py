@@ -43,7 +43,7 @@ _NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
 _DIGITS = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CalibrationRequest:
     """The arguments of `calibrate`."""
 
@@ -60,7 +60,7 @@ class CalibrationRequest:
     force: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Setting:
     """What the fit starts from."""
 
@@ -135,7 +135,16 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     if limit is not None and "position" not in _measured_kinds(problem):
         raise UsageError("--max-rms: no positions were measured", hint="leave it out")
     apart = None if file is None else _apart(loaded, measured, file)
-    s = _Setting(request, loaded, measured, problem, selected, start, limit, apart)
+    s = _Setting(
+        request=request,
+        loaded=loaded,
+        measured=measured,
+        problem=problem,
+        selected=selected,
+        start=start,
+        limit=limit,
+        apart=apart,
+    )
     check_target(request.output, s.inputs, force=request.force)
     return s
 

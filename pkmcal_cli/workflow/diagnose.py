@@ -32,7 +32,7 @@ MOST_ALPHA = 0.2
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DiagnosisRequest:
     """The arguments of `diagnose`."""
 

@@ -19,7 +19,7 @@ from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.report.numbers import finite
 
 
-@dataclass
+@dataclass(kw_only=True)
 class ErrorMap:
     """Standard uncertainties of TCP coordinates, block by block; `covariance` (p, p) of `names`, SI."""
 
@@ -42,7 +42,7 @@ class ErrorMap:
             what = "this parameter file has no `correlations` with `std`: nothing says how sure its values are"
             raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
         names, matrix = start.covariance
-        return cls(tcp_model(model), start.values, names, matrix)
+        return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix)
 
     @cached_property
     def columns(self) -> list[tuple[str, str]]:

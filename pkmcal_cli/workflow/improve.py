@@ -27,7 +27,7 @@ from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, check_alpha, prepare
 FEWEST_TO_SPLIT = 20  # rows of which some can be kept apart
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ImproveRequest:
     """The arguments of `improve`."""
 

@@ -38,7 +38,7 @@ _NO_APPROACH = (
 _WIDER = 0.1  # by which share of the plan's box candidates may lie outside it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanRequest:
     """The arguments of `plan`."""
 
@@ -64,7 +64,7 @@ def run_plan(request: PlanRequest) -> int:
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine, receptive=True)
     selected = selection(loaded.model, request.select)
-    source = PoseSource(loaded, request.poses, request.grid)
+    source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
     poses = source.together()
     rows = with_directions(poses.rows, [a.name for a in loaded.model.actuators])
     start = load_parameters(loaded.model, request.parameters)
@@ -83,9 +83,12 @@ def run_plan(request: PlanRequest) -> int:
     problem = _predicted(problem, failed)
     plan = plan_of(found, problem, values, selected)
     aim = _aim(request, found, loaded.model, selected)
-    added, chosen = (None, None) if aim is None else _added(loaded, plan, problem, values, selected, aim, request)
+    added, chosen = None, None
+    if aim is not None:
+        added, chosen = _added(loaded, plan, problem, values=values, selected=selected, aim=aim, request=request)
     bench = bench_proposals(problem.model, observability(problem, values, selected).found)
-    report = PlanReport(loaded.machine, plan, request.parameters is None, aim, added, chosen, bench)
+    nominal = request.parameters is None
+    report = PlanReport(loaded.machine, plan, at_nominal=nominal, aim=aim, added=added, chosen=chosen, bench=bench)
     report.show(to)
     if request.output is not None:
         every = _scheduled(loaded, problem, added, values, request.seed)

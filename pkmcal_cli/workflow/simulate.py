@@ -33,7 +33,7 @@ _SHOWN = 20  # failed rows told one by one
 _LISTED = 1000  # failed rows in the JSON
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SimulationRequest:
     """The arguments of `simulate`."""
 
@@ -85,7 +85,7 @@ def run_simulation(request: SimulationRequest) -> int:
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
         to.warn(fault.text())
-    source = PoseSource(loaded, request.poses, request.grid)
+    source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
     blocks = iter(source)
     first = next(blocks, None)  # so that its sessions are known, and the head can name the table with its sha256
     model = loaded.model.for_sessions(first.rows.session_names if first is not None else ())
@@ -100,7 +100,7 @@ def run_simulation(request: SimulationRequest) -> int:
     head = provenance(inputs, seed=request.seed, noise=request.noise, method=request.method)
     joined = _names_others(first)
     table = SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined)
-    work = _Work(model, request, start.values, noise, table, errors)
+    work = _Work(model=model, request=request, values=start.values, noise=noise, table=table, errors=errors)
     comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
     writing = open_writer(target, work.columns, inputs, comments=comments, force=request.force)
     with writing as writer, to.progress() as tick:
@@ -137,7 +137,7 @@ def _checked(request: SimulationRequest) -> str:
     return target
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Work:
     """Simulation block by block, into a table."""
 

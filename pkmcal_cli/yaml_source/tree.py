@@ -83,9 +83,16 @@ class SourceMap:
         return lines[where.line - 1] if 0 < where.line <= len(lines) else None
 
     def fault(
-        self, code: str, what: str, path: Path, hint: str | None = None, offset: int = 0,
-        at_key: bool = False, warning: bool = False,
-    ) -> Fault:  # fmt: skip
+        self,
+        code: str,
+        what: str,
+        path: Path,
+        hint: str | None = None,
+        offset: int = 0,
+        *,
+        at_key: bool = False,
+        warning: bool = False,
+    ) -> Fault:
         """A fault at the value of a path (or at its key), `offset` characters into its text."""
         node = self.node(path)
         where = node.key if at_key and node.key is not None else node.where

@@ -18,7 +18,7 @@ LEVELS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 PER_LEVEL = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
     """One campaign to diagnose. `drawn`: effects of the catalogue; `unknown`: one that is in none, and its size."""
 
@@ -46,7 +46,9 @@ Maker = Callable[[str, int, str, int, np.random.Generator], Case]
 
 def nothing(scenario: Scenario) -> Maker:
     """Nothing is missing."""
-    return lambda test, number, machine, seed, rng: Case(test, number, machine, seed, scenario)
+    return lambda test, number, machine, seed, rng: Case(
+        test=test, number=number, machine=machine, seed=seed, scenario=scenario
+    )
 
 
 def one(wanted: Wanted, omit: tuple[str, ...] = ()) -> Maker:
@@ -54,7 +56,7 @@ def one(wanted: Wanted, omit: tuple[str, ...] = ()) -> Maker:
 
     def make(test: str, number: int, machine: str, seed: int, rng: np.random.Generator) -> Case:
         drawn = draw(Setting.of(machine, seed), rng, wanted)
-        return Case(test, number, machine, seed, Scenario(omit=omit), (drawn,))
+        return Case(test=test, number=number, machine=machine, seed=seed, scenario=Scenario(omit=omit), drawn=(drawn,))
 
     return make
 
@@ -64,7 +66,7 @@ def several(count: int) -> Maker:
 
     def make(test: str, number: int, machine: str, seed: int, rng: np.random.Generator) -> Case:
         drawn = draw_several(Setting.of(machine, seed), rng, Wanted(2, 8, separable=True), count, SURE)
-        return Case(test, number, machine, seed, Scenario(), tuple(drawn))
+        return Case(test=test, number=number, machine=machine, seed=seed, scenario=Scenario(), drawn=tuple(drawn))
 
     return make
 
@@ -73,12 +75,14 @@ def power(test: str, number: int, machine: str, seed: int, rng: np.random.Genera
     """One effect of a size of the power curve."""
     level = LEVELS[number % len(LEVELS)]
     drawn = draw(Setting.of(machine, seed), rng, Wanted(level, level, separable=True))
-    return Case(test, number, machine, seed, Scenario(), (drawn,), size=level)
+    return Case(test=test, number=number, machine=machine, seed=seed, scenario=Scenario(), drawn=(drawn,), size=level)
 
 
 def bad_rows(test: str, number: int, machine: str, seed: int, rng: np.random.Generator) -> Case:
     """Rows with gross errors, 1 or 2 %."""
-    return Case(test, number, machine, seed, Scenario(outliers=float(rng.uniform(0.01, 0.02))))
+    return Case(
+        test=test, number=number, machine=machine, seed=seed, scenario=Scenario(outliers=float(rng.uniform(0.01, 0.02)))
+    )
 
 
 def outside(low: float, high: float) -> Maker:
@@ -91,7 +95,9 @@ def outside(low: float, high: float) -> Maker:
         places = [at for k, at in every if k == keyword]
         size = float(rng.uniform(low, high))
         planted = unit(machine, keyword, places[rng.integers(len(places))], seed).scaled(size)
-        return Case(test, number, machine, seed, Scenario(), unknown=planted, size=size)
+        return Case(
+            test=test, number=number, machine=machine, seed=seed, scenario=Scenario(), unknown=planted, size=size
+        )
 
     return make
 

@@ -95,7 +95,9 @@ def _apart(case: Case, there: Campaign, linear: Linear, rivals: list[Hypothesis]
     """The least size of the truth's change with one rival projected out."""
     plan, rows = PLANS[case.machine], there.conditions
     geometry = plan.geometry({**plan.nominal, **there.parameters})
-    plain = truth(plan, geometry, rows, [], there.scenario.extra, case.seed, there.conditions).readings
+    plain = truth(
+        plan, geometry, rows, planted=[], extra=there.scenario.extra, seed=case.seed, reference=there.conditions
+    ).readings
     change = ((there.true_readings - plain) / there.sigma).ravel()
     return min((_size(linear, change, h) for h in rivals), default=0.0)
 
@@ -109,7 +111,9 @@ def extended(case: Case, first: Campaign) -> Campaign:
     more = replace(more, time=time, session=session, temperature=np.round(more.air.at(time), 3))
     whole = joined(first.conditions, more)
     geometry = plan.geometry({**plan.nominal, **first.parameters})
-    true = truth(plan, geometry, whole, case.planted, scenario.extra, case.seed, first.conditions).readings
+    true = truth(
+        plan, geometry, whole, planted=case.planted, extra=scenario.extra, seed=case.seed, reference=first.conditions
+    ).readings
     rng = np.random.default_rng((case.seed, 7))
     noise = first.sigma * unit_noise(scenario.noise, POOL, len(first.sigma), rng)
     readings = np.vstack([first.readings, true[len(first.readings) :] + noise])

@@ -46,7 +46,7 @@ RULES = """
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """What became of a case; plain values, one line of JSON. `errors`: (estimate - planted) / std of parameters."""
 

@@ -30,7 +30,7 @@ from .shop_truth import truth
 __all__ = ["MACHINES", "Campaign", "Planted", "Scenario", "campaign", "families", "unit", "unknown_families"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Campaign:
     """N rows of C channels: readings with and without noise (N, C) in m, stated noise `sigma` (C,) in m, true
     `parameters` in SI (those which the machine file identifies), planted effects, circumstances, bad rows `outlier`
@@ -84,7 +84,9 @@ def campaign(
     parameters = true_parameters(plan, seed, scenario.errors)
     here = conditions(plan, seed, rows, scenario)
     reference = here if stream == 0 else conditions(plan, seed, rows, replace(scenario, stream=0))
-    true = truth(plan, plan.geometry(parameters), here, planted, scenario.extra, seed, reference).readings
+    true = truth(
+        plan, plan.geometry(parameters), here, planted, extra=scenario.extra, seed=seed, reference=reference
+    ).readings
     sigma = np.full(len(plan.channels), plan.sigma)
     noise_seed = (seed, 6, stream)
     rng = np.random.default_rng(noise_seed)

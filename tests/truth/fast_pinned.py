@@ -29,7 +29,7 @@ class Load:
     point: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Problem:
     """N rows of R rods: ends on the platform `body` (R, 3) in its frame and on the carriages `base` (N, R, 3) in m,
     natural `length` (N, R) in m, `stiffness` (N, R) in N/m, half clearance `gap` (R,) in m, loads, and which of x,

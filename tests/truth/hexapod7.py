@@ -108,7 +108,7 @@ def platform_motion(arm: Array) -> Array:
     return np.concatenate([np.broadcast_to(np.eye(3), (LEGS, 3, 3)), [-pinned.skew(a) for a in arm]], 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hexapod7:
     """The machine; `pieces`: springs per beam. `section` may be changed to look at stiffer or lighter
     beams."""

@@ -35,7 +35,7 @@ STEP_DONE = 1e-15
 """Newton step (m, rad) below which the state is accepted."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rods:
     """R rods as plain arrays; see the module's formula. `drive` (R,) names the drive by its column, -1:
     none."""
@@ -74,15 +74,15 @@ class Rods:
             return np.array(np.broadcast_to(0 if values is None else np.asarray(values, WIDE), count), WIDE)
 
         return cls(
-            points(body),
-            points(base),
-            points(along),
-            scalars(feed),
-            np.asarray(drive, np.intp),
-            scalars(length),
-            scalars(stiffness),
-            scalars(tension),
-            np.array(np.broadcast_to(False if rope is None else np.asarray(rope, bool), count)),
+            body=points(body),
+            base=points(base),
+            along=points(along),
+            feed=scalars(feed),
+            drive=np.asarray(drive, np.intp),
+            length=scalars(length),
+            stiffness=scalars(stiffness),
+            tension=scalars(tension),
+            rope=np.array(np.broadcast_to(False if rope is None else np.asarray(rope, bool), count)),
         )
 
 

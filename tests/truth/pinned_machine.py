@@ -28,7 +28,7 @@ class Forward:
     drive_force: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Machine:
     """A machine of pinned rods.
 

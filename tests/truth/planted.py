@@ -46,7 +46,7 @@ class Travel:
         return cls(q.min(0), q.max(0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Context:
     """What effects may depend on. `force` (N, A) of the drives and `tension` (N, R) of the rods in N: in the
     equilibrium without the effects that depend on them; `seed`: of what is drawn inside an effect."""
@@ -89,7 +89,7 @@ class Context:
         return logged.air.at(logged.time, lag * self.extra) - REFERENCE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Shift:
     """What N rows of a machine with A drives and R rods are off by: `drive` (N, A) m; `across` (N, A, 3) m and `turn`
     (N, A, 3) rad of the carriages in the axes of their guide's frame; `foot` (N, A, 3) m in base axes; `length` (N, R)
@@ -107,9 +107,16 @@ class Shift:
     @classmethod
     def none(cls, rows: int, drives: int, rods: int) -> Shift:
         """No effect at all."""
-        per_drive, per_rod, vectors = (rows, drives), (rows, rods), (rows, drives, 3)
-        shapes = (per_drive, vectors, vectors, vectors, per_rod, per_rod, (rods,))
-        return cls(*(np.zeros(shape) for shape in shapes))
+        vectors = (rows, drives, 3)
+        return cls(
+            drive=np.zeros((rows, drives)),
+            across=np.zeros(vectors),
+            turn=np.zeros(vectors),
+            foot=np.zeros(vectors),
+            length=np.zeros((rows, rods)),
+            log_stiffness=np.zeros((rows, rods)),
+            gap=np.zeros(rods),
+        )
 
     def with_drive(self, column: int, error: Array) -> Shift:
         """A drive's error (N,) in m added."""

@@ -17,7 +17,7 @@ PAYLOADS = (0.0, 3.0, 6.0)
 """kg"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """How a campaign is measured.
 
@@ -74,7 +74,7 @@ class Air:
         return felt
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Conditions:
     """N rows: commanded `poses` (N, 3) and set values `q` (N, A) in m, `time` in s, `session` (N,) from 1,
     `temperature` in degC as logged, `payload` in kg, `direction` (N, A) +1 or -1, `part` temperatures in degC, the

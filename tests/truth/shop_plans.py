@@ -29,7 +29,7 @@ class Geometry:
     stiffness: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """A machine: names as in its machine file, and its workspace, a box `lower` to `upper` (k,) in m.
 

@@ -118,7 +118,18 @@ def truth(
     known(planted)
     reference = reference or conditions
     travel = Travel.of(reference.q)
-    c = unloaded(Context(plan, geometry, conditions, travel, extra, seed, np.zeros(0), np.zeros(0)))
+    c = unloaded(
+        Context(
+            plan=plan,
+            geometry=geometry,
+            conditions=conditions,
+            travel=travel,
+            extra=extra,
+            seed=seed,
+            force=np.zeros(0),
+            tension=np.zeros(0),
+        )
+    )
     bumps: dict[str, float] = {}
     bent = [effect for effect in planted if effect.keyword == "local_bump"]
     if bent:

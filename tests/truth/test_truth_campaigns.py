@@ -235,7 +235,15 @@ def test_a_loose_joint_carries_nothing_until_its_clearance_is_crossed() -> None:
     pull = np.array([-500.0, -200.0, 200.0, 500.0])
     force = Load(np.stack([pull, 0 * pull, 0 * pull], -1), np.zeros(3))
     two = np.ones((4, 2))
-    problem = Problem(np.zeros((2, 3)), ends, two, 1e7 * two, np.array([10e-6, 0.0]), (force,), (0, 1))
+    problem = Problem(
+        body=np.zeros((2, 3)),
+        base=ends,
+        length=two,
+        stiffness=1e7 * two,
+        gap=np.array([10e-6, 0.0]),
+        loads=(force,),
+        freedoms=(0, 1),
+    )
     balance: Balance = solve(problem, np.zeros((4, 3)))
     assert balance.tension[:, 0] == pytest.approx(pull, rel=1e-6)
     assert balance.position[:, 0] == pytest.approx(pull / 1e7 + 10e-6 * np.sign(pull), rel=3e-3)

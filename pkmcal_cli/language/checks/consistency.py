@@ -216,7 +216,11 @@ class SenseCheck:
         heavy = any(t.mass is not None for s in sections for t in getattr(machine, s).values())
         if heavy and not self.planar and machine.own_weight and machine.gravity == ():
             found = self.source.fault(
-                "gravity", "masses are given, but no gravity: they weigh nothing", ("space",),
-                "gravity: [0, 0, -9.81], or own_weight: false", 0, True, True,
-            )  # fmt: skip
+                "gravity",
+                "masses are given, but no gravity: they weigh nothing",
+                ("space",),
+                "gravity: [0, 0, -9.81], or own_weight: false",
+                at_key=True,
+                warning=True,
+            )
             self.faults.add(found)

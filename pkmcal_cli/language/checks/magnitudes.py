@@ -40,7 +40,7 @@ _CANDIDATES: dict[Dimension, tuple[str, ...]] = {
 }
 
 
-@dataclass
+@dataclass(kw_only=True)
 class MagnitudeCheck:
     """Checks bound quantities at the nominal values; faults and warnings are added."""
 

@@ -27,7 +27,7 @@ _SECTIONS = {
 }  # fmt: skip
 
 
-@dataclass
+@dataclass(kw_only=True)
 class NameCheck:
     """Checks the names of a machine with drafts; faults are added at their places.
 

@@ -128,16 +128,15 @@ def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultL
         at_key = loc[-1] == "[key]"
         faults.add(
             source.fault(
-                context["code"], context["what"], path, context["hint"] or None,
-                context["offset"], at_key,
+                context["code"], context["what"], path, context["hint"] or None, context["offset"], at_key=at_key
             )
-        )  # fmt: skip
+        )
     elif kind == "extra_forbidden":
         owner = _owner(loc[:-1])
         names = list(owner.model_fields) if owner is not None else []
         what = f"unknown key `{loc[-1]}`{_of(loc[:-1])}"
         hint = did_you_mean(str(loc[-1]), names, _list_of(names))
-        faults.add(source.fault("unknown-key", what, path, hint, 0, True))
+        faults.add(source.fault("unknown-key", what, path, hint, at_key=True))
     elif kind == "missing" and isinstance(loc[-1], int):
         what = f"2 entries are wanted{_of(loc[:-1])}, not {len(found['input'])}"
         faults.add(source.fault("value", what, path, _TWO))
@@ -146,7 +145,7 @@ def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultL
         what = f"`{loc[-1]}` is missing{_of(loc[:-1])}"
         about = owner.model_fields.get(str(loc[-1])) if owner is not None else None
         hint = f"{loc[-1]}: {about.description}" if about and about.description else None
-        faults.add(source.fault("missing-key", what, path, hint, 0, bool(path)))
+        faults.add(source.fault("missing-key", what, path, hint, at_key=bool(path)))
     else:
         what, hint = _plain_words(found)
         faults.add(source.fault("type" if "type" in kind else "value", what, path, hint))
