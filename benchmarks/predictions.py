@@ -13,8 +13,9 @@ from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import Prediction, Request, Rows, predict, row_chunks, stage_slots
+from pkmcal_cli.prediction import Prediction, Request, Rows, predict, row_chunks
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.prediction.stages import BaseSlots, commanded_slots
 
 from .frames import elastic_step
 from .steps import against_bare
@@ -56,7 +57,7 @@ def hexapod_lines(effort: Effort) -> list[Line]:
     task = hexapod(count)
     made, rows, system = task.model, task.rows, task.model.exact
     iterates = _iterates(task)
-    slots, state = stage_slots(made, task.values, rows), iterates[-1].state
+    slots, state = commanded_slots(made, BaseSlots.of(made, task.values), rows), iterates[-1].state
     parts = [(slots[chunk], state.take(chunk)) for chunk in row_chunks(system, count)]
     names = made.names[:10]
     cases = {

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli import app
-from pkmcal_cli.csv_files.reader import Table, read_table
+from tests.csv_tables import Table, read_table
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINES = ROOT / "machines"

@@ -13,7 +13,7 @@ from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.csv_files import reader as csv_table
 from pkmcal_cli.csv_files.dialect import Format, find_format, split_header
 from pkmcal_cli.csv_files.parse import FaultLog, Parser, Plan
-from pkmcal_cli.csv_files.reader import read_table, write_table
+from tests.csv_tables import read_table, write_table
 
 ODD = ["", " 1 ", "nan", "NA", "inf", "1_0", "1e5", "1E-3", ".5", "5.", "1e400", "0x1", "+1", "1,5", "-"]
 CELL = st.one_of(

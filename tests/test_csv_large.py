@@ -14,7 +14,7 @@ NAMES = ("q1", "q2", "q3", "x", "y", "T")
 CODE = """
 import resource, sys
 import numpy as np
-from pkmcal_cli.csv_files.reader import open_writer
+from pkmcal_cli.csv_files.writer import open_writer
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.tables.measurements import read_measurements
 

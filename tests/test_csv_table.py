@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.csv_files.cells import cell_column
-from pkmcal_cli.csv_files.reader import Table, open_table, read_table
+from pkmcal_cli.csv_files.reader import open_table
+from tests.csv_tables import Table, read_table
 
 
 def table(tmp_path: Path, content: str | bytes) -> Table:

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from pkmcal_cli.base.errors import BadInput, OutputError
 from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.outputs import check_target, write_text
-from pkmcal_cli.csv_files import reader as csv_table
-from pkmcal_cli.csv_files.reader import read_table, write_table
+from pkmcal_cli.csv_files.writer import open_writer
+from tests.csv_tables import read_table, write_table
 
 
 @settings(deadline=None)
@@ -59,7 +59,7 @@ def test_infinite_numbers_are_not_written(tmp_path: Path) -> None:
 
 
 def test_blocks_are_appended(tmp_path: Path) -> None:
-    with csv_table.open_writer(tmp_path / "out.csv", [("x", "mm"), ("id", None)], ()) as writer:
+    with open_writer(tmp_path / "out.csv", [("x", "mm"), ("id", None)], ()) as writer:
         for start in range(3):
             writer.write([np.array([start, start + 0.5]), [f"p{start}", "q"]])
     rows = list(csv.reader((tmp_path / "out.csv").open()))
@@ -166,7 +166,7 @@ def test_sha256(tmp_path: Path) -> None:
 
 def test_a_pipe_whose_reader_has_gone() -> None:
     code = (
-        "import numpy as np; from pkmcal_cli.csv_files.reader import write_table\n"
+        "import numpy as np; from tests.csv_tables import write_table\n"
         "from pkmcal_cli.base.errors import OutputError\n"
         "try: write_table('-', [('x', 'mm', np.ones(200_000))])\n"
         "except OutputError as error: raise SystemExit(error.exit_code)\n"

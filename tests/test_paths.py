@@ -79,7 +79,7 @@ def test_no_such_output(command: str, text: str, monkeypatch: pytest.MonkeyPatch
     def begun(*_: object, **__: object) -> None:
         raise AssertionError("the work has begun")
 
-    monkeypatch.setattr("pkmcal_cli.loading.compile_machine", begun)
+    monkeypatch.setattr("pkmcal_cli.loading.machine.compile_machine", begun)
     for force in ([], ["--force"] if command != "diagnose" else []):
         done = ended([*OUTPUTS[command], *force], TEXTS[text])
         assert done.code == 4 and "error[output]: " in done.err and done.out == ""

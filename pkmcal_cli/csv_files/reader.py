@@ -10,25 +10,17 @@ from __future__ import annotations
 import codecs
 import hashlib
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
-
-import numpy as np
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.files import input_name, open_input
 from pkmcal_cli.csv_files.cells import has_zone
 from pkmcal_cli.csv_files.dialect import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
-from pkmcal_cli.csv_files.parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Parser, Plan
-from pkmcal_cli.csv_files.writer import TableWriter, open_writer, write_table
-
-__all__ = [
-    "TEXT_COLUMNS", "Chunk", "FaultLog", "Kind", "Table", "TableReader", "TableWriter", "open_table",
-    "open_writer", "read_table", "write_table",
-]  # fmt: skip
+from pkmcal_cli.csv_files.parse import Chunk, FaultLog, Parser, Plan
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 """Names of the columns that hold text in every measurement table."""
@@ -38,27 +30,6 @@ HEAD = 1 << 16
 
 _BLOCK = 1 << 21  # characters read at once
 _LARGE = 1 << 22  # bytes; from here on the import of pandas pays
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A whole table in the units of its file.
-
-    `names` and `units` by column (None where the header has none); `numbers` (N,) by name, NaN where a cell
-    is empty; `texts` (N) by name; `lines` (N,) the file line of every row; `comments` are before the header.
-    """
-
-    path: str
-    names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    numbers: Mapping[str, FloatArray]
-    texts: Mapping[str, tuple[str, ...]]
-    lines: IntArray
-    separator: str
-    decimal: str
-    comments: tuple[str, ...]
-    notes: tuple[str, ...]
-    sha256: str
 
 
 class TableReader:
@@ -158,24 +129,6 @@ def open_table(source: Path | str) -> Iterator[TableReader]:
         yield TableReader(file, input_name(source))
 
 
-def default_kinds(header: Sequence[HeaderCell]) -> list[Kind]:
-    """Numbers everywhere but in the columns of labels."""
-    return ["text" if cell.name in TEXT_COLUMNS else "number" for cell in header]
-
-
-def read_table(source: Path | str, kinds: Callable[[Sequence[HeaderCell]], Sequence[Kind]] = default_kinds) -> Table:
-    """A whole table; `kinds` tells what each column of the header holds. Raises BadInput with all faults."""
-    with open_table(source) as reader:
-        log = FaultLog(reader.name, reader.format.separator)
-        check_header(reader, log, [cell.name for cell in reader.header])
-        chosen = kinds(reader.header)
-        chunks = list(reader.chunks(Plan(tuple(chosen)), log))
-        if not chunks and not log.total:
-            log.add(no_rows(reader))
-        log.raise_if_any()
-        return _table(reader, chosen, chunks)
-
-
 def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]) -> None:
     """Report names that stand in the header twice; None is a column not used, "" one without name."""
     first: dict[str, int] = {}
@@ -195,34 +148,6 @@ def no_rows(reader: TableReader) -> Flaw:
     """The flaw of a table that has a header and nothing below."""
     hint = "one line for each pose follows the header"
     return Flaw("csv-empty", "there are no rows below the header", hint, reader.format.header_line)
-
-
-def _table(reader: TableReader, kinds: Sequence[Kind], chunks: Sequence[Chunk]) -> Table:
-    names = tuple(cell.name for cell in reader.header)
-    numbers = {
-        names[i]: np.concatenate([chunk.numbers[i] for chunk in chunks])
-        for i, kind in enumerate(kinds)
-        if kind in ("number", "time")
-    }
-    texts = {
-        names[i]: tuple(text for chunk in chunks for text in chunk.texts[i])
-        for i, kind in enumerate(kinds)
-        if kind == "text"
-    }
-    form = reader.format
-    return Table(
-        path=reader.name,
-        names=names,
-        units=tuple(cell.unit for cell in reader.header),
-        numbers=numbers,
-        texts=texts,
-        lines=np.concatenate([chunk.lines for chunk in chunks]),
-        separator=form.separator,
-        decimal=form.decimal,
-        comments=form.comments,
-        notes=reader.notes,
-        sha256=reader.sha256,
-    )
 
 
 def _survey(file: BinaryIO) -> tuple[int, str, bool]:

@@ -88,21 +88,3 @@ def open_writer(
         writer = TableWriter(file, units, digits, [name for name, _ in columns])
         writer.header()
         yield writer
-
-
-def write_table(
-    target: Path | str,
-    columns: Sequence[tuple[str, str | None, Values]],
-    *,
-    comments: Sequence[str] = (),
-    digits: int | None = None,
-    force: bool = False,
-) -> None:
-    """Write columns (name, unit, values (N,)), made from no file: numbers are in SI and written in the unit.
-
-    The header is "x [mm]". Floats have the fewest digits that give them back, or are rounded to `digits`
-    significant ones; NaN is an empty cell. Labels have the unit None. Raises OutputError.
-    """
-    heads = [(name, unit) for name, unit, _ in columns]
-    with open_writer(target, heads, (), comments=comments, digits=digits, force=force) as writer:
-        writer.write([values for _, _, values in columns])

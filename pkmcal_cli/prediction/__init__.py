@@ -12,14 +12,13 @@ from pkmcal_cli.prediction.laws import in_machine_frame
 from pkmcal_cli.prediction.pipeline import predict, row_chunks, settled_smoothing
 from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, joined_rows
 from pkmcal_cli.prediction.solving import rigid_pose
-from pkmcal_cli.prediction.stages import drawing_slots, drive_travels, stage_slots
+from pkmcal_cli.prediction.stages import drive_travels
 
 __all__ = [
     "Method",
     "Prediction",
     "Request",
     "Rows",
-    "drawing_slots",
     "drive_travels",
     "frozen",
     "in_machine_frame",
@@ -29,5 +28,4 @@ __all__ = [
     "row_chunks",
     "settled_options",
     "settled_smoothing",
-    "stage_slots",
 ]

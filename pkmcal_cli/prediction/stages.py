@@ -38,13 +38,8 @@ class BaseSlots:
         return np.asarray(self.lines[0])
 
 
-def stage_slots(model: Model, values: Array, rows: Rows) -> Array:
-    """Command, geometry, stiffness and load stages: slots (N, S) of every row at parameter values (P,)."""
-    return commanded_slots(model, BaseSlots.of(model, values), rows)
-
-
 def commanded_slots(model: Model, given: BaseSlots, rows: Rows) -> Array:
-    """Slots (N, S) of every row from those of the parameters."""
+    """Command, geometry, stiffness and load stages: slots (N, S) of every row from those of the parameters."""
     slots, base = given.rows(rows), given.common
     for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
         if drive.force_controlled:
@@ -68,11 +63,6 @@ def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> A
     displacements(model, values, table, (), None).apply(slots)
     places = [drive.slot for drive in layout.drives]
     return np.asarray(readings * gains + slots[:, places] - base[places])
-
-
-def drawing_slots(model: Model) -> Array:
-    """Slots (1, S) at nominal parameters with every drive at the assembled drawing."""
-    return model.drawn_slots.copy()
 
 
 @dataclass(frozen=True)

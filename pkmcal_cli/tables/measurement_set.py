@@ -68,11 +68,6 @@ class Measurements:
         return not np.isnan(self.actuators).all()
 
     @property
-    def has_targets(self) -> bool:
-        """Whether any TCP coordinate is there."""
-        return not np.isnan(self.targets).all()
-
-    @property
     def has_readings(self) -> bool:
         """Whether anything was measured."""
         return not np.isnan(self.readings).all()

@@ -75,7 +75,7 @@ def test_elastica_of_the_literature() -> None:
 
 
 def test_hexapod_bends_under_its_weight_as_beams_on_two_supports() -> None:
-    machine = Hexapod7(64)
+    machine = Hexapod7(pieces=64)
     q = machine.inverse(DRAWN)[0]
     closed = 0.0
     lower, upper, mass = dim.HEXAPOD7_LOWER, 0.2, SECTION.mass * dim.GRAVITY / 2
@@ -94,7 +94,7 @@ def test_hexapod_bends_under_its_weight_as_beams_on_two_supports() -> None:
 def test_hexapod_converges_with_the_square_of_the_pieces() -> None:
     p = planted(Hexapod7())
     q = Hexapod7().inverse(POSE)
-    found = [Hexapod7(n).forward(q, p) for n in (2, 4, 8, 16)]
+    found = [Hexapod7(pieces=n).forward(q, p) for n in (2, 4, 8, 16)]
     steps = [b.tcp - a.tcp for a, b in pairwise(found)]
     energies = [float(abs(b.bending[0] - a.bending[0])) for a, b in pairwise(found)]
     assert orders(energies) == pytest.approx([2, 2], abs=0.02)
@@ -106,7 +106,7 @@ def test_hexapod_bending_moves_the_tcp() -> None:
     q = machine.inverse([*DRAWN, *POSE])
     stiff = Section(SECTION.ea, 1e4 * SECTION.ei, 1e4 * SECTION.gj, SECTION.mass)
     for values in (dict(machine.nominal), p):
-        bent, straight = machine.forward(q, values), Hexapod7(8, stiff).forward(q, values)
+        bent, straight = machine.forward(q, values), Hexapod7(pieces=8, section=stiff).forward(q, values)
         shift = np.linalg.norm(bent.tcp[:, :3] - straight.tcp[:, :3], axis=1)
         assert (bent.bending > 1e-5).all()
         assert ((shift > 1e-12) & (shift < 1e-10)).all()
@@ -124,7 +124,7 @@ def test_hexapod_without_weight_is_a_machine_of_pinned_rods() -> None:
 
 def test_work_of_a_hexapod_drive_is_the_change_of_energy() -> None:
     load = DeadForce(np.array([300.0, -200.0, 500.0]), np.array([0.05, 0.02, -0.1]))
-    machine = Hexapod7(4, gravity=0.0)
+    machine = Hexapod7(pieces=4, gravity=0.0)
     p, q = planted(machine), machine.inverse(POSE)[0]
     force = machine.forward(q, p, loads=[load]).drive_force[0]
     for column in (0, 6):
@@ -137,7 +137,7 @@ def test_work_of_a_hexapod_drive_is_the_change_of_energy() -> None:
 
 
 def test_hexapod_drive_held_where_its_force_left_it_gives_the_same_pose() -> None:
-    machine = Hexapod7(8)
+    machine = Hexapod7(pieces=8)
     p, q = planted(machine), machine.inverse([*DRAWN, *POSE])
     pushed = machine.forward(q, p, {"q7": 250.0})
     held = machine.forward(pushed.travel, p)
@@ -146,7 +146,7 @@ def test_hexapod_drive_held_where_its_force_left_it_gives_the_same_pose() -> Non
 
 
 def test_maxwell_betti_of_the_hexapod() -> None:
-    machine = Hexapod7(8)
+    machine = Hexapod7(pieces=8)
     p, q = planted(machine), machine.inverse(POSE)[0]
     points = np.array([[0.1, 0.05, 0.02], [-0.08, 0.12, -0.03]])
     ways = np.array([[0.6, 0.0, 0.8], [0.3, -0.9, 0.2]])

@@ -164,7 +164,7 @@ def test_a_moved_base_moves_the_machine(name: str) -> None:
     p, q = planted(machine), machine.inverse(POSES[name])[0]
     shift, turn = np.array([0.3, -0.2, 0.0]), pinned.rotation_matrix([0, 0, 0.8])
     rods = machine.rods(p)
-    moved = Rods(rods.body, shift + rods.base @ turn.T, rods.along @ turn.T, *list(vars(rods).values())[3:])
+    moved = replace(rods, base=shift + rods.base @ turn.T, along=rods.along @ turn.T)
     start = State.at(machine.guess(q, p), q)
     sent = State(shift + turn @ start.position, turn @ start.rotation, start.travel)
     here, there = (pinned.minimise(r, s, machine.freedoms).state for r, s in ((rods, start), (moved, sent)))
