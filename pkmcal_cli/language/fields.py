@@ -52,13 +52,20 @@ SPATIAL: tuple[Direction, ...] = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Entity(BaseModel):
-    """A frozen thing of the machine file; `shorthand` is the field that a bare value fills."""
+    """A frozen thing of the machine file; `shorthand` is the field that a bare value fills.
+
+    noun: what a thing of this kind is called; for_others: it is there to be used by others; driven_by: keys of
+    actuators that can have it as their target.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, arbitrary_types_allowed=True,
         protected_namespaces=(),
     )  # fmt: skip
     shorthand: ClassVar[str | None] = None
+    noun: ClassVar[str] = ""
+    for_others: ClassVar[bool] = False
+    driven_by: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="before")
     @classmethod

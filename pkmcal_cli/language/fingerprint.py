@@ -18,12 +18,10 @@ from pkmcal_cli.language.effect_entries import Entries
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.language.sections import nouns, sections
 from pkmcal_cli.language.sensing import Sensor
 from pkmcal_cli.language.walk import quantities
 
-_WHOLE = (
-    "guides", "nodes", "bodies", "materials", "sections", "beams", "bars", "ropes", "joints", "actuators", "loads",
-)  # fmt: skip
 _PLACES = ("ground", "frames")
 """Sections of which only those count that depend on parameters: the others are numbers, or are named by what joins."""
 
@@ -34,7 +32,12 @@ _SETS = {"fixed"}
 _DIGITS = 8
 _LISTED = 3
 _OF = "of"
-_WORDS = {"bodies": "body", "ground": "ground point", "machine": "key"}
+_APART = ("parameters", "frames", "sensors")
+"""Sections that are not taken whole: values; places; instruments, of which few count."""
+
+
+def _whole() -> list[str]:
+    return [name for name in sections() if name not in _APART]
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,8 @@ class Fingerprint:
 
 
 def _listed(keys: list[tuple[str, str]]) -> str:
-    shown = [f"{_WORDS.get(section, section.removesuffix('s'))} `{name}`" for section, name in keys[:_LISTED]]
+    kinds = {**nouns(), "effects": "effect"}
+    shown = [f"{kinds.get(section, 'key')} `{name}`" for section, name in keys[:_LISTED]]
     more = f" and {len(keys) - _LISTED} more" if len(keys) > _LISTED else ""
     return ", ".join(shown) + more
 
@@ -77,7 +81,7 @@ def fingerprint_of(machine: Machine) -> Fingerprint:
     things = {
         "machine": {"space": machine.space, "gravity": _form(machine.gravity)},
         "parameters": {name: p.per or "" for name, p in machine.parameters.items()},
-        **{section: _forms(getattr(machine, section), owners) for section in _WHOLE},
+        **{section: _forms(getattr(machine, section), owners) for section in _whole()},
         **{section: _forms(_dependent(getattr(machine, section)), owners) for section in _PLACES},
         "sensors": _forms(_own(machine), owners),
         "effects": {name: _effect(name, entries, machine) for name, entries in machine.effects.items()},
@@ -141,7 +145,7 @@ def _names(value: Any) -> set[str]:
 
 def _own(machine: Machine) -> dict[str, Sensor]:
     """Sensors that bring parameters: their own, or the place of their frame. Others say nothing of the machine."""
-    elsewhere = set().union(*(_names(getattr(machine, s)) for s in (*_WHOLE, *_PLACES, "gravity")))
+    elsewhere = set().union(*(_names(getattr(machine, s)) for s in (*_whole(), *_PLACES, "gravity")))
     return {
         name: sensor
         for name, sensor in machine.sensors.items()

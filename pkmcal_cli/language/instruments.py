@@ -47,6 +47,8 @@ class Actuator(Entity):
     Position: travel = zero + scale * ratio * reading (spool: rope length with its radius).
     """
 
+    noun: ClassVar[str] = "actuator"
+
     moves: str | None = Field(default=None, description="Body on a guide (carriage)")
     drives: str | None = Field(default=None, description="Bar or prismatic joint (telescopic leg)")
     turns: str | None = Field(default=None, description="Body or revolute joint (crank)")

@@ -31,6 +31,9 @@ Two = tuple[str, str]
 class Material(Entity):
     """A material."""
 
+    noun: ClassVar[str] = "material"
+    for_others: ClassVar[bool] = True
+
     E: Modulus = Field(description="Young's modulus, e.g. 210 GPa")
     nu: Number | None = Field(default=None, description="Poisson's ratio")
     G: Modulus | None = Field(default=None, description="Shear modulus; default E/(2(1 + nu))")
@@ -39,6 +42,9 @@ class Material(Entity):
 
 class Section(Entity):
     """A cross-section: exactly one of square, rectangle, round, tube, or area with moments."""
+
+    noun: ClassVar[str] = "section"
+    for_others: ClassVar[bool] = True
 
     square: SectionSize | None = Field(default=None, description="Side")
     rectangle: tuple[SectionSize, SectionSize] | None = Field(
@@ -66,6 +72,8 @@ class End(Entity):
 class Beam(Entity):
     """A beam between two points; a deformation without stiffness is rigid."""
 
+    noun: ClassVar[str] = "beam"
+
     between: Two = Field(description="The two points that it joins")
     ends: tuple[End, End] = Field(default=(End(), End()), description="Joints at its ends")
     section: str | None = Field(default=None, description="Name of the section")
@@ -86,6 +94,9 @@ class Beam(Entity):
 class Bar(Entity):
     """A bar between two points, pinned at both: axial only; without EA or k rigid."""
 
+    noun: ClassVar[str] = "bar"
+    driven_by: ClassVar[tuple[str, ...]] = ("drives",)
+
     between: Two = Field(description="The two points that it joins")
     length: Size | None = Field(default=None, description="Unstressed length; default the drawing's")
     EA: AxialStiffness | None = Field(default=None, description="Axial stiffness EA (force)")
@@ -96,9 +107,15 @@ class Bar(Entity):
 class Rope(Bar):
     """A rope, belt or wire between two points: carries no compression."""
 
+    noun: ClassVar[str] = "rope"
+    driven_by: ClassVar[tuple[str, ...]] = ("winds",)
+
 
 class Joint(Entity):
     """A joint between two points, at the same place in the drawing."""
+
+    noun: ClassVar[str] = "joint"
+    driven_by: ClassVar[tuple[str, ...]] = ("drives", "turns")
 
     between: Two = Field(description="The two points that it joins")
     type: JointType = Field(description="Which motions are free")

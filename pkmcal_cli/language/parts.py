@@ -89,6 +89,8 @@ ParameterValue = Annotated[float, Measure(NUMBER)]
 class Parameter(Entity):
     """A number of the machine that can be identified; all values SI after reading."""
 
+    noun: ClassVar[str] = "parameter"
+    for_others: ClassVar[bool] = True
     shorthand: ClassVar[str | None] = "nominal"
 
     nominal: ParameterValue = Field(description="Nominal value, from the drawing")
@@ -113,6 +115,9 @@ class Parameter(Entity):
 
 class Frame(Entity):
     """A frame fixed to the base; it may depend on parameters."""
+
+    noun: ClassVar[str] = "frame"
+    for_others: ClassVar[bool] = True
 
     at: Point = Field(default=(), description="Origin in base axes; default 0")
     turn: Turn = Field(
@@ -153,6 +158,9 @@ class Stiffness(Entity):
 class Guide(Entity):
     """A straight guide of the base on which carriages travel; axes of its frame."""
 
+    noun: ClassVar[str] = "guide"
+    for_others: ClassVar[bool] = True
+
     frame: str | None = Field(default=None, description="Frame that it lies in; default the base")
     at: Point = Field(default=(), description="Where travel 0 is, in the frame's axes; default 0")
     along: Axis = Field(default="x", description="Direction of travel: x, y, z, -x ... or a vector")
@@ -164,6 +172,8 @@ class Guide(Entity):
 class Node(Entity):
     """A free point of the structure; its place in the drawing."""
 
+    noun: ClassVar[str] = "node"
+    for_others: ClassVar[bool] = True
     shorthand: ClassVar[str | None] = "at"
 
     at: Point = Field(description="Place in the drawing, base axes, near enough")
@@ -173,6 +183,9 @@ class Node(Entity):
 
 class Body(Entity):
     """A rigid platform, or a carriage `on` a guide, with points at fixed offsets."""
+
+    noun: ClassVar[str] = "body"
+    driven_by: ClassVar[tuple[str, ...]] = ("moves", "turns")
 
     at: Place = Field(description="Place of its origin in the drawing; on a guide: the travel")
     turn: Turn = Field(default=(), description="Orientation in the drawing; default 0")
@@ -185,6 +198,8 @@ class Body(Entity):
 
 class Load(Entity):
     """A force and a moment at a point, base axes."""
+
+    noun: ClassVar[str] = "load"
 
     at: str = Field(description="Node, body or body's point")
     force: ForceVector = Field(default=(), description="Force in base axes")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
@@ -99,6 +99,8 @@ FRAMES = Literal["machine", "fitted", "fitted per session"]
 
 class Sensor(Entity):
     """An instrument; `sigma` is its stated standard uncertainty. Which keys go with which kind: README.md."""
+
+    noun: ClassVar[str] = "sensor"
 
     kind: KindOfSensor = Field(default="tcp", description="What it measures")
     at: Points = Field(default=(), description="Body, body's point or node that is measured; tcp: or a list of them")

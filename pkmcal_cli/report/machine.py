@@ -7,11 +7,11 @@ from typing import Any
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler import Compiled
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.sections import nouns, sections_with
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.units.unit_text import parse_unit
 
 _GAPS = 10  # gaps of the drawing that are listed
-_ELEMENTS = ("beams", "bars", "ropes", "joints")
 
 
 def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
         "space": machine.space,
         "nodes": len(machine.nodes),
         "bodies": len(machine.bodies),
-        "elements": {k: len(getattr(machine, k)) for k in _ELEMENTS},
+        "elements": {k: len(getattr(machine, k)) for k in sections_with("between")},
         "unknowns": model.exact.unknowns,
         "constraints": model.exact.constraints,
         "degrees_of_freedom": found.degrees_of_freedom,
@@ -49,7 +49,7 @@ def machine_json(machine: Machine, compiled: Compiled) -> dict[str, Any]:
 
 def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any]) -> None:
     """The same in words and tables."""
-    numbers = {"node": r["nodes"], "body": r["bodies"]} | {k.removesuffix("s"): n for k, n in r["elements"].items()}
+    numbers = {"node": r["nodes"], "body": r["bodies"]} | {nouns()[k]: n for k, n in r["elements"].items()}
     parts = ", ".join(count(n, word) for word, n in numbers.items() if n)
     to.say(f"{r['machine']}: {r['space']}, {parts}")
     redundancy = r["degree_of_redundancy"]

@@ -11,8 +11,9 @@ from pkmcal_cli.language.checks.sensors import check_sensor
 from pkmcal_cli.language.checks.validation import Aside
 from pkmcal_cli.language.fields import PLANAR
 from pkmcal_cli.language.instruments import KINDS, Actuator
-from pkmcal_cli.language.machine import Beam, Machine, Stiffness
+from pkmcal_cli.language.machine import Bar, Beam, Machine, Stiffness
 from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint
+from pkmcal_cli.language.sections import sections_of, sections_with
 from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
@@ -37,7 +38,7 @@ class SenseCheck:
             self._check_section(("sections", name), section)
         for name, beam in machine.beams.items():
             self._check_beam(("beams", name), beam)
-        for kind in ("bars", "ropes"):
+        for kind in sections_of(Bar):
             for name, bar in getattr(machine, kind).items():
                 if bar.EA is not None and bar.k is not None:
                     self._fault("give `EA` or `k`, not both", (kind, name, "k"), "delete one of them", at_key=True)
@@ -212,8 +213,7 @@ class SenseCheck:
 
     def _check_weight(self) -> None:
         machine = self.machine
-        sections = ("nodes", "bodies", "beams", "bars", "ropes")
-        heavy = any(t.mass is not None for s in sections for t in getattr(machine, s).values())
+        heavy = any(t.mass is not None for s in sections_with("mass") for t in getattr(machine, s).values())
         if heavy and not self.planar and machine.own_weight and machine.gravity == ():
             found = self.source.fault(
                 "gravity",

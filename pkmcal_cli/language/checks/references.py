@@ -12,19 +12,12 @@ from pkmcal_cli.expressions.parse import RESERVED
 from pkmcal_cli.language.checks.validation import Aside
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Draft
+from pkmcal_cli.language.sections import driven_sections, must_be_used, nouns, sections_with
 from pkmcal_cli.language.walk import drafts
 from pkmcal_cli.units.unit_text import UNITS
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _POINTS = ("nodes", "ground", "bodies")
-_UNUSED = {
-    "parameters": "parameter", "guides": "guide", "frames": "frame", "sections": "section",
-    "materials": "material", "ground": "ground point", "nodes": "node",
-}  # fmt: skip
-_SECTIONS = {
-    **_UNUSED, "bodies": "body", "beams": "beam", "bars": "bar", "ropes": "rope",
-    "joints": "joint", "actuators": "actuator",
-}  # fmt: skip
 
 
 @dataclass(kw_only=True)
@@ -45,7 +38,7 @@ class NameCheck:
     def run(self) -> None:
         """All checks."""
         self.excused = self.aside.words()
-        self.used = {section: set() for section in (*_SECTIONS, "points")}
+        self.used = {section: set() for section in (*nouns(), "points")}
         self._collect_points()
         self._check_references()
         self._check_parameters()
@@ -76,7 +69,7 @@ class NameCheck:
             self._refer("frames", guide.frame, ("guides", name, "frame"))
         for name, body in machine.bodies.items():
             self._refer("guides", body.on, ("bodies", name, "on"))
-        for section in ("beams", "bars", "ropes", "joints"):
+        for section in sections_with("between"):
             things: Mapping[str, Any] = getattr(machine, section)
             for name, thing in things.items():
                 self._check_ends(thing.between, (section, name, "between"))
@@ -103,12 +96,8 @@ class NameCheck:
 
     def _check_targets(self) -> None:
         taken: dict[tuple[str, str], str] = {}
-        pools = {
-            "moves": ("bodies",), "drives": ("bars", "joints"), "turns": ("bodies", "joints"),
-            "winds": ("ropes",),
-        }  # fmt: skip
         for name, actuator in self.machine.actuators.items():
-            for key, sections in pools.items():
+            for key, sections in driven_sections().items():
                 target: str | None = getattr(actuator, key)
                 if target is None:
                     continue
@@ -129,9 +118,9 @@ class NameCheck:
         known = [section for section in sections if name in getattr(self.machine, section)]
         for section in known:
             self.used[section].add(name)
-        kinds = " or ".join(_SECTIONS[section] for section in sections)
+        kinds = " or ".join(nouns()[section] for section in sections)
         if len(known) > 1:
-            what = f"`{name}` is both a {_SECTIONS[known[0]]} and a {_SECTIONS[known[1]]}"
+            what = f"`{name}` is both a {nouns()[known[0]]} and a {nouns()[known[1]]}"
             self._fault("name", what, path, "give one of them another name")
         if known or name in self.excused:
             return
@@ -152,7 +141,7 @@ class NameCheck:
         """The nearest name; what else has this name; which names there are."""
         if name.startswith("{"):
             return "names in braces need `each: {i: [...]}` in this entry"
-        for section, other in _SECTIONS.items():
+        for section, other in nouns().items():
             if name in getattr(self.machine, section):
                 return f"`{name}` is a {other}, not a {kind}"
         if name in self.points:
@@ -192,12 +181,7 @@ class NameCheck:
             or (section == "ground" and thing in seen)
         )
         built = {g.frame for g in machine.guides.values()}
-        joined = {
-            p
-            for kind in ("beams", "bars", "ropes", "joints")
-            for t in getattr(machine, kind).values()
-            for p in t.between
-        }
+        joined = {p for kind in sections_with("between") for t in getattr(machine, kind).values() for p in t.between}
         if machine.parameters[name].per == "session" and (not mine or thing in built | joined):
             what = f"parameter `{name}` has a value for every session, but this is a part of the machine"
             self._fault("value", what, path, "only what belongs to sensors can differ from session to session")
@@ -216,10 +200,10 @@ class NameCheck:
         self._fault("unknown-name", f"unknown parameter `{name}`", path, hint, offset=min(places))
 
     def _check_unused(self) -> None:
-        for section, kind in _UNUSED.items():
+        for section in must_be_used():
             for name in getattr(self.machine, section):
                 if name not in self.used[section] | self.excused | RESERVED:
-                    what = f"{kind} `{name}` is used by nothing"
+                    what = f"{nouns()[section]} `{name}` is used by nothing"
                     self._fault("unused-name", what, (section, name), "use it or delete it", at_key=True)
         for body, about in self.machine.bodies.items():
             for name in about.points:
@@ -232,4 +216,4 @@ class NameCheck:
 def _kind(path: Path) -> str:
     if len(path) > 2:
         return f"point of body `{path[1]}`"
-    return {"nodes": "node", "ground": "ground point", "bodies": "body"}[str(path[0])]
+    return nouns()[str(path[0])]
