@@ -60,7 +60,7 @@ class SensorTable:
     def _place(self, name: str, sensor: Sensor, target: str, kind: SensorKind) -> None:
         """The point that a sensor sees, with its tool offset and a place for effects."""
         structure = self.structure
-        orientation = any(c.startswith("r") for c in sensor.reads) or kind.keyword == "angle"
+        orientation = any(c.startswith("r") for c in sensor.reads) or kind.turns
         offset_tool = not is_zero(sensor.offset)
         port = structure.port(target, turning=orientation or offset_tool)
         if offset_tool:
@@ -125,7 +125,7 @@ class SensorTable:
         if "motion" in kind.sees and not numbers:
             self.direct += [(k, self._plain(c, point, rotation)) for k, c in channels]
         else:
-            turning = kind.keyword == "angle" or any(c.quantity == "orientation" for _, c in channels)
+            turning = kind.turns or any(c.quantity == "orientation" for _, c in channels)
             for sight in kind.sees:
                 if (sight == "turn" and not turning) or (sight == "scale" and sight not in numbers):
                     continue

@@ -82,7 +82,7 @@ def channels_of(machine: Machine) -> tuple[SensorChannel, ...]:
 def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterator[SensorChannel]:
     kind = kind_of_sensor(sensor)
     read = directions_read(sensor, machine.space == "planar")
-    if len(read) == 1 and kind.keyword != "tcp":
+    if len(read) == 1 and not kind.reads_coordinates:
         column = "" if kind.quantity == "bench" else sensor.column or next(iter(sensor.reads.values()), "") or name
         output = kind.channels.index(read[0])
         yield SensorChannel(

@@ -33,5 +33,6 @@ ANGLE = SensorKind(
     may=("axis", "column", "zero", "scale", "unit"),
     sees=("place", "other", "turn", "basis", "zero", "scale"),
     quantity="angle",
+    turns=True,
     law=_read,
 )

@@ -45,7 +45,8 @@ class SensorKind:
     """A kind of instrument. `needs` and `may`: keys of its entry besides `kind` and `sigma`.
 
     `channels`: what it can read, by name; one that has no names reads one number. `normal`: what is read in space and
-    in the plane when the entry does not say. `joins`: whether it joins two rows of the table.
+    in the plane when the entry does not say. `joins`: whether it joins two rows of the table. `turns`: whether all of
+    its readings depend on the rotation of the body that it is at.
     """
 
     keyword: str
@@ -59,11 +60,17 @@ class SensorKind:
     channels: tuple[str, ...] = ("",)
     normal: tuple[str, str] = ("", "")
     joins: bool = False
+    turns: bool = False
 
     @property
     def sees_tool(self) -> bool:
         """Whether its point is the tool: the first such point is the TCP."""
         return "place" in self.sees and "basis" not in self.sees
+
+    @property
+    def reads_coordinates(self) -> bool:
+        """Whether its channels are coordinates of a point or body, each with a column of its own."""
+        return self.quantity == "position"
 
     @property
     def keys(self) -> tuple[str, ...]:
