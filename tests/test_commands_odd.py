@@ -82,7 +82,7 @@ def test_outputs_that_cannot_be_written(target: str) -> None:
 
 
 def test_a_folder_without_rights_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pkmcal_cli.files.os.access", lambda *_: False)
+    monkeypatch.setattr("pkmcal_cli.base.files.os.access", lambda *_: False)
     done = run("schema", "-o", "out.json")
     assert done.code == 4 and "the folder cannot be written to" in done.err
 
@@ -91,7 +91,7 @@ def test_a_disk_that_runs_full_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pkmcal_cli.files.os.fsync", full)
+    monkeypatch.setattr("pkmcal_cli.base.files.os.fsync", full)
     done = run("schema", "-o", "out.json")
     assert done.code == 4 and "No space left on device" in done.err
     assert list(Path().iterdir()) == []
