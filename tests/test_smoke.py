@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, TRIGLIDE, TRIGLIDE_DATA, clean, process, run
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, TRIGLIDE, TRIGLIDE_DATA, clean, process, run
 from tests.shipped import TABLES, machine_of
 
 pytestmark = pytest.mark.smoke
@@ -38,4 +38,3 @@ def test_real_data_are_calibrated_and_diagnosed() -> None:
     assert clean(run("calibrate", HANGPRINTER, HANGPRINTER_DATA, "--select", "auto,R_*")).code == 0
     found = json.loads(clean(run("diagnose", TRIGLIDE, TRIGLIDE_DATA, "--json")).out)
     assert found["verdict"] == "clean"
-    assert (MACHINES / "machine.schema.json").is_file()

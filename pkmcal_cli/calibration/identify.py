@@ -61,12 +61,7 @@ def identify(
     doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
         fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
-    while fit.failed and fit.status == "converged":
-        more = _with_rows_back(problem, fit, iterations, progress)
-        if more is None:
-            break
-        fit = more
-    return fit
+    return _with_rows_back(problem, fit, iterations, progress) if fit.failed and fit.status == "converged" else fit
 
 
 def _unspoilt(
@@ -86,24 +81,22 @@ def _unspoilt(
     return replace(rest, before=fit.before, failed={**doubt, **rest.failed}) if spoilt else fit
 
 
-def _with_rows_back(
-    problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None
-) -> Fit | None:
-    """The fit with those rows that failed on the way, but are nearly explained where it ended; None without any."""
+def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None) -> Fit:
+    """The fit with those rows that failed on the way, but are nearly explained where it ended, unless they spoil it."""
     end = _nearest(problem, Scaled.of(problem, fit.selected), evaluate(problem, fit.values, fit.selected))
     noise = np.where(problem.measured, problem.sigma, 1.0)
     most = max(fit.chi2_per_dof, 1.0)
     far = ~((end.residual / noise) ** 2 <= _NEARLY * most)  # (N, C), and where there is no prediction
     left_out = {r: why for r, why in fit.failed.items() if np.any(far[r])}
     if len(left_out) == len(fit.failed):
-        return None
+        return fit
     try:
         whole = _identified(problem.without(left_out), fit.selected, fit.values, iterations, progress, None)
     except RowsFailed:
-        return None
+        return fit
     whole = replace(whole, before=fit.before, failed={**left_out, **whole.failed})
     good = whole.status == "converged" and whole.chi2_per_dof <= _SPOILT * most and len(whole.failed) < len(fit.failed)
-    return whole if good else None
+    return whole if good else fit
 
 
 def _identified(

@@ -1,6 +1,6 @@
 """Numbers that no machine has: sections without area, materials that cannot be, stiffness that comes out negative.
 
-What stands in the file is positive where its field asks for it (`language.magnitudes`); this is what is computed of it.
+What stands in the file is positive where its field asks for it (`language.checks.magnitudes`); these are computed.
 """
 
 from __future__ import annotations
