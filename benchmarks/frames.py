@@ -18,7 +18,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
-from pkmcal_cli.equilibrium.kinematics import State, drawn_state, place_prescribed
+from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference_state
 from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.language.machine_yaml import read_machine
@@ -32,28 +32,32 @@ LEGS = range(1, 7)
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame in N configurations: slots (N, S), states, the coordinates of T's displacement among the unknowns."""
+    """A frame in N configurations: coefficients (N, S), states, the coordinates of T's displacement among the
+    unknowns.
+    """
 
     model: Model
-    slots: Array
+    coefficients: Array
     state: State
     read: tuple[int, ...]
 
     def displacement(self, rows: slice) -> Array:
         """Displacement of T, m and rad: one linear step."""
-        return elastic_step(self.model.exact, self.slots[rows], self.state.take(rows), curved=False)[:, self.read]
+        return elastic_step(self.model.exact, self.coefficients[rows], self.state.take(rows), curved=False)[
+            :, self.read
+        ]
 
 
-def elastic_step(system: System, slots: Array, state: State, curved: bool = True) -> Array:
+def elastic_step(system: System, coefficients: Array, state: State, curved: bool = True) -> Array:
     """Step of all unknowns (N, n + c): assembly and solution at a known pose, with the stress term or without."""
-    now = balance(system, slots, state, typical_stiffness(system, slots), curved=curved)
+    now = balance(system, coefficients, state, typical_stiffness(system, coefficients), curved=curved)
     assert now.tangent is not None
     return -solve_rows(now.tangent, now.residual[..., None])[..., 0]
 
 
-def equations(system: System, slots: Array, state: State) -> tuple[Array, Array]:
+def equations(system: System, coefficients: Array, state: State) -> tuple[Array, Array]:
     """Matrices and right sides of the same step."""
-    now = balance(system, slots, state, typical_stiffness(system, slots))
+    now = balance(system, coefficients, state, typical_stiffness(system, coefficients))
     assert now.tangent is not None
     return np.ascontiguousarray(now.tangent), now.residual[..., None]
 
@@ -102,13 +106,13 @@ def planar_frame(count: int) -> Frame:
     model = compiled(PLANAR)
     feet, tops = planar_points(count)
     lengths = np.sqrt(((tops[:, None] - feet) ** 2).sum(-1))
-    names = model.layout.travel_names
-    slots = _slots(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
-    state = _unloaded(model, slots, count)
+    names = model.topology.travel_names
+    coefficients = _coefficients(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
+    state = _unloaded(model, coefficients, count)
     for axis, name in enumerate(("T.x", "T.y")):
         state.travel[:, names.index(name)] = tops[:, axis]
     read = tuple(int(model.exact.place[names.index(name)]) for name in ("T.x", "T.y"))
-    return Frame(model, slots, state, read)
+    return Frame(model, coefficients, state, read)
 
 
 def spatial_points() -> tuple[Array, Array, Array]:
@@ -131,24 +135,24 @@ def spatial_frame(count: int) -> Frame:
     """The spatial frame in `count` sizes."""
     model = compiled(_spatial_text())
     sizes = spatial_sizes(count)
-    slots = _slots(model, sizes[:, None])
-    state = _unloaded(model, slots, count)
-    state.travel[:] = sizes[:, None] * model.layout.travel_drawn
-    first = model.layout.travel_names.index("T.x")
-    turn = int(model.layout.rotation_dofs[model.layout.rotations.names.index("T")])
+    coefficients = _coefficients(model, sizes[:, None])
+    state = _unloaded(model, coefficients, count)
+    state.travel[:] = sizes[:, None] * model.topology.travel_reference
+    first = model.topology.travel_names.index("T.x")
+    turn = int(model.topology.rotation_dofs[model.topology.rotations.names.index("T")])
     dofs = (first, first + 1, first + 2, turn, turn + 1, turn + 2)
-    return Frame(model, slots, state, tuple(int(model.exact.place[dof]) for dof in dofs))
+    return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))
 
 
-def _slots(model: Model, values: Array) -> Array:
-    """Slots (N, S) at parameter values (N, P)."""
-    return np.asfortranarray([model.layout.slots.values(model.by_name(row)) for row in values])
+def _coefficients(model: Model, values: Array) -> Array:
+    """Coefficients (N, S) at parameter values (N, P)."""
+    return np.asfortranarray([model.topology.coefficients.values(model.by_name(row)) for row in values])
 
 
-def _unloaded(model: Model, slots: Array, count: int) -> State:
+def _unloaded(model: Model, coefficients: Array, count: int) -> State:
     system = model.exact
-    state = drawn_state(model.layout, slots, count, system.constraints)
-    return place_prescribed(model.layout, slots, state, free=system.free)
+    state = reference_state(model.topology, coefficients, count, system.constraints)
+    return place_prescribed(model.topology, coefficients, state, free=system.free)
 
 
 def _circle(radius: float, degrees: Sequence[float]) -> Array:

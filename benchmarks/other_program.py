@@ -44,6 +44,8 @@ def planar(ops: Any, count: int) -> Solve:
     halves = (0.5 * 7850 * 4e-4 * 9.81 * lengths).tolist()
     places, fixed = tops.tolist(), feet.tolist()
 
+    planar_springs = ("-mat", 1, 1, "-dir", 1, 2)
+
     def configuration(solver: str, row: int) -> list[float]:
         _begin(ops, 2)
         ops.uniaxialMaterial("Elastic", 1, 5e7)
@@ -53,7 +55,7 @@ def planar(ops: Any, count: int) -> Solve:
             ops.node(2 + k, *fixed[k])
             ops.node(5 + k, *fixed[k])
             ops.fix(5 + k, 1, 1)
-            ops.element("zeroLength", 1 + k, 5 + k, 2 + k, "-mat", 1, 1, "-dir", 1, 2)
+            ops.element("zeroLength", 1 + k, *(5 + k, 2 + k), *planar_springs)
             ops.element("Truss", 4 + k, 2 + k, 1, 4e-4, 2)
         _load_pattern(ops)
         weights = halves[row]
@@ -73,6 +75,8 @@ def spatial(ops: Any, count: int) -> Solve:
     halves = _half_weights(points, spatial_sizes(count)).tolist()
     members = [(1 + i, 7 + i, 1) for i in LEGS] + [(1, 1 + i, 2) for i in LEGS]
 
+    spatial_springs = ("-mat", 1, 1, 1, 2, 2, 2, "-dir", 1, 2, 3, 4, 5, 6)
+
     def configuration(solver: str, row: int) -> list[float]:
         _begin(ops, 3)
         for number, place in enumerate(scaled[row], start=1):
@@ -81,20 +85,21 @@ def spatial(ops: Any, count: int) -> Solve:
         ops.uniaxialMaterial("Elastic", 2, 1000.0)
         ops.geomTransf("Linear", 1, 0.31, 0.52, 0.79)
         for section, a in ((1, 0.02), (2, 0.04)):
-            inertia = a**4 / 12
-            ops.section("Elastic", section, 210e9, a * a, inertia, inertia, 210e9 / 2.6, 0.1406 * a**4)
+            bending = (a**4 / 12, a**4 / 12)
+            torsion = (210e9 / 2.6, 0.1406 * a**4)
+            ops.section("Elastic", section, 210e9, a * a, *bending, *torsion)
         for tag, (start, end, section) in enumerate(members, start=1):
             ops.element("elasticBeamColumn", tag, start, end, section, 1)
         for k, place in enumerate(scaled[row][7:]):
             ops.node(20 + k, *place)
-            ops.fix(20 + k, 1, 1, 1, 1, 1, 1)
-            ops.element("zeroLength", 20 + k, 20 + k, 8 + k, "-mat", 1, 1, 1, 2, 2, 2, "-dir", 1, 2, 3, 4, 5, 6)
+            ops.fix(20 + k, *[1] * 6)
+            ops.element("zeroLength", 20 + k, *(20 + k, 8 + k), *spatial_springs)
         _load_pattern(ops)
         for number, weight in enumerate(halves[row], start=1):
+            force, moment = (0.0, 0.0, -weight), (0.0, 0.0, 0.0)
             if number == 1:
-                ops.load(1, 100.0, -200.0, -300.0 - weight, 10.0, -20.0, 30.0)
-            else:
-                ops.load(number, 0.0, 0.0, -weight, 0.0, 0.0, 0.0)
+                force, moment = (100.0, -200.0, -300.0 - weight), (10.0, -20.0, 30.0)
+            ops.load(number, *force, *moment)
         return _solve(ops, solver)
 
     return lambda solver, rows: [configuration(solver, row) for row in range(rows)]

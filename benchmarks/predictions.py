@@ -15,7 +15,7 @@ from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict, row_chunks
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
-from pkmcal_cli.prediction.stages import BaseSlots, commanded_slots
+from pkmcal_cli.prediction.stages import BaseCoefficients, commanded_coefficients
 
 from .frames import elastic_step
 from .steps import against_bare
@@ -42,7 +42,7 @@ def model(name: str) -> Model:
 def hexapod(count: int) -> Task:
     """hexapod7 with errors up to 0.1 mm, at poses spread over its workspace."""
     made, random = model("hexapod7"), np.random.default_rng(0)
-    poses = made.tcp_drawn + np.hstack(
+    poses = made.tool.reference + np.hstack(
         [random.uniform(-0.08, 0.08, (count, 3)), random.uniform(-0.15, 0.15, (count, 3))]
     )
     found = drive_positions(made, poses)
@@ -57,19 +57,19 @@ def hexapod_lines(effort: Effort) -> list[Line]:
     task = hexapod(count)
     made, rows, system = task.model, task.rows, task.model.exact
     iterates = _iterates(task)
-    slots, state = commanded_slots(made, BaseSlots.of(made, task.values), rows), iterates[-1].state
-    parts = [(slots[chunk], state.take(chunk)) for chunk in row_chunks(system, count)]
+    coefficients, state = commanded_coefficients(made, BaseCoefficients.of(made, task.values), rows), iterates[-1].state
+    parts = [(coefficients[chunk], state.take(chunk)) for chunk in row_chunks(system, count)]
     names = made.names[:10]
     cases = {
         "step": lambda: [elastic_step(system, *part) for part in parts],
         "complete": lambda: predict(made, task.values, rows),
         "jacobian": lambda: predict(made, task.values, rows, Request(parameters=names)),
-        "first": lambda: predict(made, task.values, rows, start=iterates[0].state),
-        "later": lambda: predict(made, task.values, rows, start=iterates[1].state),
+        "first": lambda: predict(made, task.values, rows, start=iterates[0].start),
+        "later": lambda: predict(made, task.values, rows, start=iterates[1].start),
     }
     times = side_by_side(cases, rounds)
-    first, later = (predict(made, task.values, rows, start=it.state).steps / count for it in iterates[:2])
-    bare = against_bare("hexapod7", system, slots, state, rounds)
+    first, later = (predict(made, task.values, rows, start=it.start).steps / count for it in iterates[:2])
+    bare = against_bare("hexapod7", system, coefficients, state, rounds)
     return [bare, *_hexapod_table(times, iterates[-1].steps / count, first, later, count)]
 
 
@@ -85,22 +85,22 @@ def _hexapod_table(times: Times, complete: float, first: float, later: float, co
     per_row = f"{1e3 * times.median('complete'):.0f} ms for {count} rows"
     return [
         Line(
-            "complete `exact` prediction from the drawing : step",
+            "complete `exact` prediction from the reference configuration : step",
             times.ratio("complete", "step"),
             12,
-            note=f"{complete:.1f} iterations a row, {per_row}",
+            note=f"{complete:.1f} iterations per row, {per_row}",
         ),
         Line(
             "prediction from the first iterate of a fit (nominal, 0.1 mm away) : step",
             times.ratio("first", "step"),
             3,
-            note=f"{first:.1f} iterations a row",
+            note=f"{first:.1f} iterations per row",
         ),
         Line(
             "prediction from a later iterate (1 um away) : step",
             times.ratio("later", "step"),
             3,
-            note=f"{later:.1f} iterations a row",
+            note=f"{later:.1f} iterations per row",
         ),
         Line("Jacobian of 10 parameters, added : complete prediction", added, 1.5),
     ]
@@ -121,8 +121,8 @@ def triglide_lines(effort: Effort) -> list[Line]:
     times = side_by_side({str(count): partial(run, count) for count in counts}, min(effort.rounds, 3))
     per_row = [1e6 * times.median(str(count)) / count for count in counts]
     lines = [
-        Line(f"`exact` prediction of the Triglide, {count} rows", value, unit="us a row")
+        Line(f"`exact` prediction of the Triglide, {count} rows", value, unit="us per row")
         for count, value in zip(counts, per_row, strict=True)
     ]
     spread = times.ratio(str(counts[-1]), str(counts[0])) * counts[0] / counts[-1]
-    return [*lines, Line(f"time a row, {counts[-1]} rows : {counts[0]} rows", spread, 1.2, note="linear: 1")]
+    return [*lines, Line(f"time per row, {counts[-1]} rows : {counts[0]} rows", spread, 1.2, note="linear: 1")]

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from pkmcal_cli.calibration.fitted import Treatment
+from pkmcal_cli.calibration.complete_fit import FitOptions
 from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
 from .predictions import MACHINES
@@ -52,8 +52,9 @@ def calibration_line(effort: Effort) -> Line:
         select="auto",
         holdout=None,
         parameters=None,
-        how=Treatment(),
+        fit_options=FitOptions(),
         max_rms=None,
+        accept=False,
         as_json=False,
         quiet=True,
         force=False,
@@ -70,13 +71,13 @@ def calibration_line(effort: Effort) -> Line:
 
 
 def million_lines(effort: Effort) -> list[Line]:
-    """`simulate` of a million rows on the Triglide, and of a quarter of them: time a row and peak memory."""
+    """`simulate` of a million rows on the Triglide, and of a quarter of them: time per row and peak memory."""
     side = effort.rows(500)
     quarter, _ = _simulate(side)
     whole, memory = _simulate(2 * side)
     what = f"`simulate` of {4 * side**2} rows on the Triglide"
     return [
-        Line(f"{what}: time a row, against {side**2} rows", whole / quarter / 4, 1.2, note=f"{whole:.0f} s in all"),
+        Line(f"{what}: time per row, against {side**2} rows", whole / quarter / 4, 1.2, note=f"{whole:.0f} s in total"),
         Line(f"{what}: peak memory", memory, 1024, unit="MiB"),
     ]
 

@@ -24,7 +24,7 @@ from benchmarks import predictions, program, steps  # noqa: E402
 from benchmarks.timing import ONCE, Effort, Line  # noqa: E402
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "performance.md"
-HEAD = ("what", "measured", "required", "met", "note")
+HEAD = ("quantity", "measured", "required", "met", "note")
 
 
 def lines(effort: Effort, quick: bool) -> Iterator[Line]:
@@ -50,14 +50,14 @@ def document(found: list[Line], rounds: int) -> str:
     versions = f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}"
     return f"""# Speed
 
-Written by `python -m benchmarks.run --write`; medians of {rounds} rounds, all cases of a line run by turns in one
-process on one thread ({versions}). Times are processor times: what other
-programs take from a busy computer does not count. `a : b` is the time of a over that of b; for OpenSees it is thus how
-many times faster the engine is. A step is the assembly of the tangent and the solution at a known pose, of all rows of
-a chunk together. OpenSees builds its model anew for every configuration, from coordinates prepared beforehand, with
-the fastest of its direct solvers; its displacements are compared with the engine's. Iterations of a row are those of
-the rigid pose and of the elastic equilibrium together; a fit's first iterate starts 0.1 mm from the solution in every
-parameter, a later one 1 um.
+Written by `python -m benchmarks.run --write`; medians of {rounds} rounds. All cases of a line run in turn in one
+process on one thread ({versions}). Times are processor times, so other programs on a busy
+computer do not affect them. `a : b` is the time of a divided by that of b; for OpenSees this is the factor by which the
+engine is faster. A step is the assembly of the tangent and the solution at a known pose, for all rows of a chunk
+together. OpenSees rebuilds its model for every configuration, from coordinates prepared beforehand, with the fastest of
+its direct solvers; its displacements are compared with the engine's. Iterations per row count those of the rigid pose
+and of the elastic equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every parameter, a
+later one 1 um.
 
 {table(found)}
 """

@@ -20,10 +20,10 @@ from .timing import Effort, Line, side_by_side
 _COMPARED = 60  # configurations that the other program solves in a round
 
 
-def against_bare(name: str, system: System, slots: Array, state: State, rounds: int) -> Line:
+def against_bare(name: str, system: System, coefficients: Array, state: State, rounds: int) -> Line:
     """Assembly and solution against np.linalg.solve of the same matrices, chunk by chunk."""
-    chunks = [chunk for chunk in row_chunks(system, len(slots)) if chunk.stop - chunk.start >= 8]
-    parts = [(slots[chunk], state.take(chunk)) for chunk in chunks]
+    chunks = [chunk for chunk in row_chunks(system, len(coefficients)) if chunk.stop - chunk.start >= 8]
+    parts = [(coefficients[chunk], state.take(chunk)) for chunk in chunks]
     ready = [equations(system, *part) for part in parts]
     times = side_by_side(
         {
@@ -33,14 +33,14 @@ def against_bare(name: str, system: System, slots: Array, state: State, rounds: 
         rounds,
     )
     rows = sum(len(part[0]) for part in parts)
-    note = f"{system.size} unknowns; bare {1e6 * times.median('bare') / rows:.0f} us a row"
+    note = f"{system.size} unknowns; bare {1e6 * times.median('bare') / rows:.0f} us per row"
     return Line(f"one elastic step, {name} : bare batched solve", times.ratio("step", "bare"), 3, note=note)
 
 
 def frames_against_bare(effort: Effort) -> list[Line]:
     """The spatial frame; the planar one has fewer unknowns than the requirement speaks of."""
     frame = spatial_frame(effort.rows(256))
-    return [against_bare("spatial frame", frame.model.exact, frame.slots, frame.state, effort.rounds)]
+    return [against_bare("spatial frame", frame.model.exact, frame.coefficients, frame.state, effort.rounds)]
 
 
 def against_other_program(effort: Effort) -> list[Line]:
@@ -64,7 +64,7 @@ def against_other_program(effort: Effort) -> list[Line]:
 def _compared(
     ops: Any, name: str, key: str, frame: Frame, other: other_program.Solve, least: float, effort: Effort
 ) -> Line:
-    rows, system, count = len(frame.slots), frame.model.exact, effort.rows(_COMPARED, 4)
+    rows, system, count = len(frame.coefficients), frame.model.exact, effort.rows(_COMPARED, 4)
     chunks = list(row_chunks(system, rows))
 
     def engine() -> Array:

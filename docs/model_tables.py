@@ -11,9 +11,10 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator
 from pydantic.fields import FieldInfo
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.elements.joint import JOINTS
 from pkmcal_cli.expressions.analytic import ARGUMENTS, FUNCTIONS
-from pkmcal_cli.expressions.parse import CONSTANTS
+from pkmcal_cli.expressions.parser import CONSTANTS, OPERATORS
 from pkmcal_cli.language.fields import AxisLetterOr, Entity, Name, Shape
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.members import PLANAR_JOINTS
@@ -50,7 +51,7 @@ def models() -> dict[str, type[Entity]]:
 
 
 def _entities(annotation: Any) -> Iterator[type[Entity]]:
-    if isinstance(annotation, type) and issubclass(annotation, Entity):
+    if isinstance(annotation, type) and issubclass(annotation, Entity) and not annotation.one_value:
         yield annotation
     for part in get_args(annotation):
         yield from _entities(part)
@@ -61,7 +62,7 @@ def model_table(model: type[Entity]) -> str:
     rows = [_row(name, about) for name, about in model.model_fields.items()]
     made = table(("key", "value", "unit", "default", "meaning"), rows)
     if model.shorthand is not None:
-        made = f"A bare value stands for `{model.shorthand}`.\n\n{made}"
+        made = f"A bare value sets `{model.shorthand}`.\n\n{made}"
     return made
 
 
@@ -93,7 +94,10 @@ def _default_of(value: Entity) -> str:
 
 
 def _opened(annotation: Any, marks: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-    """Without `| None` and `Annotated`, whose marks are added."""
+    """Without `| None` and `Annotated`, whose marks are added; of what is written as one value, its main field."""
+    if isinstance(annotation, type) and issubclass(annotation, Entity) and annotation.one_value:
+        field = annotation.model_fields[annotation.shorthand or ""]
+        return _opened(field.annotation, (*marks, *field.metadata))
     if get_origin(annotation) in (Union, types.UnionType):
         rest = [part for part in get_args(annotation) if part is not types.NoneType]
         if len(rest) == 1:
@@ -183,17 +187,19 @@ def unit_table() -> str:
         found = [f"`{u.text}`" for u in UNITS.values() if u.dimension == dimension]
         if found:
             rows.append((name.replace("_", " ") if dimension != NUMBER else "number", ", ".join(found)))
-    return table(("of", "units"), rows)
+    return table(("quantity", "units"), rows)
 
 
 def function_table() -> str:
-    """What an expression may call."""
-    rows: list[Cells] = []
+    """What an expression may be made of."""
+    rows: list[Cells] = [(f"`{operator}`", f"operator: {meaning}") for operator, meaning in OPERATORS.items()]
     for name in FUNCTIONS:
         low, high = ARGUMENTS.get(name, (1, 1))
-        rows.append((f"`{name}`", str(low) if low == high else f"{low} to {high}"))
-    rows += [(f"`{name}`", "a constant") for name in CONSTANTS]
-    return table(("name", "arguments"), rows)
+        rows.append(
+            (f"`{name}`", f"function of {count(low, 'argument') if low == high else f'{low} to {high} arguments'}")
+        )
+    rows += [(f"`{name}`", "constant") for name in CONSTANTS]
+    return table(("name", "what it is"), rows)
 
 
 def joint_table() -> str:

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot
 
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import length_residuals
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.loading.machine import load_machine, load_measurements
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 
 ROOT = Path(__file__).resolve().parents[1]
 

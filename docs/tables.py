@@ -17,7 +17,7 @@ from docs import model_tables
 from docs.model_tables import table
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler import compile_machine
-from pkmcal_cli.effects import PORTS, STAGES, EffectParameter, catalogue
+from pkmcal_cli.effects import ENTRIES, STAGES, EffectParameter, catalogue
 from pkmcal_cli.elements.joint import JOINTS
 from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Machine
@@ -67,7 +67,7 @@ def machines() -> str:
     rows = []
     for file in machine_files():
         rows.append((f"`{file.name}`", description(file), _drives(file), _measured(file)))
-    return table(("machine file", "what it is", "space, freedom, drives", "measurements"), rows)
+    return table(("machine file", "description", "space, degrees of freedom, drives", "measurements"), rows)
 
 
 def _measured(file: Path) -> str:
@@ -112,14 +112,14 @@ def kinds() -> str:
     words = " or ".join(get_args(control))
     rows = [
         ("members", "; ".join(text[0].lower() + text[1:] for text in members)),
-        ("joints", ", ".join(joints) + "; ideal, or with a stiffness by direction"),
+        ("joints", ", ".join(joints) + "; ideal, or with stiffness by direction"),
         ("actuators", "; ".join(drives) + f"; in {words} control, ideal or with a stiffness"),
         (
             "sensors",
-            ", ".join(f"`{k}`" for k in sensor_kinds()) + "; readings of drives not in position control",
+            ", ".join(f"`{k}`" for k in sensor_kinds()) + "; readings of drives that are not position-controlled",
         ),
     ]
-    return table(("in the machine file", "kinds"), rows)
+    return table(("section", "kinds"), rows)
 
 
 def instruments() -> str:
@@ -136,14 +136,14 @@ def instruments() -> str:
     ]
     rows.append(
         (
-            "encoder of a drive in force control, or passive",
+            "encoder of a force-controlled or passive drive",
             "",
             "the drive's reading",
             "`control`, `sigma` of the actuator",
             "",
         )
     )
-    return table(("instrument", "`kind`", "what it reads", "keys besides `sigma`", "further keys"), rows)
+    return table(("instrument", "`kind`", "what it reads", "required besides `sigma`", "optional keys"), rows)
 
 
 def _lower(model: type[Actuator], key: str) -> str:
@@ -164,7 +164,7 @@ def effects() -> str:
         (
             f"`{e.keyword}`",
             e.title + (f" ({e.symbol})" if e.symbol else ""),
-            f"{STAGES[e.port]}: {PORTS[e.port]}",
+            f"{STAGES[e.enters]}: {ENTRIES[e.enters]}",
             "; ".join(f"`{p.name}` {p.text}, {plausible(p)}" for p in e.parameters),
             ", ".join(e.needs),
             e.source,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import traceback
 import warnings
 from contextlib import suppress
 
@@ -78,13 +79,15 @@ def _failed(error: Exception, arguments: list[str]) -> int:
     if isinstance(error.__cause__, BrokenPipeError):
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
-        hint = "are stiffnesses, lengths and readings in the right units?"
-        error = BadInput.single("with these numbers nothing can be computed", None, hint, "numbers")
+        hint = "check the units of stiffnesses, lengths and readings"
+        error = BadInput.single("the computation fails with these numbers", None, hint, "numbers")
     if isinstance(error, PkmcalError):
+        if os.environ.get("PKMCAL_DEBUG"):
+            _tell("".join(traceback.format_exception(error)))
         _tell(error.text())
         return error.exit_code
     if isinstance(error, MemoryError):
-        _tell("error[memory]: not enough memory\nhelp: fewer rows or positions at once")
+        _tell("error[memory]: not enough memory\nhelp: use fewer rows or positions at once")
         return PkmcalError.exit_code
     return _usage_or_internal(error, arguments)
 
@@ -117,7 +120,7 @@ def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
         _tell(str(message()))
     else:
         command = " ".join(["pkmcal", *(a for a in arguments[:1] if a in names())])
-        _tell(UsageError(str(message()).strip().rstrip("."), hint=f"`{command} --help`").text())
+        _tell(UsageError(str(message()).strip().rstrip("."), hint=f"see `{command} --help`").text())
     return UsageError.exit_code
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pkmcal_cli.csv_files.parse import Chunk, FaultLog, FloatArray, IntArray, Kind, Plan
+from pkmcal_cli.csv_files.cell_values import Chunk, ColumnRules, FaultLog, FloatArray, IntArray, Kind
 from pkmcal_cli.csv_files.reader import TEXT_COLUMNS, TableReader, check_header, no_rows, open_table
 from pkmcal_cli.csv_files.writer import Values, open_writer
 
@@ -40,7 +40,7 @@ def read_table(source: Path | str) -> Table:
         log = FaultLog(reader.name, reader.format.separator)
         check_header(reader, log, [cell.name for cell in reader.header])
         kinds: list[Kind] = ["text" if cell.name in TEXT_COLUMNS else "number" for cell in reader.header]
-        chunks = list(reader.chunks(Plan(tuple(kinds)), log))
+        chunks = list(reader.chunks(ColumnRules(tuple(kinds)), log))
         if not chunks and not log.total:
             log.add(no_rows(reader))
         log.raise_if_any()

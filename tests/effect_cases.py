@@ -9,20 +9,23 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import compile_machine
-from pkmcal_cli.compiler.effects import placed_effect, possible_effects
+from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
 from pkmcal_cli.language.effect_entries import EffectNumber
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.command import MACHINES
 from tests.elastic_guide import TOWERS, sliders
+from tests.instruments import PLANAR_INSTRUMENTS, SPATIAL_INSTRUMENTS
 from tests.kinds import PLANAR_KINDS, SPATIAL_KINDS
 from tests.support import described
 
 NAMES = ("triglide", "triglide-nonredundant", "biglide", "scissors", "delta4", "hexapod7", "hangprinter")
 WRITTEN = {"elastic-guide": sliders(), "elastic-towers": TOWERS, "planar-kinds": PLANAR_KINDS,
-           "spatial-kinds": SPATIAL_KINDS}  # fmt: skip
+           "spatial-kinds": SPATIAL_KINDS, "planar-instruments": PLANAR_INSTRUMENTS,
+           "spatial-instruments": SPATIAL_INSTRUMENTS}  # fmt: skip
 """Machines of the tests, by name."""
 _REACH = {"hangprinter": 0.012, "planar-kinds": 0.004}  # of the machine's size; the others are moved by 4 %
 _MOVES = {"spatial-kinds": (1e-3, -0.3, 5e-4, 0.01, -1e-3)}  # of drives, m or rad; its inverse positions are many
@@ -54,10 +57,10 @@ def case(name: str, rows: int = 10) -> Case:
     pose = np.full((rows, 6), np.nan)
     for k, c in enumerate(DIRECTIONS[:3]):
         if c in model.independent_coordinates:
-            pose[:, k] = model.tcp_drawn[k] + rng.uniform(-1, 1, rows) * _REACH.get(name, 0.04) * model.length
+            pose[:, k] = model.tool.reference[k] + rng.uniform(-1, 1, rows) * _REACH.get(name, 0.04) * model.length
     moves = np.array(_MOVES.get(name, np.zeros(len(model.actuators))))
     if moves.any():
-        readings = model.drawn_readings + moves * rng.uniform(0.3, 1, (rows, len(moves)))
+        readings = model.reference_readings + moves * rng.uniform(0.3, 1, (rows, len(moves)))
     else:
         readings = drive_positions(model, pose).readings
     columns = {
@@ -70,14 +73,14 @@ def case(name: str, rows: int = 10) -> Case:
     }
     columns |= {f"dir.{a.name}": rng.choice([-1.0, 1.0], rows) for a in model.actuators}
     effects, parameters = [], []
-    for effect, at, sockets in possible_effects(model, ("s1", "s2")):
+    for effect, at, sites in possible_effects(model, ("s1", "s2")):
         entries = {o.name: _PERIOD for o in effect.options if o.name == "period"}
-        placed, mine = placed_effect(effect, at, sockets, machine.space == "planar", entries)
+        placed, mine = placed_effect(effect, at, sites, machine.space == "planar", entries)
         effects.append(placed)
         parameters += mine
     values = model.nominal + rng.normal(size=len(model.names)) * _ERRORS.get(name, 0.3) * model.ranges
     full = model.with_effects(tuple(effects), tuple(parameters))
     nulls = np.zeros(len(parameters))
-    return Case(
-        full, np.append(values, nulls), Rows(readings, np.full(readings.shape, np.nan), columns), len(model.names)
-    )
+    partner = (np.arange(rows) + 1) % rows if any(s.kind.joins for s in model.sensors) else None
+    table = Rows(readings, np.full(readings.shape, np.nan), columns, partner)
+    return Case(full, np.append(values, nulls), table, len(model.names))

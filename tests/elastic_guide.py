@@ -8,9 +8,9 @@ SLIDERS = """
       k: {nominal: 60 kN/mm, range: 10 kN/mm, identify: false}}
     guides: {rail: {along: x, GUIDANCE}}
     bodies:
-      c1: {on: rail, at: 235, points: {B1: [0, b1]}}
-      c2: {on: rail, at: 765, points: {B2: [0, b2]}}
-      c3: {on: rail, at: 1130, points: {B3: [0, b3]}}
+      c1: {guide: rail, at: 235, points: {B1: [0, b1]}}
+      c2: {guide: rail, at: 765, points: {B2: [0, b2]}}
+      c3: {guide: rail, at: 1130, points: {B3: [0, b3]}}
     nodes: {tcp: [500, 350]}
     bars:
       rod1: {between: [B1, tcp], length: l1, k: k}
@@ -40,7 +40,7 @@ TOWERS = """
     guides:
       "rail{i}": {each: {i: [1, 2, 3, 4]}, frame: "tower{i}", at: [r, 0, 0], along: z,
         stiffness: {x: 40 kN/mm, y: 30 kN/mm, rx: 60 kNm/rad, ry: 50 kNm/rad, rz: 20 kNm/rad}}
-    bodies: {"c{i}": {each: {i: [1, 2, 3, 4]}, on: "rail{i}", at: 433, points: {"C{i}": [-b, 3, 5]}}}
+    bodies: {"c{i}": {each: {i: [1, 2, 3, 4]}, guide: "rail{i}", at: 433, points: {"C{i}": [-b, 3, 5]}}}
     nodes: {tcp: {at: [0, 0, 0], mass: 3}}
     bars: {"arm{i}": {each: {i: [1, 2, 3, 4]}, between: ["C{i}", tcp], length: l, k: k}}
     actuators:

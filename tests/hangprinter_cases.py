@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import cross_validate, fold_labels
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.compiler import compile_machine

@@ -57,7 +57,7 @@ SPATIAL_KINDS = """
         centre: [cx, 0, 10]
         points:
           {P1: [p1x, -60, 0], P2: [0, 40, 20], P3: [-120, 30, 0], P4: [0, 120, p4z], P5: [-80, -90, 0], P6: [99, 60, 0]}
-      c3: {on: rail, at: 20, points: {C3: [20, 0, 30]}}
+      c3: {guide: rail, at: 20, points: {C3: [20, 0, 30]}}
       crank: {at: [0, 400, 0], points: {K4: [0, -r4, 30]}}
     nodes: {m5: [-201, 14, 180], n5: [-179, -4, 220], e6: [200, 180, 380]}
     materials: {steel: {E: E, nu: 0.3, density: rho}}
@@ -134,7 +134,7 @@ PLANAR_KINDS = """
         mass: m
         centre: [cx, 5]
         points: {P1: [-ax, -20], P2: [60, -20], P3: [0, 40], P4: [60, 30]}
-      c1: {on: rail, at: 40, mass: 2, points: {C1: [10, 30]}}
+      c1: {guide: rail, at: 40, mass: 2, points: {C1: [10, 30]}}
       crank2: {at: [300, 0], turn: 120, points: {K2: [r2, 0]}}
       crank4: {at: [350, 500], turn: -120, points: {K4: [r4, 0]}}
     nodes: {u3: [0, 470], v3: [0, 450]}

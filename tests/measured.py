@@ -12,6 +12,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
+from pkmcal_cli.units.measurands import Measurand
 from tests import structures
 from tests.support import (
     UM,
@@ -26,6 +27,7 @@ from tests.support import (
     pushed,
     truth,
 )
+from tests.truth.gantry import NOMINAL, RANGES, Gantry
 from tests.truth.machines import Hangprinter
 from tests.truth.test_truth_bending import elastica
 
@@ -64,8 +66,8 @@ def against_truth(name: str, size: float = 1e-3, loaded: bool = True) -> Compari
     found = at(machine, readings, Request(forces=True), **values)
     linear = at(machine, readings, Request(method="linear"), **values)
     true = simulator.forward(readings, values, loads=loads)
-    lengths = [c for c, channel in enumerate(machine.channels) if channel.quantity == "position"]
-    angles = [c for c, channel in enumerate(machine.channels) if channel.quantity == "orientation"]
+    lengths = [c for c, channel in enumerate(machine.channels) if channel.measurand is Measurand.POSITION]
+    angles = [c for c, channel in enumerate(machine.channels) if channel.measurand is Measurand.ORIENTATION]
     return Comparison(
         float(np.abs(found.values - true.tcp[:, : found.values.shape[1]])[:, lengths].max() / UM),
         float(np.abs(found.values - true.tcp[:, : found.values.shape[1]])[:, angles].max(initial=0.0)),
@@ -85,7 +87,7 @@ def against_force_control(name: str) -> tuple[float, float, float, float]:
     found, true = at(machine, readings, **values).values, simulator.forward(readings, values, forces)
     given = [drive in forces for drive in simulator.drives]
     tcp = found[:, : -len(forces)] - true.tcp[:, : found.shape[1] - len(forces)]
-    angular = [channel.quantity == "orientation" for channel in machine.channels[: tcp.shape[1]]]
+    angular = [channel.measurand is Measurand.ORIENTATION for channel in machine.channels[: tcp.shape[1]]]
     travel = found[:, -len(forces) :] - true.travel[:, given]
     return (
         float(np.abs(tcp[:, ~np.array(angular)]).max() / UM),
@@ -203,7 +205,7 @@ def _difference(machine: Model, start: Prediction, values: Array, readings: Arra
         sides = []
         for h in (step, -step, step / 2, -step / 2):
             rows = _joined(machine, readings + h * way_readings)
-            found = predict(machine, values + h * way_values, rows, start=start.state)
+            found = predict(machine, values + h * way_values, rows, start=start.start)
             assert found.solved.all()
             sides.append(found.values)
         wide, narrow = (sides[0] - sides[1]) / (2 * step), (sides[2] - sides[3]) / step
@@ -241,3 +243,21 @@ def jacobian_check(text: str, readings: Array, values: Array | None = None) -> J
         else:
             worst = max(worst, (float(np.abs(exact - found).max() / np.abs(found).max()), name))
     return JacobianCheck(len(columns), worst[0], worst[1], tuple(null), size)
+
+
+def skewed_gantry(seed: int, rows: int = 6) -> tuple[Array, dict[str, float]]:
+    """Readings (N, 3) with drives out of step by up to 0.2 mm, and parameters off by up to their ranges."""
+    rng = np.random.default_rng(seed)
+    readings = Gantry().inverse(rng.uniform([0.15, 0.1], [1.35, 1.6], (rows, 2)))
+    readings[:, 1] += rng.uniform(-2e-4, 2e-4, rows)
+    return readings, {n: v + RANGES[n] * rng.uniform(-1, 1) for n, v in NOMINAL.items()}
+
+
+def against_frame(seed: int, errors: bool, pieces: int = 2) -> tuple[float, float]:
+    """The gantry against its frame: largest deviation over the deflection by weight, and that deflection in um."""
+    readings, values = skewed_gantry(seed)
+    given = values if errors else {}
+    true = Gantry().forward(readings, given).tcp
+    deflection = float(np.abs(true - Gantry(gravity=0.0).forward(readings, given).tcp).max())
+    machine = model(overlay("gantry", f"beams: {{beam: {{pieces: {pieces}}}}}"))
+    return float(np.abs(at(machine, readings, **given).values - true).max() / deflection), deflection / UM

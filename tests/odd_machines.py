@@ -10,9 +10,9 @@ parameters: {l1: 300, l2: 300, l3: 600, k1: {nominal: 50000, unit: N/mm}}
 guides: {rail: {along: x}}
 nodes: {tcp: [360, 275]}
 bodies:
-  c1: {on: rail, at: 117, points: {B1: [0, 100]}}
-  c2: {on: rail, at: 603, points: {B2: [0, 100]}}
-  c3: {on: rail, at: 947, points: {B3: [0, 150]}}
+  c1: {guide: rail, at: 117, points: {B1: [0, 100]}}
+  c2: {guide: rail, at: 603, points: {B2: [0, 100]}}
+  c3: {guide: rail, at: 947, points: {B3: [0, 150]}}
 bars:
   rod1: {between: [B1, tcp], length: l1, k: k1}
   rod2: {between: [B2, tcp], length: l2, k: k1}
@@ -68,7 +68,7 @@ sensors: {s: {at: tcp, reads: [x], sigma: 10 um, frame: machine}}
 units: {length: mm, force: N}
 space: planar
 guides: {rail: {along: x}}
-bodies: {c: {on: rail, at: 0}}
+bodies: {c: {guide: rail, at: 0}}
 actuators: {q1: {moves: c}}
 sensors: {s: {at: c, reads: [x], sigma: 1 um, frame: machine}}
 """,

@@ -8,7 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.command import Done, run
+from tests.command import ROOT, Done, run
+
+SHOWING = (ROOT / "README.md", ROOT / "docs" / "machine-language.md", ROOT / "docs" / "ranges-and-sigma.md")
+"""Pages with commands and what they print."""
 
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _HEAD = re.compile(r"# ([\w-]+\.yaml)(, continued)?")
@@ -45,6 +48,14 @@ def machine_files(text: str) -> dict[str, str]:
         name, continued = head[1], head[2] is not None
         assert continued == (name in files), f"{name}: written twice, or continued before it begins"
         files[name] = files.get(name, "") + (body.partition("\n")[2] if continued else body)
+    return files
+
+
+def all_files() -> dict[str, str]:
+    """The machine files that all pages but the README write."""
+    files: dict[str, str] = {}
+    for page in SHOWING[1:]:
+        files |= machine_files(page.read_text(encoding="utf-8"))
     return files
 
 

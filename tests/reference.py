@@ -23,9 +23,11 @@ def main(parts: list[str]) -> None:
                 continue
             found = case.output(Path(folder))
             before = json.loads(case.file.read_text(encoding="utf-8")) if case.file.exists() else {}
-            for line in differences(before, found) if before else ["is new"]:
+            moved = differences(before, found) if before else ["is new"]
+            for line in moved:
                 print(f"{case.name}: {line}")
-            case.file.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            if moved:
+                case.file.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -19,8 +19,9 @@ _ESTIMATES = ("value", "interval", "nominal", "size", "estimate")
 _IN_STD = ("spread", "std_in_ranges", "by_std", "deviation")
 _SMALL = ("O2", "O3", "O4", "O5", "condition_number", "condition_number_whitened")
 _SIZES = ("mdb", "msb", "effective_tests")
+_DRAWN = 0.05  # of sizes by 500 drawn campaigns, whose draws follow rounding where machines have many directions
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
-_BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark")
+_BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark", "detected", "numbers", "worst")
 """Of an invisible effect: sizes beyond all bounds, and the one of many that happens to come first."""
 _NEVER = 10.0  # times what is plausible: a size at which an effect is invisible
 _NAMES = ("name", "effect", "at", "file", "line", "kind", "row", "id", "channel")
@@ -31,7 +32,7 @@ Path = tuple[str, ...]
 def differences(expected: Any, found: Any) -> list[str]:
     """Where the second output differs, one line each."""
     a, b = dict(_leaves(_comparable(expected))), dict(_leaves(_comparable(found)))
-    out = [f"{'.'.join(p)}: {'is missing' if p in a else 'is new'}" for p in a.keys() ^ b.keys()]
+    out = [f"{'.'.join(p)}: is missing" for p in _only_in(a, b)] + [f"{'.'.join(p)}: is new" for p in _only_in(b, a)]
     largest: dict[Path, float] = defaultdict(float)
     for path, value in [*a.items(), *b.items()]:
         if _is_number(value):
@@ -42,13 +43,20 @@ def differences(expected: Any, found: Any) -> list[str]:
     return sorted(out)
 
 
+def _only_in(one: Mapping[Path, Any], other: Mapping[Path, Any]) -> set[Path]:
+    """The topmost paths of branches that one output has and the other has not."""
+    there = {p[:k] for p in other for k in range(len(p) + 1)}
+    return {next((p[:k] for k in range(len(p) + 1) if p[:k] not in there), p) for p in one.keys() - other.keys()}
+
+
 def _same(path: Path, one: Any, other: Any, output: Mapping[Path, Any], largest: float) -> bool:
     if not (_is_number(one) and _is_number(other)):
         return bool(one == other)
     if isinstance(one, int) and isinstance(other, int):
         return one == other
     key = next(k for k in reversed(path) if not k.startswith("#"))
-    share = {**dict.fromkeys(_SMALL, _OF_THE_SMALLEST), **dict.fromkeys(_SIZES, ESTIMATE)}.get(key, RELATIVE)
+    shares = {**dict.fromkeys(_SMALL, _OF_THE_SMALLEST), **dict.fromkeys(_SIZES, ESTIMATE), "detected": _DRAWN}
+    share = _DRAWN if "selection" in path else shares.get(key, RELATIVE)
     off = share * max(abs(one), abs(other)) + ROUNDING * largest
     if key in _ESTIMATES:
         owner = path[: len(path) - 1 - path[::-1].index(key)]
@@ -62,8 +70,10 @@ def _same(path: Path, one: Any, other: Any, output: Mapping[Path, Any], largest:
 def _comparable(value: Any) -> Any:
     """Lists of things with names by name, directions as what they span, nothing that rounding decides."""
     if isinstance(value, dict):
-        if _invisible(value):
+        if _invisible(value) and ("effect" in value or "detected" not in value):
             value = {k: v for k, v in value.items() if k not in _BY_RANK}
+        elif "detected" in value and "effect" not in value:  # one number, or the worst direction
+            value = _along(value)
         elif "cosine" in value:  # which is compared; of several rivals that are alike any may be named
             value = {k: v for k, v in value.items() if k != "rival" and not (k == "msb" and _never(value, k))}
         return {k: _projector(v) if k == "undetermined" else _comparable(v) for k, v in value.items()}
@@ -75,6 +85,13 @@ def _comparable(value: Any) -> Any:
     if all(names) and len(set(names)) == len(names):
         return {f"#{name}": _comparable(v) for name, v in zip(names, value, strict=True)}
     return {f"#{k}": _comparable(v) for k, v in enumerate(value)}
+
+
+def _along(value: dict[str, Any]) -> dict[str, Any]:
+    """Sizes along a direction, without it; of one that nothing shows no more than that."""
+    if value["detected"] is None or value["mdb"] is None:
+        return {"never": True}
+    return {k: v for k, v in value.items() if k not in ("direction", "absorbed_by")}
 
 
 def _invisible(value: dict[str, Any]) -> bool:

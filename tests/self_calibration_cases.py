@@ -45,7 +45,7 @@ PLANAR = (
     ),
     Case(
         name="table",
-        what="lying frame 1.2 m x 0.9 m, homed at a known place, nothing but encoders",
+        what="horizontal frame 1.2 m x 0.9 m, homed at a known position, encoders only",
         anchors=_frame(1200, 900),
         low=(300, 250),
         high=(900, 750),
@@ -75,7 +75,7 @@ PLANAR = (
     ),
     Case(
         name="trapezoid",
-        what="lying irregular frame, stiff belts, lines out known, 8 distances, a side on the bench",
+        what="irregular horizontal frame, stiff belts, paid-out lengths known, 8 distances, one bench-measured side",
         anchors={"TL": (200, 1500), "TR": (1600, 1700), "BL": (0, 0), "BR": (2000, -150)},
         low=(600, 550),
         high=(1300, 1150),
@@ -92,7 +92,7 @@ PLANAR = (
     ),
     Case(
         name="tower",
-        what="lying frame 1.1 m x 3 m, right belts in force control, drums known to 0.5 mm, 12 distances",
+        what="horizontal frame 1.1 m x 3 m, right belts in force control, drums known to 0.5 mm, 12 distances",
         anchors=_frame(1100, 3000),
         low=(400, 600),
         high=(850, 2300),
@@ -111,7 +111,7 @@ TURNED = ("Ax", "Az", "Bz")
 SPATIAL = (
     Case(
         name="printer",
-        what="three lines below, one from the ceiling, homed, nothing but encoders",
+        what="three lines below, one from the ceiling, homed, encoders only",
         anchors=HANG,
         low=(-400, -400, 0),
         high=(400, 400, 1200),
@@ -126,7 +126,7 @@ SPATIAL = (
     ),
     Case(
         name="camera",
-        what="the same kind, larger, pose measured in 6 of 48 rows",
+        what="same type, larger, pose measured in 6 of 48 rows",
         anchors={"A": (0, -2100, -150), "B": (1900, 1200, -100), "C": (-1800, 1300, -200), "D": (0, 0, 2900)},
         low=(-600, -600, 0),
         high=(600, 600, 1500),
@@ -158,7 +158,7 @@ SPATIAL = (
     ),
     Case(
         name="heavy",
-        what="tool of 2 kg on soft lines, line A in force control, two distances of anchors on the bench",
+        what="tool of 2 kg on soft lines, line A in force control, two bench-measured anchor distances",
         anchors=HANG,
         low=(-350, -350, 100),
         high=(350, 350, 1100),
@@ -177,7 +177,7 @@ SPATIAL = (
     ),
     Case(
         name="ceiling",
-        what="three lines from the ceiling, one to the floor, stiff, lines out known, pose in 4 of 64 rows",
+        what="three lines from the ceiling, one to the floor, stiff, paid-out lengths known, pose in 4 of 64 rows",
         anchors={"A": (0, -1400, 2200), "B": (1300, 800, 2300), "C": (-1250, 850, 2250), "D": (30, 20, -300)},
         low=(-300, -300, 700),
         high=(300, 300, 1400),

@@ -71,7 +71,7 @@ def lonely() -> str:
             a, sa, b, sb, z = found[name]
             row += [f"{a:.2f} ({sa:.2f})", f"{b:.2f} ({sb:.2f})", f"{z:+.1f}"]
         rows.append(row)
-    titles = " | ".join(["parameter", *(f"{s} alone | camera | apart" for s in real.SESSIONS)])
+    titles = " | ".join(["parameter", *(f"{s} alone | camera | difference" for s in real.SESSIONS)])
     return _table(titles, rows)
 
 
@@ -81,7 +81,7 @@ def few() -> str:
     for first in range(5):
         known, rms, good = real.withheld(first)
         rows.append([f"{first}, {first + 5} ...", str(known), f"{rms:.2f}", f"{good:.2f}"])
-    return _table("rows known | how many | rms of the others, mm | without line 19, mm", rows)
+    return _table("known rows | number | rms of the others, mm | without line 19, mm", rows)
 
 
 def renewed(page: str, tables: dict[str, str]) -> str:

@@ -30,7 +30,7 @@ Cells = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class Sample:
     """What a machine with planted errors does at N rows: set values `q` (N, A), the platform's place (N, 3), rotation
     vector (N, 3) and matrix, where its drives stand (N, A) and with what force."""
 
@@ -58,7 +58,7 @@ class Case:
     machine: str
     free: tuple[str, ...]
     changes: str
-    measure: Callable[[Scene, Generator], Cells]
+    measure: Callable[[Sample, Generator], Cells]
     nuisance: Mapping[str, float] = field(default_factory=dict)
     rows: int = 40
     sessions: int = 1
@@ -79,7 +79,7 @@ def planted(case: Case, seed: int) -> dict[str, float]:
     return {**machine.nominal, **{n: machine.nominal[n] + machine.ranges[n] / 2 * rng.normal() for n in case.free}}
 
 
-def simulated(case: Case, seed: int) -> Scene:
+def simulated(case: Case, seed: int) -> Sample:
     """The machine with planted errors at the set values of the nominal one, as they stand in the file."""
     machine = simulator(case)
     poses = case.poses(poses_of(case.machine, case.rows, seed))
@@ -87,24 +87,24 @@ def simulated(case: Case, seed: int) -> Scene:
     return at_set_values(case, q, planted(case, seed))
 
 
-def at_set_values(case: Case, q: Array, values: Mapping[str, float]) -> Scene:
+def at_set_values(case: Case, q: Array, values: Mapping[str, float]) -> Sample:
     """The machine with these parameters at set values (N, A)."""
     found = simulator(case).forward(q, values, case.held)
     spatial = found.tcp.shape[1] == 6
     place = found.tcp[:, :3] if spatial else np.pad(found.tcp[:, :2], ((0, 0), (0, 1)))
     vector = found.tcp[:, 3:] if spatial else np.pad(found.tcp[:, 2:], ((0, 0), (2, 0)))
-    return Scene(
+    return Sample(
         q=q, place=place, vector=vector, turn=exp(vector), travel=found.travel, force=found.drive_force, values=values
     )
 
 
-def written(case: Case, scene: Scene, rng: Generator, folder: Path) -> tuple[Path, list[Path]]:
+def written(case: Case, sample: Sample, rng: Generator, folder: Path) -> tuple[Path, list[Path]]:
     """Machine file and one table for every session."""
     folder.mkdir(parents=True, exist_ok=True)
-    cells = {f"{d} [mm]": scene.q[:, k] for k, d in enumerate(simulator(case).drives)}
-    cells |= case.measure(scene, rng)  # also the reading of a drive that is not commanded
+    cells = {f"{d} [mm]": sample.q[:, k] for k, d in enumerate(simulator(case).drives)}
+    cells |= case.measure(sample, rng)  # also the reading of a drive that is not commanded
     machine = folder / "machine.yaml"
-    machine.write_text(machine_text(case, case.bench(scene.values, rng)), encoding="utf-8")
+    machine.write_text(machine_text(case, case.bench(sample.values, rng)), encoding="utf-8")
     session = np.arange(case.rows) * case.sessions // case.rows
     return machine, [_table(cells, session == k, folder / f"s{k}.csv") for k in range(case.sessions)]
 
@@ -145,15 +145,15 @@ def calibrated(machine: Path, tables: Sequence[Path], *options: str) -> dict[str
 
 def recovered(case: Case, seed: int, folder: Path, *options: str) -> tuple[dict[str, Any], dict[str, float]]:
     """Result of the calibration of a campaign, and true values by name."""
-    scene = simulated(case, seed)
-    machine, tables = written(case, scene, np.random.default_rng([seed, *case.name.encode()]), folder)
-    return calibrated(machine, tables, *options), {**scene.values, **case.nuisance}
+    sample = simulated(case, seed)
+    machine, tables = written(case, sample, np.random.default_rng([seed, *case.name.encode()]), folder)
+    return calibrated(machine, tables, *options), {**sample.values, **case.nuisance}
 
 
 def deviations(result: Mapping[str, Any], true: Mapping[str, float]) -> dict[str, float]:
-    """Error of every determined parameter in its standard uncertainties."""
+    """Error of every determined parameter in its standard uncertainties by the data: what is held is nominal here."""
     return {
-        p["name"]: (p["value"] * UNITS[p["unit"]] - true[p["name"]]) / (p["std"] * UNITS[p["unit"]])
+        p["name"]: (p["value"] * UNITS[p["unit"]] - true[p["name"]]) / (p["std_by_data"] * UNITS[p["unit"]])
         for p in result["parameters"]
         if p["std"] is not None
     }

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pkmcal_cli.base.rotation import Array
-from tests.sensor_campaigns import MM, UM, Case, Cells, Scene, labels, noisy, partners, spans
+from tests.sensor_campaigns import MM, UM, Case, Cells, Sample, labels, noisy, partners, spans
 from tests.sensor_cases_planar import (
     ANGLE_ZERO,
     BALLBAR,
@@ -34,29 +34,29 @@ def sometimes(values: Array, every: int) -> Array:
     return np.where(np.arange(len(values)) % every == 0, values, np.nan)
 
 
-def tracker_and_ballbar(scene: Scene, rng: Generator) -> Cells:
-    place = seen(scene.at(0.0, 0.0, -0.05))
+def tracker_and_ballbar(sample: Sample, rng: Generator) -> Cells:
+    place = seen(sample.at(0.0, 0.0, -0.05))
     read = {f"tracker.{c} [mm]": noisy(place[:, k], 8 * UM, rng) for k, c in enumerate("xyz")}
-    return read | {"ballbar [mm]": sometimes(ballbar(scene, rng), 2)}
+    return read | {"ballbar [mm]": sometimes(ballbar(sample, rng), 2)}
 
 
-def inside_the_machine(scene: Scene, rng: Generator) -> Cells:
+def inside_the_machine(sample: Sample, rng: Generator) -> Cells:
     """Probe, calipers, an encoder in a joint and the current of a redundant drive, in turns."""
-    partner = partners(len(scene.q), 3)
+    partner = partners(len(sample.q), 3)
     return {
         **labels(partner),
-        "probe [um]": sometimes(noisy(on_plane(scene, -0.1, 0.02), 2 * UM, rng), 2),
-        "calipers [mm]": noisy(spans(scene.place, partner), 5 * UM, rng),
-        "pin [deg]": noisy(rod_angle(scene), 2e-6, rng) - ANGLE_ZERO,
-        "amps": sometimes(current(scene, rng), 3),
+        "probe [um]": sometimes(noisy(on_plane(sample, -0.1, 0.02), 2 * UM, rng), 2),
+        "calipers [mm]": noisy(spans(sample.place, partner), 5 * UM, rng),
+        "pin [deg]": noisy(rod_angle(sample), 2e-6, rng) - ANGLE_ZERO,
+        "amps": sometimes(current(sample, rng), 3),
     }
 
 
-def other_instruments_next_day(scene: Scene, rng: Generator) -> Cells:
+def other_instruments_next_day(sample: Sample, rng: Generator) -> Cells:
     """A grid plate on the first day; draw wire and ballbar on the second, the ballbar in every third row."""
-    first = np.arange(len(scene.q)) * 2 < len(scene.q)
-    plate = np.where(first[:, None], noisy(seen_from(scene.place, *GRID), 0.5 * UM, rng), np.nan)
-    pulled, bar = wire_reading(scene, rng, 1.7e-3), noisy(to_ball(scene), UM, rng)
+    first = np.arange(len(sample.q)) * 2 < len(sample.q)
+    plate = np.where(first[:, None], noisy(seen_from(sample.place, *GRID), 0.5 * UM, rng), np.nan)
+    pulled, bar = wire_reading(sample, rng, 1.7e-3), noisy(to_ball(sample), UM, rng)
     return {
         "grid.x [mm]": plate[:, 0],
         "grid.y [mm]": plate[:, 1],
@@ -91,7 +91,7 @@ MIXED: tuple[Case, ...] = (
         changes="""{parameters: {kt: {nominal: 120, range: 5, unit: N}, i0: {nominal: 0, range: 100, unit: N},
         e0: {nominal: 0, range: 0.05}},
         frames: {bed: {at: [0, -100], turn: 0.02}},
-        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], "on": bed, sigma: 2 um},
+        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], surface: bed, sigma: 2 um},
         calipers: {kind: span, at: platform, sigma: 5 um},
         pin: {kind: angle, at: B1, to: A1, zero: e0, sigma: 2 urad, unit: deg},
         current: {kind: force, drive: q2, column: amps, unit: "1", scale: kt, zero: i0, sigma: 0.05}}}""",

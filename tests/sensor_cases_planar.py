@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pkmcal_cli.base.rotation import Array
-from tests.sensor_campaigns import MM, UM, Case, Cells, Scene, at_set_values, labels, noisy, partners, simulator, spans
+from tests.sensor_campaigns import MM, UM, Case, Cells, Sample, at_set_values, labels, noisy, partners, simulator, spans
 
 LENGTHS = ("l3", "l4", "xa1", "xa2", "ya1", "ya2", "ya4")
 NINE = (*LENGTHS, "g1", "g2")
@@ -33,73 +33,73 @@ def frame(session: str = "") -> dict[str, float]:
     return {f"frame@grid.{k}{session}": v for k, v in (("tx", origin[0]), ("ty", origin[1]), ("rz", angle))}
 
 
-def grid(scene: Scene, rng: Generator, name: str = "", sigma: float = 0.5 * UM) -> Cells:
+def grid(sample: Sample, rng: Generator, name: str = "", sigma: float = 0.5 * UM) -> Cells:
     """The grid encoder in the machine's axes."""
-    return {f"{name}{c} [mm]": noisy(scene.place[:, k], sigma, rng) for k, c in enumerate("xy")}
+    return {f"{name}{c} [mm]": noisy(sample.place[:, k], sigma, rng) for k, c in enumerate("xy")}
 
 
-def in_frame(scene: Scene, rng: Generator) -> Cells:
-    read = noisy(seen_from(scene.place, *GRID), 0.5 * UM, rng)
+def in_frame(sample: Sample, rng: Generator) -> Cells:
+    read = noisy(seen_from(sample.place, *GRID), 0.5 * UM, rng)
     return {"x [um]": read[:, 0], "y [m]": read[:, 1]}
 
 
-def in_two_frames(scene: Scene, rng: Generator) -> Cells:
-    first = (np.arange(len(scene.q)) * 2 < len(scene.q))[:, None]
-    read = np.where(first, seen_from(scene.place, *GRID), seen_from(scene.place, *MOVED))
+def in_two_frames(sample: Sample, rng: Generator) -> Cells:
+    first = (np.arange(len(sample.q)) * 2 < len(sample.q))[:, None]
+    read = np.where(first, seen_from(sample.place, *GRID), seen_from(sample.place, *MOVED))
     return {f"{c} [mm]": noisy(read[:, k], 0.5 * UM, rng) for k, c in enumerate("xy")}
 
 
-def full_pose(scene: Scene, rng: Generator) -> Cells:
-    return grid(scene, rng) | {"rz [arcsec]": noisy(scene.vector[:, 2], 2e-6, rng)}
+def full_pose(sample: Sample, rng: Generator) -> Cells:
+    return grid(sample, rng) | {"rz [arcsec]": noisy(sample.vector[:, 2], 2e-6, rng)}
 
 
-def to_ball(scene: Scene) -> Array:
-    return np.asarray(np.linalg.norm(scene.at(0.03, -0.05)[:, :2] - BALL, axis=1))
+def to_ball(sample: Sample) -> Array:
+    return np.asarray(np.linalg.norm(sample.at(0.03, -0.05)[:, :2] - BALL, axis=1))
 
 
-def wire(scene: Scene, rng: Generator, zeros: Any) -> Array:
+def wire(sample: Sample, rng: Generator, zeros: Any) -> Array:
     """To a hook at (-300, -900) mm, 2.9 per mille short."""
-    far = np.linalg.norm(scene.place[:, :2] - [-0.3, -0.9], axis=1)
+    far = np.linalg.norm(sample.place[:, :2] - [-0.3, -0.9], axis=1)
     return np.asarray((noisy(far, 5 * UM, rng) - zeros) / 1.0029)
 
 
-def zeros_of_sessions(scene: Scene) -> Array:
-    return np.where(np.arange(len(scene.q)) * 2 < len(scene.q), 1.7e-3, -2.2e-3)
+def zeros_of_sessions(sample: Sample) -> Array:
+    return np.where(np.arange(len(sample.q)) * 2 < len(sample.q), 1.7e-3, -2.2e-3)
 
 
-def calipers(scene: Scene, rng: Generator) -> Cells:
-    partner = partners(len(scene.q), 5)
-    return {**labels(partner), "calipers [mm]": noisy(spans(scene.at(0.03, -0.05), partner), 5 * UM, rng)}
+def calipers(sample: Sample, rng: Generator) -> Cells:
+    partner = partners(len(sample.q), 5)
+    return {**labels(partner), "calipers [mm]": noisy(spans(sample.at(0.03, -0.05), partner), 5 * UM, rng)}
 
 
-def on_plane(scene: Scene, height: float, angle: float) -> Array:
+def on_plane(sample: Sample, height: float, angle: float) -> Array:
     """Height of the probe's tip over a plane through (0, height), turned by an angle."""
-    tip = scene.at(0.03, -0.05)[:, :2] - [0.0, height]
+    tip = sample.at(0.03, -0.05)[:, :2] - [0.0, height]
     return np.asarray(tip @ [-np.sin(angle), np.cos(angle)])
 
 
-def rod_angle(scene: Scene) -> Array:
+def rod_angle(sample: Sample) -> Array:
     """Direction of rod 1 in the axes of its carriage."""
-    v, g = scene.values, scene.values["g1"]
+    v, g = sample.values, sample.values["g1"]
     turn = np.array([[np.cos(g), -np.sin(g)], [np.sin(g), np.cos(g)]])
-    b1 = [-v["d1"], 0.0] + np.column_stack([np.full(len(scene.q), v["xb1"]), v["yb1"] + scene.q[:, 0]]) @ turn.T
-    line = (scene.at(-v["xa1"], v["ya1"])[:, :2] - b1) @ turn
+    b1 = [-v["d1"], 0.0] + np.column_stack([np.full(len(sample.q), v["xb1"]), v["yb1"] + sample.q[:, 0]]) @ turn.T
+    line = (sample.at(-v["xa1"], v["ya1"])[:, :2] - b1) @ turn
     return np.asarray(np.arctan2(line[:, 1], line[:, 0]))
 
 
-def current(scene: Scene, rng: Generator) -> Array:
-    return noisy((scene.force[:, 1] - BIAS) / FACTOR, 0.05, rng)
+def current(sample: Sample, rng: Generator) -> Array:
+    return noisy((sample.force[:, 1] - BIAS) / FACTOR, 0.05, rng)
 
 
-def touched(scene: Scene, rng: Generator) -> Cells:
+def touched(sample: Sample, rng: Generator) -> Cells:
     """The machine is sent down until the probe clicks: 5 um off; its readings are 0."""
-    off, asked = 5 * UM * rng.normal(size=len(scene.q)), scene.place[:, :2]
+    off, asked = 5 * UM * rng.normal(size=len(sample.q)), sample.place[:, :2]
     case = next(c for c in PLANAR if c.name == "probe_clicks")
     for _ in range(3):
-        asked = asked + np.outer(off - on_plane(scene, -0.1, 0.02), [0.0, 1.0])
-        scene = at_set_values(case, np.round(simulator(case).inverse(asked), 9), scene.values)
-    assert np.abs(on_plane(scene, -0.1, 0.02) - off).max() < 0.05 * UM
-    return {f"q{k + 1} [mm]": scene.q[:, k] for k in range(4)} | {"probe [mm]": np.zeros(len(scene.q))}
+        asked = asked + np.outer(off - on_plane(sample, -0.1, 0.02), [0.0, 1.0])
+        sample = at_set_values(case, np.round(simulator(case).inverse(asked), 9), sample.values)
+    assert np.abs(on_plane(sample, -0.1, 0.02) - off).max() < 0.05 * UM
+    return {f"q{k + 1} [mm]": sample.q[:, k] for k in range(4)} | {"probe [mm]": np.zeros(len(sample.q))}
 
 
 PLANAR: tuple[Case, ...] = (
@@ -189,7 +189,7 @@ PLANAR: tuple[Case, ...] = (
         machine="scissors",
         free=LENGTHS,
         changes="""{frames: {bed: {at: [0, -100], turn: 0.02}},
-        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], "on": bed, sigma: 2 um}}}""",
+        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], surface: bed, sigma: 2 um}}}""",
         measure=lambda s, rng: {"probe [mm]": noisy(on_plane(s, -0.1, 0.02), 2 * UM, rng)},
         rows=60,
     ),
@@ -198,7 +198,7 @@ PLANAR: tuple[Case, ...] = (
         machine="scissors",
         free=("l3", "l4", "xa1", "ya1"),
         changes="""{frames: {bed: {at: [0, -100], turn: 0.02}},
-        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], "on": bed, sigma: 5 um}}}""",
+        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], surface: bed, sigma: 5 um}}}""",
         measure=touched,
         rows=30,
         poses=lambda x: np.column_stack([x[:, 0], -0.05 + 0.02 * x[:, 0]]),
@@ -209,7 +209,7 @@ PLANAR: tuple[Case, ...] = (
         free=LENGTHS,
         changes="""{parameters: {h: {nominal: -100, range: 2}, t: {nominal: 0.02, range: 0.01}},
         frames: {bed: {at: [0, h], turn: t}},
-        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], "on": bed, sigma: 2 um}}}""",
+        sensors: {grid: null, probe: {kind: touch, at: platform, offset: [30, -50], surface: bed, sigma: 2 um}}}""",
         measure=lambda s, rng: {"probe [mm]": noisy(on_plane(s, -0.1008, 0.0243), 2 * UM, rng)},
         nuisance={"h": -0.1008, "t": 0.0243},
         rows=60,

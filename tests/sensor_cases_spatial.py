@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pkmcal_cli.base.rotation import Array, exp
-from tests.sensor_campaigns import UM, Case, Cells, Scene, noisy
+from tests.sensor_campaigns import UM, Case, Cells, Sample, noisy
 
 ARMS = tuple(f"l{i}{side}" for i in (1, 2, 3, 4) for side in "ab")
 MACHINE = ("R1", "R2", "R3", "R4", "g1", "g2", "g3", *ARMS)
@@ -28,8 +28,8 @@ def seen(place: Array) -> Array:
     return np.asarray(ORIGIN + place @ exp(TURN).T)
 
 
-def three_reflectors(scene: Scene, rng: Generator) -> Cells:
-    points = {n: scene.at(*p) for n, p in (("P1a", (0.06, 0.04)), ("P3b", (-0.06, 0.04)), ("P2a", (-0.04, 0.06)))}
+def three_reflectors(sample: Sample, rng: Generator) -> Cells:
+    points = {n: sample.at(*p) for n, p in (("P1a", (0.06, 0.04)), ("P3b", (-0.06, 0.04)), ("P2a", (-0.04, 0.06)))}
     return {
         f"{name}.{c} [m]": noisy(seen(place)[:, k], 5 * UM, rng)
         for name, place in points.items()
@@ -37,49 +37,49 @@ def three_reflectors(scene: Scene, rng: Generator) -> Cells:
     }
 
 
-def far_tracker(scene: Scene, rng: Generator) -> Cells:
+def far_tracker(sample: Sample, rng: Generator) -> Cells:
     """3 um and 6 um/m of the distance; x and y of every row correlated by 0.6, y and z by -0.3."""
-    place = seen(scene.place)
+    place = seen(sample.place)
     sigma = np.hypot(3 * UM, 6 * UM * np.linalg.norm(place, axis=1))[:, None]
     mixing = np.linalg.cholesky(np.array([[1, 0.6, 0], [0.6, 1, -0.3], [0, -0.3, 1]]))
     read = place + sigma * rng.normal(size=place.shape) @ mixing.T
     return {f"{c} [mm]": read[:, k] for k, c in enumerate("xyz")}
 
 
-def pose_in_space(scene: Scene, rng: Generator) -> Cells:
+def pose_in_space(sample: Sample, rng: Generator) -> Cells:
     """Also a rotation vector; sigma 5 um, 20 urad."""
-    place = {f"{c} [mm]": noisy(scene.place[:, k], 5 * UM, rng) for k, c in enumerate("xyz")}
-    return place | {f"r{c} [mrad]": noisy(scene.vector[:, k], 20e-6, rng) for k, c in enumerate("xyz")}
+    place = {f"{c} [mm]": noisy(sample.place[:, k], 5 * UM, rng) for k, c in enumerate("xyz")}
+    return place | {f"r{c} [mrad]": noisy(sample.vector[:, k], 20e-6, rng) for k, c in enumerate("xyz")}
 
 
-def level(scene: Scene, rng: Generator) -> Cells:
-    return {f"r{c} [urad]": noisy(scene.vector[:, k], 5e-6, rng) for k, c in enumerate("xy")}
+def level(sample: Sample, rng: Generator) -> Cells:
+    return {f"r{c} [urad]": noisy(sample.vector[:, k], 5e-6, rng) for k, c in enumerate("xy")}
 
 
-def over_bed(scene: Scene, *tip: float) -> Array:
+def over_bed(sample: Sample, *tip: float) -> Array:
     """Coordinates (N, 3) in the frame of the bed."""
     bed = exp(np.array([BED["ba"], BED["bb"], 0.0]))
-    return np.asarray((scene.at(*tip) - [0.0, 0.0, BED["bz"]]) @ bed)
+    return np.asarray((sample.at(*tip) - [0.0, 0.0, BED["bz"]]) @ bed)
 
 
-def probe(scene: Scene, rng: Generator) -> Cells:
-    return {"probe [um]": noisy(over_bed(scene, 0.005, 0.006, -0.07)[:, 2], 2 * UM, rng)}
+def probe(sample: Sample, rng: Generator) -> Cells:
+    return {"probe [um]": noisy(over_bed(sample, 0.005, 0.006, -0.07)[:, 2], 2 * UM, rng)}
 
 
-def straightedge(scene: Scene, rng: Generator) -> Cells:
-    off = over_bed(scene, 0.0, 0.0, -0.05)
+def straightedge(sample: Sample, rng: Generator) -> Cells:
+    off = over_bed(sample, 0.0, 0.0, -0.05)
     return {"edge.y [mm]": noisy(off[:, 1], 3 * UM, rng), "edge.z [mm]": noisy(off[:, 2], 3 * UM, rng)}
 
 
-def ballbar(scene: Scene, rng: Generator) -> Array:
-    return noisy(np.linalg.norm(scene.at(0.005, 0.006, -0.07) - BALL, axis=1), UM, rng)
+def ballbar(sample: Sample, rng: Generator) -> Array:
+    return noisy(np.linalg.norm(sample.at(0.005, 0.006, -0.07) - BALL, axis=1), UM, rng)
 
 
-def arm_angle(scene: Scene) -> Array:
+def arm_angle(sample: Sample) -> Array:
     """Of arm 2a about its carriage's y, from z towards x."""
-    v = scene.values
+    v = sample.values
     column = exp(np.array([0.0, 0.0, v["g2"] + np.pi / 2]))
-    line = scene.at(-0.04, v["r2"]) @ column - [v["R2"], 0.04, 0.0] - np.outer(scene.travel[:, 1], [0, 0, 1])
+    line = sample.at(-0.04, v["r2"]) @ column - [v["R2"], 0.04, 0.0] - np.outer(sample.travel[:, 1], [0, 0, 1])
     return np.asarray(np.arctan2(line[:, 0], line[:, 2]))
 
 
@@ -135,7 +135,7 @@ SPATIAL: tuple[Case, ...] = (
         changes=f"""{{parameters: {{bz: {{nominal: -560, range: 3}}, ba: {{nominal: 0, range: 0.03, unit: rad}},
         bb: {{nominal: 0, range: 0.03, unit: rad}}}}, frames: {{bed: {{at: [0, 0, bz], turn: [ba, bb, 0]}}}},
         sensors: {{{NO_TRACKER},
-        probe: {{kind: touch, at: platform, offset: [5, 6, -70], "on": bed, sigma: 2 um}}}}}}""",
+        probe: {{kind: touch, at: platform, offset: [5, 6, -70], surface: bed, sigma: 2 um}}}}}}""",
         measure=probe,
         nuisance=BED,
         rows=60,
@@ -147,7 +147,7 @@ SPATIAL: tuple[Case, ...] = (
         changes=f"""{{frames:
           {{bed: {{at: [0, 0, {BED["bz"] * 1e3}], turn: ["{BED["ba"]} rad", "{BED["bb"]} rad", 0]}}}},
         sensors: {{{NO_TRACKER},
-        edge: {{kind: touch, at: platform, offset: [0, 0, -50], "on": bed, reads: ["y", z], sigma: 3 um}}}}}}""",
+        edge: {{kind: touch, at: platform, offset: [0, 0, -50], surface: bed, reads: ["y", z], sigma: 3 um}}}}}}""",
         measure=lambda s, rng: {k.replace("edge.", ""): v for k, v in straightedge(s, rng).items()},
         rows=40,
     ),

@@ -15,6 +15,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
+from tests.truth.gantry import Gantry
 from tests.truth.machines import PINNED, Hexapod7
 from tests.truth.pinned import DeadForce
 from tests.truth.self_measured_tables import SENSING
@@ -65,6 +66,8 @@ def truth(name: str) -> object:
     """The independent simulator of a shipped machine."""
     if name in SENSING:
         return SENSING[name]
+    if name == "gantry":
+        return Gantry()
     return Hexapod7() if name == "hexapod7" else PINNED[name]()
 
 
@@ -83,6 +86,7 @@ _WORKSPACE: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "scissors": ((-0.2, -0.2), (0.2, 0.2)),
     "delta4": ((-0.1, -0.1, -0.54), (0.1, 0.1, -0.34)),
     "hexapod7": ((-0.08, -0.08, 0.42, -0.15, -0.15, -0.15), (0.08, 0.08, 0.58, 0.15, 0.15, 0.15)),
+    "gantry": ((0.15, 0.1), (1.35, 1.6)),
     "belt-router": ((0.6, 0.5), (2.4, 1.7)),
     "delta-printer": ((-0.07, -0.07, 0.0), (0.07, 0.07, 0.1)),
     "five-bar": ((0.0, 0.25), (0.25, 0.5)),
@@ -116,12 +120,12 @@ FORCE = (300.0, -500.0, 200.0)
 def pushed(name: str) -> str:
     """YAML of a shipped machine with a dead force of 616 N (583 N in the plane) on its platform."""
     where = LOADED.get(name, ("tcp",))[0]
-    count = 2 if model(name).layout.planar else 3
+    count = 2 if model(name).topology.planar else 3
     return overlay(name, f"loads: {{push: {{at: {where}, force: [{', '.join(f'{f} N' for f in FORCE[:count])}]}}}}")
 
 
 def push(name: str, values: dict[str, float]) -> DeadForce:
     """The same force for the independent simulator."""
     place = LOADED[name][1](values) if name in LOADED else (0.0, 0.0, 0.0)
-    count = 2 if model(name).layout.planar else 3
+    count = 2 if model(name).topology.planar else 3
     return DeadForce(np.array([*FORCE[:count], *[0.0] * (3 - count)]), np.array(place))

@@ -176,7 +176,7 @@ def test_maxwell_betti(push: float) -> None:
     By the exact derivatives with respect to the forces, so to rounding of a solve (condition about 1e6).
     """
     machine = model(bent(np.eye(3), np.zeros(3), push))
-    readings = machine.drawn_readings + 0.002
+    readings = machine.reference_readings + 0.002
     jacobian = at(machine, readings, Request(parameters=("F1", "F2"))).jacobian[0]
     crossed = WAYS[0] @ jacobian[:3, 1], WAYS[1] @ jacobian[3:, 0]
     assert crossed[0] == pytest.approx(crossed[1], rel=1e-9)
@@ -188,7 +188,7 @@ def test_frame_indifference(method: str) -> None:
     """The whole machine, its loads and its weight turned and moved: same energy and force, places turned along."""
     shift, request = np.array([3.0, -2.0, 1.0]), Request(method=method, forces=True)
     machines = model(bent(np.eye(3), np.zeros(3), 500.0)), model(bent(TURN, shift, 500.0))
-    here, there = (at(m, m.drawn_readings + 0.002, request) for m in machines)
+    here, there = (at(m, m.reference_readings + 0.002, request) for m in machines)
     expected = shift + here.values.reshape(2, 3) @ TURN.T
     assert np.abs(there.values.reshape(2, 3) - expected).max() < 1e-12
     if method == "exact":

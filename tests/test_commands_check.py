@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pkmcal_cli.language.checks.consistency import RESERVED
-from pkmcal_cli.loading.machine import load_machine
+from pkmcal_cli.loading.load_machine import load_machine
 from tests.command import HANGPRINTER, MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, run
 
 HERE = Path(__file__).parent
@@ -33,7 +33,8 @@ def test_faulty_mechanisms_say_exactly_what_is_wrong(name: str, monkeypatch: pyt
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_machines_have_no_faults(name: str) -> None:
     done = run("check", MACHINES / f"{name}.yaml", "--json")
-    assert done.code == 0 and done.json["ok"] and done.json["faults"] == [] == done.json["warnings"], done.err
+    assert done.code == 0 and done.json["ok"] and done.json["faults"] == [], done.err
+    assert {w["code"] for w in done.json["warnings"]} <= {"substructure"}  # of the paper's machines
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -52,14 +53,18 @@ def test_what_a_machine_is_is_told() -> None:
     assert result["bodies"] == 5 and result["elements"] == {"beams": 0, "bars": 5, "ropes": 0, "joints": 0}
     assert result["channels"] == ["x", "y"] and result["self_stress"] == 0
     l1 = next(p for p in result["parameters"] if p["name"] == "l1")
-    assert l1 == {"name": "l1", "nominal": 950.0, "range": 0.1, "unit": "mm", "identify": False}
-    for text in ("planar, 5 bodies, 5 bars", "2 degrees of freedom, 4 actuators: 2 times redundant", "not identified"):
+    assert l1 == {"name": "l1", "nominal": 950.0, "range": 0.1, "unit": "mm", "identify": False, "fixed": False}
+    for text in (
+        "planar, 5 bodies, 5 bars",
+        "2 degrees of freedom, 4 actuators; degree of redundancy: 2",
+        "not identified",
+    ):
         assert text in done.err
 
 
 def test_free_motions_and_self_stress_are_told() -> None:
     done = run("check", MACHINES / "delta4.yaml", "--json")
-    assert done.json["self_stress"] > 0 and "that no drive causes" in done.err
+    assert done.json["self_stress"] > 0 and "not caused by a drive" in done.err
     Path("m.yaml").write_text(
         "units: {length: mm}\nspace: spatial\nground: {o: [0, 0, 0]}\n"
         "nodes: {n: [0, 0, 100]}\nbodies: {p: {at: [0, 0, 100], points: {c: [0, 0, 50]}}}\n"
@@ -72,7 +77,7 @@ def test_free_motions_and_self_stress_are_told() -> None:
 
 def test_drives_are_told_with_their_role() -> None:
     done = run("check", HANGPRINTER)
-    assert "redundant, force-controlled" in done.err and "Actuators at the drawing" in done.err
+    assert "redundant, force-controlled" in done.err and "Actuators in the reference configuration" in done.err
 
 
 def test_every_fault_in_a_table_is_one_of_check() -> None:
@@ -92,7 +97,7 @@ def test_rows_out_of_reach_and_gross_mistakes_are_faults() -> None:
     Path("far.csv").write_text("id,q1,q2,q3,x,y\nk1,117,9603,947,360,275\nk2,117,603,947,360,275\n")
     far = run("check", TRIGLIDE, "far.csv", "--json")
     assert far.code == 1
-    assert "far.csv:2: error[row]: row `k1`: out of reach: the mechanism does not close" in far.err
+    assert "far.csv:2: error[row]: row `k1`: out of reach: the mechanism cannot be assembled" in far.err
     assert [(f["line"], f["code"]) for f in far.json["faults"]] == [(2, "row")]
 
 
@@ -153,7 +158,7 @@ def test_names_of_columns_that_every_table_may_have_are_reserved() -> None:
     for name in sorted(RESERVED):
         Path("m.yaml").write_text(text.replace("  q1: {moves", f"  {name}: {{moves"))
         done = run("check", "m.yaml")
-        assert done.code == 1 and f"column `{name}` has a meaning of its own in every table" in done.err
+        assert done.code == 1 and f"the column name `{name}` is reserved" in done.err
 
 
 def test_a_small_gap_of_the_drawing_is_told_and_no_fault() -> None:
@@ -166,7 +171,7 @@ def test_a_small_gap_of_the_drawing_is_told_and_no_fault() -> None:
     done = run("check", "m.yaml", "--json")
     assert done.code == 0 and done.json["self_stress"] == 1
     assert {g["element"] for g in done.json["gaps"]} == {"left", "right", "brace"}
-    assert "warning[drawing]: the drawing does not close: `left` is off by 0." in done.err
+    assert "warning[drawing]: the reference configuration does not close: gap of 0." in done.err
     Path("m.yaml").write_text(text.replace("length: 632", "length: 732"))
     assert run("check", "m.yaml").code == 1
 
@@ -178,7 +183,7 @@ def test_a_drive_drawn_outside_its_limits_is_warned_of(tmp_path: Path) -> None:
     assert done.code == 0
     (warning,) = done.json["warnings"]
     assert (
-        warning["message"].startswith("in the drawing `q1` reads 116.33 mm")
+        warning["message"].startswith("`q1` reads 116.33 mm in the reference configuration")
         and "(0 mm to 100 mm)" in warning["message"]
     )
 
@@ -203,7 +208,7 @@ def test_rows_with_a_partner_are_not_taken_silently(tmp_path: Path) -> None:
     table = tmp_path / "m.csv"
     table.write_text("id,q1,q2,q3,x,y,to\na,116.33,603.67,946.83,360,275,\nb,117,603,947,360,275,a\n")
     done = run("check", TRIGLIDE, table)
-    assert "`to` names another row in 1 of 2 rows, but no sensor of kind span is declared: not used" in done.err
+    assert "`to` names another row in 1 of 2 rows, but the machine has no `span` sensor: not used" in done.err
 
 
 def test_what_nobody_says_how_surely_it_was_read(tmp_path: Path) -> None:
@@ -213,7 +218,56 @@ def test_what_nobody_says_how_surely_it_was_read(tmp_path: Path) -> None:
     file.write_text(text, encoding="utf-8")
     done = run("check", file, table, "--json")
     assert (done.json["actuators"], done.json["passive"], done.json["degree_of_redundancy"]) == (3, 1, 1)
-    said = "`q3` not used in 80 rows: neither the machine nor the table states a sigma"
+    said = "`q3` not used in 80 rows: neither the machine file nor the table gives a sigma"
     assert said in done.err and said in run("calibrate", file, table).err
     file.write_text(text.replace("passive", "passive, sigma: 1 um"), encoding="utf-8")
     assert said not in run("calibrate", file, table).err
+
+
+IDLE_POINTS = """
+units: {length: mm}
+space: planar
+ranges: {length: 0.1}
+parameters: {l1: 300, l2: 300}
+guides: {rail: {along: x}}
+bodies:
+  c1: {guide: rail, at: 0, points: {lone: [0, 1]}}
+  c2: {guide: rail, at: 300, points: {"P{i}": {each: {i: [1, 2, 3]}, at: ["{i}", 0]}}}
+nodes: {n: {at: [150, 250]}}
+bars: {b1: {between: [c1, n], length: l1}, b2: {between: [P2, n], length: l2}}
+actuators: {q1: {moves: c1}, q2: {moves: c2, limits: [0, 20]}}
+sensors: {t: {at: n, reads: [x, y], sigma: 10 um, frame: machine}}
+"""
+
+
+def test_names_that_nothing_uses_are_told_once_and_by_check_alone() -> None:
+    """They change no result; what may spoil results, here a drive beyond its limits, every command tells."""
+    Path("m.yaml").write_text(IDLE_POINTS)
+    done = run("check", "m.yaml", "--json")
+    assert done.code == 0
+    assert [w["message"] for w in done.json["warnings"] if w["code"] == "unused-name"] == [
+        "point `lone` of body `c1` is not used",
+        "points `P1` of body `c2`, `P3` of body `c2` are not used",
+    ]
+    assert done.err.count("unused-name") == 2 and "warning[limits]" in done.err
+    grid = ("--grid", "x=140:160:5,y=240:260:5")
+    commands = [
+        ("simulate", *grid, "--noise", "declared", "-o", "t.csv"), ("sensitivity", *grid), ("observability", *grid),
+        ("plan", *grid), ("calibrate", "t.csv"), ("diagnose", "t.csv"), ("improve", "t.csv", "-o", "i.yaml"),
+        ("effects",),
+    ]  # fmt: skip
+    for command, *arguments in commands:
+        done = run(command, "m.yaml", *arguments)
+        assert done.code in (0, 1), (command, done.err)
+        assert "not used" not in done.err + done.out, command
+        assert done.err.count("warning[limits]") == (command not in ("plan", "effects")), command
+
+
+def test_an_entry_that_is_repeated_is_told_once() -> None:
+    text = IDLE_POINTS.replace(
+        "parameters: {", 'parameters: {"s{i}": {each: {i: [1, 2, 3, 4, 5, 6, 7, 8]}, nominal: 1}, '
+    )
+    Path("m.yaml").write_text(text)
+    done = run("simulate", "m.yaml", "--grid", "x=140:160:4,y=240:260:3")
+    assert done.code == 3 and done.err.count("unused-name") == 1
+    assert "parameters `s1`, `s2`, `s3`, `s4`, `s5`, `s6` and 2 more are not used" in done.err

@@ -50,22 +50,29 @@ def without(*starts: str) -> Callable[[int, dict[str, str]], dict[str, str]]:
 
 
 # --- what is there is found ----------------------------------------------------------------
-@pytest.mark.parametrize("table", [HANGPRINTER_DATA, SECOND])
-def test_hangprinter_radii_and_build_up(table: str) -> None:
-    """The maker's own model has line build-up, and two radii: spools A to C, and D."""
+@pytest.mark.parametrize("table", [HANGPRINTER_DATA, pytest.param(SECOND, marks=pytest.mark.slow)])
+def test_hangprinter_radius_and_build_up(table: str) -> None:
+    """The maker's own model has line that builds up on spools by its length, with 2 folds of A to C and 4 of D.
+
+    One value serves them all in the first session; in the second, something that depends on time is left.
+    """
     done = diagnosed(HANGPRINTER, table)
-    assert {"release R_low", "release R_high", "buildup all"} <= names(done)
-    for name in ("R_low", "R_high"):
-        radius, std, unit = value(done, name)
-        assert unit == "mm" and 75.4 < radius < 76.4 and 0.01 < std < 0.2
-    assert value(done, "buildup@all.b")[0] < -5 * value(done, "buildup@all.b")[1]
-    assert done.json["chi2_per_dof_before"] > 20 * done.json["chi2_per_dof_after"] or table == SECOND
+    radius, std, unit = value(done, "R_low")
+    assert unit == "mm" and 75.4 < radius < 76.4 and 0.01 < std < 0.2
+    spools = [f"{e['effect']}@{e['at']}.b" for e in done.json["effects"] if e["effect"] == "buildup"]
+    assert spools and all(value(done, name)[0] < -5 * value(done, name)[1] for name in spools)
+    if table == SECOND:
+        assert done.json["verdict"] == "unknown" and all(e["provisional"] for e in done.json["effects"])
+    else:
+        assert names(done) == {"release R_low", "buildup all"}
+        assert done.json["chi2_per_dof_before"] > 20 * done.json["chi2_per_dof_after"]
 
 
 def test_hangprinter_bad_row() -> None:
-    """The row with index 17 of 2022-04-12, in line 19 of the file."""
+    """The row with index 17 of 2022-04-12, in line 19 of the file; at most one row more is suspected."""
     done = diagnosed(HANGPRINTER, SECOND)
-    assert [(o["file"], o["line"]) for o in done.json["outliers"]] == [(SECOND, 19)]
+    suspected = [(o["file"], o["line"]) for o in done.json["outliers"]]
+    assert suspected[0] == (SECOND, 19) and len(suspected) <= 2
     assert Path(SECOND).read_text(encoding="utf-8").splitlines()[18].startswith("17,")
     assert f"bad row: {SECOND}:19" in done.err
 
@@ -73,7 +80,7 @@ def test_hangprinter_bad_row() -> None:
 def test_shop_floor() -> None:
     """What its generator planted: play of the third drive, rods that grow, one bad row; and no more."""
     done = diagnosed(SCISSORS, SHOPFLOOR)
-    assert (done.code, done.json["verdict"]) == (0, "found")
+    assert (done.code, done.json["verdict"]) == (1, "found")
     assert names(done) == {"backlash q3", "thermal_strut all"}
     for name, true, unit in (("backlash@q3.b", 12.0, "um"), ("thermal_strut@all.a", 9.0, "um/(m*K)")):
         found, std, shown = value(done, name)
@@ -125,7 +132,7 @@ def test_narrow_terminals_show_names_and_sizes_whole(monkeypatch: pytest.MonkeyP
 def test_commands_to_go_on_with_can_be_run() -> None:
     """`plan` with the machine and table of the diagnosis; stdin has no name."""
     shown = diagnosed(SCISSORS, SHOPFLOOR).err
-    (line,) = (row for row in shown.splitlines() if "which points would show one: " in row)
+    (line,) = (row for row in shown.splitlines() if "points that would show one: " in row)
     words = line.partition("pkmcal ")[2].replace("EFFECT", "clearance@rod5").split()
     assert clean(run(*words, "--points", "1")).code == 0
     piped = run("diagnose", SCISSORS, "-", stdin=Path(SHOPFLOOR).read_text(encoding="utf-8")).err
@@ -142,9 +149,9 @@ def test_what_is_provisional_has_its_reason(tmp_path: Path) -> None:
 
 
 def test_quiet_says_the_verdict_only_where_it_is_bad(tmp_path: Path) -> None:
-    assert run("diagnose", SCISSORS, SHOPFLOOR, "-q") == Done(0, "", "")
+    assert run("diagnose", SCISSORS, str(MACHINES / "scissors.csv"), "-q") == Done(0, "", "")
     bad = run("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "-q")
-    assert bad.code == 1 and bad.err.count("\n") == 1 and bad.err.startswith("Residual ")
+    assert bad.code == 1 and bad.err.count("\n") == 2 and bad.err.startswith("diagnosis: ")
 
 
 # --- columns -------------------------------------------------------------------------------
@@ -156,7 +163,7 @@ def test_missing_columns_are_not_testable(tmp_path: Path) -> None:
     assert "payload" not in needs, "without gravity no column would make it testable"
     assert done.code == 1 and done.json["verdict"] in ("unknown", "ambiguous")
     assert "thermal" not in str(done.json["effects"])
-    assert "direction of q1, q2, q3, q4: from the order of the rows" in done.err
+    assert "direction of q1, q2, q3, q4: taken from the order of the rows" in done.err
 
 
 def test_gaps_in_a_column_are_told(tmp_path: Path) -> None:
@@ -164,7 +171,7 @@ def test_gaps_in_a_column_are_told(tmp_path: Path) -> None:
         return row | ({"T [degC]": ""} if k % 7 == 0 else {})
 
     done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, gaps), "--json"))
-    assert "column `T` is empty in 12 of 80 rows: no effect that needs it is tested" in done.err
+    assert "column `T` is empty in 12 of 80 rows: effects that need it are not tested" in done.err
     assert "thermal_strut" in {n["effect"] for n in done.json["not_testable"]}
 
 
@@ -201,13 +208,13 @@ def test_too_few_rows(tmp_path: Path, rows: int) -> None:
 
 def test_a_sigma_that_is_far_too_large_is_told(tmp_path: Path) -> None:
     table = shopfloor(tmp_path, lambda _, row: row | {"sigma.x [mm]": "1", "sigma.y [mm]": "1"})
-    assert "sigma 1 mm, which is stated too large" in clean(run("diagnose", SCISSORS, table)).err
+    assert "sigma 1 mm, which is too large" in clean(run("diagnose", SCISSORS, table)).err
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--alpha", "0"], "--alpha: 0 is no false-alarm rate"),
+        (["--alpha", "0"], "--alpha: 0 is not a false-alarm rate"),
         (["--alpha", "0.5"], "at most 0.2"),
         (["--seed", "-1"], "--seed"),
         (["--select", "nothing"], "nothing"),

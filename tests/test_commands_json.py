@@ -22,6 +22,7 @@ from tests.command import (
     TRIGLIDE_DATA,
     run,
 )
+from tests.test_slack_ropes import text, wound
 from tests.truth.campaigns import campaign, unit
 
 # maps whose keys are names, with the word that stands for them
@@ -29,7 +30,10 @@ NAMED = {
     "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND",
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
-    "undetermined[].parameters": "NAME", "undetermined[].determined[].coefficients": "NAME",
+    "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
+    "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
+    "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
+    "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip
 
 
@@ -81,42 +85,66 @@ def one_lost(text: str, column: int) -> str:
     return "\n".join([*lines[:10], ",".join(cells), *lines[11:], ""])
 
 
-def commands(folder: Path) -> dict[str, list[list[str]]]:
-    """Runs that together show every key."""
-    (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
-    (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
-    (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
+def write_ropes(folder: Path) -> None:
+    """A machine with ropes that go slack and limits that are passed, its table of lengths, and readings."""
+    limits = (
+        text((4, 5))
+        .replace("winds: rope1,", "winds: rope1, force_limit: 10,")
+        .replace(", EA: EA", ", EA: EA, t_min: 5")
+    )
+    (folder / "ropes.yaml").write_text(limits)
+    lines = [",".join(f"{1e3 * v:.6f}" for v in row) for row in wound(1)[1]]
+    (folder / "lengths.csv").write_text("\n".join([",".join(f"q{i}" for i in range(1, 6)), *lines]))
+    assert run("simulate", "ropes.yaml", "lengths.csv", "-o", "ropes.csv", "-q", "--force").code == 0
+
+
+def write_gap(folder: Path) -> None:
+    """A machine that does not close as drawn."""
     gap = Path(TRIGLIDE).read_text().replace("nominal: 50000, range", "nominal: 5e9, range", 1)
     gap = gap.replace("nodes: {", "ground: {a: [0, 0], b: [400, 0], c: [200, -300]}\nnodes: {top: [200, 600], ")
     braces = "\n".join(
         f"  brace{c}: {{between: [{c}, top], k: k1, length: {n}}}" for c, n in zip("abc", (632, 632, 900), strict=True)
     )
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
+
+
+def commands(folder: Path) -> dict[str, list[list[str]]]:
+    """Runs that together show every key."""
+    (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
+    (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
+    (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
+    write_gap(folder)
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
     for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
         (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
     assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", folder / "p.yaml", "-q", "--force").code == 0
-    pin, belts = MACHINES / "delta4.yaml", MACHINES / "belt-router"
+    write_ropes(folder)
+    pin, belts, partly = MACHINES / "delta4.yaml", MACHINES / "belt-router", ("--grid", "x=300:300:1,y=250:2500:2")
     return {
-        "check": [["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"]],
+        "check": [
+            ["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"], ["blind.yaml"],
+        ],
         "simulate": [
             [TRIGLIDE, "far.csv", "-o", "out.csv"],
             [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
+            ["ropes.yaml", "lengths.csv", "-o", "slack.csv"],
         ],
-        "sensitivity": [[TRIGLIDE]],
-        "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"]],
+        "sensitivity": [[TRIGLIDE, *partly]],
+        "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
+            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"],
         ],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
         ],
-        "effects": [[], [TRIGLIDE]],
+        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
         "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
-            [TRIGLIDE, "lost.csv"]],
+            [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
+            "--see", "scale@q1", "--points", "1", "--power", "1"]],
         "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml"]],
     }  # fmt: skip
 
@@ -126,22 +154,24 @@ units: {length: mm, force: N}
 space: spatial
 guides: {rail: {along: z}}
 ground: {o: [0, 0, 500]}
-bodies: {cart: {on: rail, at: 100, points: {p: [0, 0, 10]}}, rod: {at: [0, 0, 110], points: {foot: [0, 0, 0]}}}
+bodies: {cart: {guide: rail, at: 100, points: {p: [0, 0, 10]}}, rod: {at: [0, 0, 110], points: {foot: [0, 0, 0]}}}
 joints: {ball: {between: [p, foot], type: spherical}}
 actuators: {q: {moves: cart}}
 sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 """
 
 
+LONG = dict.fromkeys(("diagnose", "improve"), pytest.mark.slow)
 SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects", "improve", "plan"]
 
 
-@pytest.mark.parametrize("command", SHOWN)
+@pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])
 def test_the_documented_keys_are_those_that_are_there(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "free.yaml").write_text(FREE)
+    (tmp_path / "blind.yaml").write_text(f"extends: {TRIGLIDE}\nsensors: {{tracker: null}}\n")
     known, found = documented()[command], set()
     for arguments in commands(tmp_path)[command]:
         done = run(command, *arguments, "--json", "-q")

@@ -71,23 +71,24 @@ def test_actuator_positions_win_over_tcp_coordinates_and_it_is_said() -> None:
     Path("both.csv").write_text("q1,q2,q3,x,y\n117,603,947,1,2\n")
     done = run("simulate", TRIGLIDE, "both.csv", "-o", "out.csv")
     assert done.code == 0
-    assert "the actuator columns give the poses, the TCP coordinates are not used" in done.err
+    assert "the actuator columns give the poses; the TCP coordinates are not used" in done.err
     assert column("out.csv", "q1") == pytest.approx([117]) and column("out.csv", "x")[0] > 300
 
 
 def test_a_table_without_a_coordinate_takes_the_drawings_and_says_so() -> None:
     Path("x.csv").write_text("x\n300\n")
     done = run("simulate", TRIGLIDE, "x.csv", "-o", "out.csv")
-    assert "no column for `y`: as in the drawing" in done.err
+    assert "no column for `y`: the reference configuration is used" in done.err
     assert column("out.csv", "y") == pytest.approx([275], abs=1e-4)
 
 
 def test_a_coordinate_that_does_not_move_freely_is_said_or_refused() -> None:
     Path("turned.csv").write_text("x,y,rz\n0,0,0.1\n")
     done = run("simulate", SCISSORS, "turned.csv", "-o", "out.csv")
-    assert done.code == 0 and "the mechanism does not move `rz` freely: not asked for" in done.err
+    assert done.code == 0 and "not used: `rz`, which the mechanism does not move independently" in done.err
+    assert "in the table it is up to 0.1 rad from where it follows" in done.err
     refused = run("simulate", SCISSORS, "--grid", "rz=0:0.1:2")
-    assert refused.code == 2 and "does not move `rz` freely" in refused.err
+    assert refused.code == 2 and "no degree of freedom moves `rz` of tool point `platform`" in refused.err
 
 
 @pytest.mark.parametrize("machine", ["triglide", "scissors", "hangprinter", "hexapod7", "delta4", "biglide"])
@@ -184,7 +185,7 @@ def test_a_channel_without_sigma_gets_no_noise_and_it_is_said() -> None:
     text = Path(HANGPRINTER).read_text().replace("column: motor_d_deg, unit: deg, sigma: 1 mm", "unit: deg")
     Path("m.yaml").write_text(text)
     done = run("simulate", "m.yaml", "--grid", "x=0:100:2", "--noise", "declared", "-o", "out.csv")
-    assert done.code == 0 and "no sigma is declared for D: no noise there" in done.err
+    assert done.code == 0 and "no `sigma` declared for D: no noise added there" in done.err
 
 
 def test_rows_out_of_reach_are_named_and_not_written() -> None:
@@ -201,16 +202,23 @@ def test_rows_out_of_reach_are_named_and_not_written() -> None:
     assert "poses.csv:3 (far): out of reach" in quiet.err and "simulated" not in quiet.err
 
 
-def test_points_of_a_grid_out_of_reach_are_numbered() -> None:
-    done = run("simulate", TRIGLIDE, "--grid", "x=300:300:1,y=250:2500:2")
-    assert done.code == 1 and "--grid point 2: out of reach" in done.err
-    assert [line.split(",")[0] for line in done.out.splitlines() if not line.startswith("#")] == ["id", "1"]
+def test_points_of_a_grid_out_of_reach_are_skipped_and_keep_their_numbers() -> None:
+    done = run("simulate", TRIGLIDE, "--grid", "x=300:300:1,y=2500:250:2")
+    assert done.code == 0 and "skipped: 1 of 2 grid points: out of reach: no actuator positions" in done.err
+    assert [line.split(",")[0] for line in done.out.splitlines() if not line.startswith("#")] == ["id", "2"]
 
 
-def test_all_rows_out_of_reach_leave_an_empty_table() -> None:
-    done = run("simulate", TRIGLIDE, "--grid", "y=2500:2600:2", "-o", "out.csv", "--json")
+def test_a_table_of_which_no_row_can_be_simulated_is_empty() -> None:
+    Path("far.csv").write_text("x,y\n300,2500\n300,2600\n")
+    done = run("simulate", TRIGLIDE, "far.csv", "-o", "out.csv", "--json")
     assert done.code == 1 and done.json["n_rows"] == 0 and done.json["channels"][0]["min"] is None
     assert Path("out.csv").read_text().splitlines()[-1].startswith("id,")
+
+
+def test_a_grid_of_which_no_point_can_be_reached_is_an_error() -> None:
+    done = run("simulate", TRIGLIDE, "--grid", "y=2500:2600:2", "-o", "out.csv")
+    assert done.code == 3 and "--grid: error[grid]: none of 2 grid points can be used: out of reach" in done.err
+    assert not Path("out.csv").exists()
 
 
 def test_drive_positions_that_do_not_close_have_a_reason() -> None:
@@ -221,7 +229,7 @@ def test_drive_positions_that_do_not_close_have_a_reason() -> None:
 
 def test_notes_of_the_table_are_passed_on() -> None:
     done = run("simulate", TRIGLIDE, "poses.csv", "-o", "out.csv")
-    assert "no units in the header, the machine file's are taken: mm (x, y)" in done.err
+    assert "no units in the header; the units of the machine file are used: mm (x, y)" in done.err
 
 
 def test_the_head_of_the_table_says_where_it_comes_from() -> None:
@@ -232,7 +240,7 @@ def test_the_head_of_the_table_says_where_it_comes_from() -> None:
     Path("p.yaml").write_text("parameters: {l1: 300.5}\n")
     assert run("simulate", TRIGLIDE, "poses.csv", "-p", "p.yaml", "--seed", "3", "-o", "out.csv").code == 0
     first, *lines = table("out.csv").comments
-    assert first == "simulated by pkmcal: these are no measurements"
+    assert first == "simulated by pkmcal, not measured"
     raw = [line[2:] for line in Path("out.csv").read_text().splitlines() if line.startswith("#")][1:]
     head = yaml.safe_load("\n".join(raw))["provenance"]
     assert len(lines) == len(raw)
@@ -252,13 +260,13 @@ def test_an_overlays_base_is_among_the_inputs() -> None:
 def test_json_needs_a_file_for_the_table() -> None:
     for more in ((), ("-o", "-")):
         done = run("simulate", TRIGLIDE, "poses.csv", "--json", *more)
-        assert done.code == 2 and done.out == "" and "both go to stdout" in done.err
+        assert done.code == 2 and done.out == "" and "both write to stdout" in done.err
 
 
 def test_nothing_is_overwritten_without_force() -> None:
     Path("out.csv").write_text("precious")
     done = run("simulate", TRIGLIDE, "poses.csv", "-o", "out.csv")
-    assert done.code == 4 and "`--force` replaces it" in done.err
+    assert done.code == 4 and "use `--force` to replace it" in done.err
     assert Path("out.csv").read_text() == "precious"
     assert run("simulate", TRIGLIDE, "poses.csv", "-o", "out.csv", "--force").code == 0
     assert len(column("out.csv", "x")) == 3
@@ -284,7 +292,7 @@ def test_drives_that_would_leave_their_limits_are_told(tmp_path: Path) -> None:
     machine = tmp_path / "m.yaml"
     machine.write_text(f"extends: {TRIGLIDE}\nactuators: {{q1: {{limits: [0, 300]}}, q2: {{limits: [0, 2000]}}}}\n")
     grid = ("--grid", "x=200:500:4,y=300:300:1")
-    told = "warning: `q1` would leave its limits (0 mm to 300 mm) at 1 of 4 positions, at worst -23.6068 mm\n"
+    told = "warning: `q1` exceeds its limits (0 mm to 300 mm) at 1 of 4 poses; worst: -23.6068 mm\n"
     made = run("simulate", machine, *grid, "-o", tmp_path / "t.csv")
     assert made.code == 0 and told in made.err
     assert told in run("observability", machine, *grid).err and told in run("sensitivity", machine, *grid).err

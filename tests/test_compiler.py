@@ -197,7 +197,7 @@ def test_a_rounded_drawing_gives_no_prestress() -> None:
     found = at(rough.model, readings, Request(forces=True))
     assert np.abs(found.values - at(model("triglide"), readings).values).max() < 1e-13
     assert found.energy.max() < 1e-15
-    assert at(rough.model, rough.model.drawn_readings, Request(forces=True)).energy[0] < 1e-15
+    assert at(rough.model, rough.model.reference_readings, Request(forces=True)).energy[0] < 1e-15
 
 
 def test_natural_lengths_come_from_the_drawing() -> None:
@@ -208,7 +208,7 @@ def test_natural_lengths_come_from_the_drawing() -> None:
     bodies: {c1: {at: 120}, c2: {at: 600}, c3: {at: 950}}
     """
     machine = model(overlay("triglide", text))
-    assert at(machine, machine.drawn_readings, Request(forces=True)).energy[0] < 1e-15
+    assert at(machine, machine.reference_readings, Request(forces=True)).energy[0] < 1e-15
     found = at(machine, np.array([0.12, 0.6, 0.95])).values[0]
     assert np.abs(found - [0.36, 0.275]).max() < 1e-13
 
@@ -265,7 +265,7 @@ sensors: {s: {at: T, reads: [x, y], sigma: 1 um, frame: machine}}
 def test_a_crank_on_a_moving_body_is_read_against_it(ends: tuple[str, str], elbow: str) -> None:
     """An arm of two links: the same law whichever way the joint is written, with and without drive stiffness."""
     machine = model(ARM % (*ends, elbow))
-    assert np.degrees(machine.drawn_readings) == pytest.approx([30, 60])
+    assert np.degrees(machine.reference_readings) == pytest.approx([30, 60])
     readings = np.radians([[30, 60], [30, 90], [0, 60], [-170, -120]])
     upper, lower = readings[:, 0], readings.sum(axis=1)
     tip = [0.1 * np.cos(upper) + 0.08 * np.cos(lower), 0.1 * np.sin(upper) + 0.08 * np.sin(lower)]
@@ -294,6 +294,6 @@ def test_angles_count_from_the_file_however_roughly_it_is_drawn(words: dict[str,
     machine, angles = model(FOUR_BAR.format(**words)), np.array([[40.0], [60.0], [75.0]])
     found = at(machine, np.radians(angles - zero)).values
     assert np.abs(found - np.radians(angles - 70.0)).max() < 1e-9
-    assert machine.tcp_drawn[5] == pytest.approx(machine.drawn_readings[0] + np.radians(zero - 70.0))
+    assert machine.tool.reference[5] == pytest.approx(machine.reference_readings[0] + np.radians(zero - 70.0))
     back = drive_positions(machine, np.array([[np.nan] * 5 + [np.radians(-20.0)]])).readings
     assert np.degrees(back[0, 0]) == pytest.approx(50.0 - zero)

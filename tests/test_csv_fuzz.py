@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.csv_files import reader as csv_table
+from pkmcal_cli.csv_files.cell_values import ColumnRules, FaultLog, Parser
 from pkmcal_cli.csv_files.dialect import Format, find_format, split_header
-from pkmcal_cli.csv_files.parse import FaultLog, Parser, Plan
 from tests.csv_tables import read_table, write_table
 
 ODD = ["", " 1 ", "nan", "NA", "inf", "1_0", "1e5", "1E-3", ".5", "5.", "1e400", "0x1", "+1", "1,5", "-"]
@@ -40,7 +40,7 @@ def test_fast_and_plain_reader_agree(rows: list[list[str]], separator: str, trai
     block = "".join(separator.join(row) + "\n" for row in rows)
     header = tuple(split_header(name) for name in ("x", "y", "id"))
     form = Format(separator=separator, decimal=".", decimal_seen=True, header_line=1, header=header, trailing=trailing)
-    plan = Plan(("number", "number", "text"))
+    plan = ColumnRules(("number", "number", "text"))
     results = []
     for fast in (True, False):
         log = FaultLog("t.csv", separator)
@@ -59,8 +59,8 @@ def test_large_file_goes_through_pandas(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(csv_table, "_LARGE", 0)
     monkeypatch.setattr(csv_table, "_BLOCK", 5000)
     calls = []
-    original = Parser._parse_fast
-    monkeypatch.setattr(Parser, "_parse_fast", lambda *a: calls.append(1) or original(*a))
+    original = Parser._parse_with_pandas
+    monkeypatch.setattr(Parser, "_parse_with_pandas", lambda *a: calls.append(1) or original(*a))
     fast = read_table(path)
     assert len(calls) > 10
     assert fast.lines.tolist() == plain.lines.tolist() == list(range(2, 3002))

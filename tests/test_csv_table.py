@@ -77,10 +77,10 @@ def test_lines_are_those_of_the_file(tmp_path: Path) -> None:
 
 def test_the_format_is_announced(tmp_path: Path) -> None:
     assert table(tmp_path, SAME["comma"]).notes == ()
-    assert table(tmp_path, SAME["german"]).notes == ("cells separated by semicolon, decimal comma",)
-    assert table(tmp_path, SAME["byte order mark"]).notes == ("begins with a byte order mark",)
+    assert table(tmp_path, SAME["german"]).notes == ("separator: semicolon, decimal comma",)
+    assert table(tmp_path, SAME["byte order mark"]).notes == ("starts with a byte order mark",)
     assert table(tmp_path, SAME["empty lines"]).notes == ("3 empty lines skipped",)
-    assert table(tmp_path, SAME["trailing separators"]).notes == ("separators at the ends of rows ignored",)
+    assert table(tmp_path, SAME["trailing separators"]).notes == ("trailing separators ignored",)
     german = table(tmp_path, SAME["german"])
     assert (german.separator, german.decimal) == (";", ",")
     assert table(tmp_path, SAME["comments"]).comments == ("made by hand", "twice")
@@ -139,10 +139,10 @@ def test_pipe(tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "empty file": ("", "t.csv:1: error[csv-empty]: there is no table in this file"),
-    "blank file": ("\n \n# only\n", "t.csv:1: error[csv-empty]: there is no table in this file"),
-    "header only": ("x,y\n", "t.csv:1: error[csv-empty]: there are no rows below the header"),
-    "no header": ("1,2\n3,4\n", "t.csv:1:1: error[csv-header]: the first line holds numbers, no names"),
+    "empty file": ("", "t.csv:1: error[csv-empty]: this file contains no table"),
+    "blank file": ("\n \n# only\n", "t.csv:1: error[csv-empty]: this file contains no table"),
+    "header only": ("x,y\n", "t.csv:1: error[csv-empty]: the table has no rows below the header"),
+    "no header": ("1,2\n3,4\n", "t.csv:1:1: error[csv-header]: the first line contains numbers instead"),
     "binary": (b"x,y\n1,\x00\x01\n", "error[csv-binary]: this is a binary file"),
     "spreadsheet": (b"PK\x03\x04rest", "this is a spreadsheet or zip file"),
     "long row": ("x,y\n1,2\n1,2,3\n4,5\n", "t.csv:3:5: error[csv-width]: the row has 3 cells, the header"),
@@ -155,22 +155,22 @@ REFUSED = {
     "thousands, German": ("x;y\n1.234,5;2\n", "without thousands separators: `1234,5`"),
     "thousands, blanks": ("x;y\n1 234,5;2\n", "without thousands separators: `1234,5`"),
     "thousands, quoted": ('x,y\n"1,234.5",2\n', "without thousands separators: `1234.5`"),
-    "thousands, unquoted": ("x,y\n1.5,2.5\n1,234,2.5\n", "is it a decimal comma or a thousands separator?"),
+    "thousands, unquoted": ("x,y\n1.5,2.5\n1,234,2.5\n", "check for decimal commas and thousands separators"),
     "decimal and separating comma": (
         "x,y\n1,5,2,5\n",
-        "help: a decimal comma cannot be told from the separator",
+        "help: export with `;` as separator or with decimal points",
     ),
-    "mixed marks": ("x;y\n1,5;2,5\n1.5;2,5\n3,5;2\n", "the numbers of this file have a decimal comma"),
-    "twice": ("x,y,x [mm]\n1,2,3\n", "t.csv:1:5: error[csv-duplicate]: column `x` is there twice"),
+    "mixed marks": ("x;y\n1,5;2,5\n1.5;2,5\n3,5;2\n", "this file has a decimal comma"),
+    "twice": ("x,y,x [mm]\n1,2,3\n", "t.csv:1:5: error[csv-duplicate]: duplicate column `x`"),
     "no name": ("x,,y\n1,2,3\n", "t.csv:1:3: error[csv-header]: column 2 has no name"),
-    "open quote": ('x,y\n1,"2\n3,4\n', "t.csv:2:1: error[csv-quote]: a quote is opened and not closed"),
-    "open quote in the header": ('"x,y\n1,2\n', "a quote is opened and not closed in the header"),
+    "open quote": ('x,y\n1,"2\n3,4\n', "t.csv:2:1: error[csv-quote]: a quote is not closed"),
+    "open quote in the header": ('"x,y\n1,2\n', "a quote in the header is not closed"),
     "underscores": ("x,y\n1_000,2\n", "`1_000` in column `x` is not a number"),
     "other digits": ("x,y\n\u0661\u0662,2\n", "`\u0661\u0662` in column `x` is not a number"),
     "minus sign": ("x,y\n\u22125,2\n", "help: write the minus sign as `-`: `-5`"),
-    "unit in the cell": ("x,y\n5 mm,2\n", "help: the unit stands in the header: `x [mm]`"),
+    "unit in the cell": ("x,y\n5 mm,2\n", "help: write the unit in the header: `x [mm]`"),
     "line of units": ("x,y\nmm,deg\n1,2\n", "t.csv:2:4: error[csv-number]: `deg` in column `y`"),
-    "comment below the header": ("x,y\n1,2\n#3,4\n", "help: comments stand before the header only"),
+    "comment below the header": ("x,y\n1,2\n#3,4\n", "help: write comments only before the header"),
     "separator too many": (
         "x,y,f\n1,2,\n3,4,\n5,0,6,\n",
         "t.csv:4:1: error[csv-width]: the row has 4 cells, the header",
@@ -184,16 +184,16 @@ REFUSED = {
     "German, too many": ("x;y;f;\n1,5;2;;\n3,5;4;;;\n5;6;;\n", "t.csv:3:1: error[csv-width]: the row has 5 cells"),
     "a value at the end": (
         "x,y,\n1,2,\n3,4,5\n",
-        "t.csv:3:5: error[csv-width]: the row has 3 cells, the header names 2",
+        "t.csv:3:5: error[csv-width]: the row has 3 cells, the header has 2",
     ),
     "only the header ends with a separator": (
         "x,y,\n1,2\n3,4\n",
-        "t.csv:1:5: error[csv-width]: the header ends with 1 cell without a name, the rows with none",
+        "t.csv:1:5: error[csv-width]: the header ends with 1 unnamed cell, the rows with none",
     ),
-    "the header ends with more": ("x,y,,\n1,2,\n3,4,\n", "without a name, the rows with 1"),
-    "narrow rows": ("x,y\n1\n2\n", "t.csv:2:1: error[csv-width]: the header names 2"),
+    "the header ends with more": ("x,y,,\n1,2,\n3,4,\n", "unnamed cells, the rows with 1"),
+    "narrow rows": ("x,y\n1\n2\n", "t.csv:2:1: error[csv-width]: the header has 2"),
     "title line": ("Report 2021\nx;y\n1,5;2,5\n", "help: line 1 is read as the header"),
-    "date": ("x,y\n2021-12-16,4\n", "help: only column `time` holds dates"),
+    "date": ("x,y\n2021-12-16,4\n", "help: use dates only in column `time`"),
     "hexadecimal": ("x,y\n0x10,4\n", "`0x10` in column `x` is not a number"),
 }
 
@@ -214,7 +214,7 @@ def test_the_odd_rows_are_named_and_not_the_others(tmp_path: Path) -> None:
             assert text.count("error[") == 2, (header, text)
             assert "t.csv:6:1: error[csv-width]" in text
             assert "t.csv:22:1: error[csv-width]" in text
-            assert "a separator too many moves the cells after it into other columns" in text
+            assert "remove the extra separator (cells after it are in the wrong columns)" in text
 
 
 def test_zero_byte_far_down(tmp_path: Path) -> None:

@@ -38,7 +38,10 @@ def calibrated(machine: Path | str, table: Path | str, *more: str) -> dict[str, 
 def test_turns_about_the_home_point_are_not_seen_without_a_camera(tmp_path: Path) -> None:
     machine = overlaid(tmp_path, HANGPRINTER, "sensors: {camera: null}\n")
     told = refused(machine, SECOND)
-    assert "turn about x, turn about y, turn about z" in told and "44 equations, 12 unknowns, 3 null directions" in told
+    assert (
+        "rotation about x, rotation about y, rotation about z" in told
+        and "44 equations, 12 unknowns, 3 null directions" in told
+    )
 
 
 def test_shifts_of_the_frame_are_not_seen_by_belts(tmp_path: Path) -> None:
@@ -55,7 +58,7 @@ def test_the_scale_is_not_seen_by_angles_alone(tmp_path: Path) -> None:
         FIVE_BAR.with_suffix(".yaml"),
         "sensors: {ballbar: null}\nground: {ball: null}\nparameters: {ballx: null, bally: null}\n",
     )
-    assert "where the base is (scale)" in refused(machine, FIVE_BAR.with_suffix(".csv"))
+    assert "the data do not fix the base (scale)" in refused(machine, FIVE_BAR.with_suffix(".csv"))
     machine.write_text(machine.read_text(encoding="utf-8") + "datum: [base]\n", encoding="utf-8")
     found = calibrated(machine, FIVE_BAR.with_suffix(".csv"))
     assert found["datum"] == ["base"] and found["gauge"] == ["scale"]
@@ -132,7 +135,9 @@ def test_heights_of_a_bed_leave_rod_and_stops_weak_and_a_calliper_ends_it(tmp_pa
     assert proposal["std"][0]["before"] == pytest.approx(0.455, abs=0.01)
     assert proposal["std"][0]["after"] == pytest.approx(0.098, abs=0.002)
     measured = overlaid(
-        tmp_path, machine, "sensors: {calliper: {kind: bench, of: rod, reading: 288.1, sigma: 0.1 mm}}\n"
+        tmp_path,
+        machine,
+        "sensors: {calliper: {kind: bench, of: rod, reading: 288.1, sigma: 0.1 mm, sigma_is: exact}}\n",
     )
     after = {p["name"]: p for p in calibrated(measured, table)["parameters"]}
     assert after["rod"]["std"] == pytest.approx(0.098, abs=0.002)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
-from tests.benchmark.setting import diagnosed
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from tests.benchmark.setting import Setting, diagnosed
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign, unit
 
 FOUND = """
@@ -129,6 +129,65 @@ def test_where_two_do_the_same_a_set_is_named(line: Line) -> None:
     _, d = line.diagnosis()
     assert d.verdict == "ambiguous"
     assert line.names <= {r.hypothesis.name for f in d.findings for r in f.rivals}
+
+
+OF_DRIVES = [
+    ("triglide", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6})),
+    pytest.param("scissors", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6}), marks=pytest.mark.slow),
+    pytest.param("delta4", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": 20e-6}), marks=pytest.mark.slow),
+    pytest.param("triglide", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
+    ("triglide-nonredundant", Planted("zero", "q2[s2]", {"o": -40e-6})),
+    ("scissors", Planted("zero", "q4[s2]", {"o": 10e-6})),
+    pytest.param("delta4", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
+]
+"""Zeros that drift, or are others in the second session."""
+
+
+@pytest.mark.parametrize(("machine", "planted"), OF_DRIVES, ids=lambda v: v if isinstance(v, str) else v.at)
+def test_a_zero_that_does_not_stay_is_found(machine: str, planted: Planted) -> None:
+    """With its size, if it has the shape of the catalogue; and by name, alone, if it settles exponentially instead."""
+    name = f"{planted.keyword}@{planted.at}"
+    for extra in (0.0, 1.0):
+        d = diagnosed(campaign(machine, [planted], 7, scenario=Scenario(extra=extra)), 7)
+        assert named(d) == {name} and not d.unknown and d.verdict == "found"
+    (finding,) = diagnosed(campaign(machine, [planted], 7, scenario=Scenario(extra=0.0)), 7).findings
+    for estimate, std, (_, value) in zip(finding.estimate, finding.std, planted.values.items(), strict=True):
+        assert estimate == pytest.approx(value, abs=4 * std + 0.02 * abs(value)) and std < 0.1 * abs(value)
+
+
+BOWED = [("triglide", "rail.y"), ("scissors", "left.x"), ("scissors", "right.x"), ("delta4", "rail1.x")]
+
+
+@pytest.mark.parametrize(("machine", "guide"), BOWED)
+def test_a_bow_is_found_wherever_its_line_lies(machine: str, guide: str) -> None:
+    """Ends in their places and the middle 90 um off: the mean is free, so the bow has its size."""
+    bow = Planted("straight", guide, {"n2": -60e-6, "n0": 60e-6})
+    found = diagnosed(campaign(machine, [bow], 1, scenario=Scenario(extra=0.0)), 1)
+    assert named(found) == {f"straight@{guide}"} and not found.unknown
+    (finding,) = found.findings
+    size = dict(zip((n.rpartition(".")[2] for n in finding.hypothesis.parameters), finding.estimate, strict=True))
+    std = dict(zip(size, finding.std, strict=True))
+    assert size["n2"] == pytest.approx(-60e-6, abs=4 * std["n2"]) and std["n2"] < 6e-6
+    assert abs(size["n3"]) < 4 * std["n3"] and abs(size["n4"]) < 4 * std["n4"]
+
+
+@pytest.mark.parametrize(("machine", "guide"), BOWED)
+def test_a_guide_off_its_place_is_not_called_crooked(machine: str, guide: str) -> None:
+    """Nor is it any evidence, even where no parameter takes it up (left of the Scissors)."""
+    off = Planted("straight", guide, {"n0": 60e-6})
+    assert not any(name.startswith("straight@") for name in named(diagnosed(campaign(machine, [off], 1), 1)))
+    setting = Setting.of(machine, 1)
+    hypothesis, _ = setting.scores[f"straight@{guide}"]
+    linear = setting.linear.projecting(setting.linear.projected, residual=setting.change(off))
+    assert linear.score_of(hypothesis).statistic < 1.0
+    if guide == "left.x":
+        assert linear.score(linear.of(hypothesis.parameters)).statistic > 0.9 * linear.chi2 > 40.0
+
+
+def test_a_guide_that_is_inclined_is_found_about_its_middle() -> None:
+    found = diagnosed(campaign("triglide", [Planted("guide_angle", "rail.y", {"g": 150e-6})], 1), 1)
+    assert named(found) == {"guide_angle@rail.y"}
+    assert found.findings[0].estimate[0] == pytest.approx(150e-6, abs=4 * found.findings[0].std[0])
 
 
 @pytest.mark.parametrize("line", lines(OUTSIDE))

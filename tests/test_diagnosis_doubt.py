@@ -1,4 +1,4 @@
-"""What keeps a diagnosis honest: free shapes, nameless alternatives, resampled rows, noise that is not as stated."""
+"""What keeps a diagnosis honest: free shapes, unmodelled alternatives, resampled rows, noise that is not as stated."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import pytest
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
-from pkmcal_cli.diagnosis.generic import best_generic, families
+from pkmcal_cli.diagnosis.alternatives import best_alternative, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
-from pkmcal_cli.diagnosis.noise import range_noise
-from pkmcal_cli.diagnosis.residue import own_residues, own_shape
-from pkmcal_cli.diagnosis.search import Search, score_all
+from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
+from pkmcal_cli.diagnosis.noise_growth import DISTANCE, noise_growth
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.scoring import Search, score_all
 from pkmcal_cli.diagnosis.stability import stability
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
-from pkmcal_cli.effects.base import legendre
+from pkmcal_cli.effects.effect import legendre
 from tests.benchmark.setting import Setting, diagnosed
 from tests.truth.campaigns import campaign, unit
 
@@ -55,9 +55,10 @@ def test_any_shape_is_the_unit_column_times_it(name: str) -> None:
     effect = next(e for e in problem.model.effects if e.name == name)
     values = setting()._true
     units = unit_columns(problem, values, None, [effect])
-    orders = {"pitch_curve": range(2, 7), "straight": range(2, 5), "carriage_angle": (1, 2)}[name.partition("@")[0]]
-    for parameter, order in zip(effect.parameters, orders, strict=True):
-        made = sum(u.shaped(legendre(u.inputs.share, order)[:, None])[:, 0] for u in units)
+    assert len(effect.parameters) == {"pitch_curve": 5, "straight": 4, "carriage_angle": 2}[name.partition("@")[0]]
+    for parameter in effect.parameters:
+        order = int(parameter[-1])
+        made = sum(u.shaped(legendre(u.inputs.normalised_travel, order)[:, None])[:, 0] for u in units)
         column = there.of([parameter])[:, 0] / there.scale_of([parameter])[0]
         assert made == pytest.approx(column, abs=1e-6 * np.abs(column).max())
 
@@ -66,13 +67,13 @@ def test_a_shape_of_its_own_is_recognised_and_costs_certainty() -> None:
     """An effect plus a fifth of it in free shapes speaks for these and widens its sizes; a pure effect does not."""
     linear, name = setting().linear, hypothesis("pitch_curve@q2")
     columns = linear.of(name.parameters)
-    residues = own_residues(setting().ready.problem, calibrated(), [name])[name.name]
+    discrepancies = own_discrepancies(setting().ready.problem, calibrated(), [name])[name.name]
     rng = np.random.default_rng(5)
     pure = 12 * columns @ rng.normal(size=columns.shape[1]) / np.sqrt((columns**2).sum()) * 5
-    extra = residues @ rng.normal(size=residues.shape[1])
+    extra = discrepancies @ rng.normal(size=discrepancies.shape[1])
     extra *= 0.2 * np.sqrt((pure**2).sum() / (extra**2).sum())
     plain, rich = (with_residual(noise(3) + r) for r in (pure, pure + extra))
-    before, after = (own_shape(x, Scale(), columns, residues) for x in (plain, rich))
+    before, after = (own_discrepancy(x, Scale(), columns, discrepancies) for x in (plain, rich))
     assert after.evidence > 3 > before.evidence >= 0
     assert np.trace(after.covariance) > 4 * np.trace(before.covariance)
 
@@ -106,10 +107,10 @@ def test_nameless_alternatives_are_recognised() -> None:
         bump, "pose", "at 15 % of the travel of right.x",
     )  # fmt: skip
     for planted, depends_on, words in cases:
-        best = best_generic(with_residual(noise(1) + planted), Scale(), kinds)
+        best = best_alternative(with_residual(noise(1) + planted), Scale(), kinds)
         assert best is not None and best.evidence > 20
         assert best.depends_on == depends_on and words in best.words, best
-    quiet = [best_generic(with_residual(noise(k)), Scale(), kinds) for k in range(10, 20)]
+    quiet = [best_alternative(with_residual(noise(k)), Scale(), kinds) for k in range(10, 20)]
     assert max(g.evidence for g in quiet if g is not None) < 7
 
 
@@ -145,9 +146,8 @@ def test_noise_that_grows_with_distance_is_told() -> None:
     distance = np.sqrt((problem.readings**2).sum(axis=1)) / problem.sigma[0, 0]  # in stated sigma
     slope = 2 / np.median(distance)
     factor = np.repeat(np.sqrt(1 + (slope * distance) ** 2), 2)
-    (found,) = range_noise(with_residual(noise(2) * factor), problem, Scale())
-    assert found.sensor == "grid" and found.p_value < 1e-6
-    assert found.slope == pytest.approx(slope, abs=4 * found.std)
-    constant = [n for k in range(40) for n in range_noise(with_residual(noise(k)), problem, Scale())]
-    assert min(n.p_value for n in constant) > 1e-4
+    (found,) = noise_growth(with_residual(noise(2) * factor), problem, Scale(), 1e-4)
+    assert found.sensor == "grid" and found.towards == DISTANCE and found.p_value < 1e-6
+    assert found.slope == pytest.approx(slope, abs=4 * found.slope_std)
+    assert not [n for k in range(40) for n in noise_growth(with_residual(noise(k)), problem, Scale(), 1e-4)]
     assert linear.channels == 2

@@ -10,22 +10,21 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.special import chdtrc, stdtr
 from scipy.stats import chi2, kstest, ncx2
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear
-from pkmcal_cli.diagnosis.noise import noise_scale
-from pkmcal_cli.diagnosis.rows import heavy_tails, row_scores
-from pkmcal_cli.diagnosis.search import Search, score_all
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.noise_tests import noise_scale
+from pkmcal_cli.diagnosis.outlying_rows import Tails, row_scores
+from pkmcal_cli.diagnosis.score import NONCENTRALITY
+from pkmcal_cli.diagnosis.scoring import Search, score_all
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
-from pkmcal_cli.loading.covariates import directions, with_directions
-from pkmcal_cli.prediction import Rows
-from tests.benchmark.setting import Setting, diagnosed, ready
-from tests.truth.campaigns import Campaign, campaign, unit
+from tests.benchmark.setting import Setting, ready
+from tests.truth.campaigns import campaign, unit
 
 DRAWS = 400
 ALPHA = 0.005
@@ -106,6 +105,43 @@ def test_scores_are_those_of_least_squares() -> None:
     assert score.statistic == pytest.approx(float(without[0] - rest[0]), rel=1e-6)
     assert score.information[0] == pytest.approx(1 / np.linalg.inv(columns.T @ columns)[3, 3], rel=1e-6)
     assert score.mdb == pytest.approx(np.sqrt(NONCENTRALITY / score.information[0]))
+
+
+def test_free_parameters_are_fitted_and_no_evidence() -> None:
+    """T is the fall of chi-square by the others, in fits that all have the free one; it alone explains nothing."""
+    rng = np.random.default_rng(2)
+    columns, residual = 30 * rng.normal(size=(40, 6)), rng.normal(size=40)
+    columns[:, 3] += columns[:, 5]  # what is tested is not at right angles to what is free
+    linear = synthetic(columns, 3, residual)
+    hypothesis = Hypothesis("straight", "rail.y", ("p3", "p4", "p5"), free=("p5",))
+    score = linear.score_of(hypothesis)
+    _, rest, *_ = np.linalg.lstsq(columns, residual, rcond=None)
+    _, without, *_ = np.linalg.lstsq(columns[:, [0, 1, 2, 5]], residual, rcond=None)
+    assert score.statistic == pytest.approx(float(without[0] - rest[0]), rel=1e-6) and score.count == 2
+    fitted = np.linalg.lstsq(columns, residual, rcond=None)[0]
+    np.testing.assert_allclose(score.estimate, [*fitted[3:5], 0.0], atol=1e-9)
+    information = np.linalg.inv(np.linalg.inv(columns.T @ columns)[3:5, 3:5])
+    np.testing.assert_allclose(score.alone, [information[0, 0], information[1, 1], 0.0], rtol=1e-6, atol=1e-9)
+    assert score.leading == int(np.argmax(np.diag(information)))
+    off = linear.projecting(linear.projected, residual=100 * columns[:, 5])
+    assert off.score_of(hypothesis).statistic < 1e-9 * off.chi2
+    plain = Hypothesis("straight", "rail.y", ("p3", "p4", "p5"))
+    assert off.score_of(plain).statistic > 0.9 * off.chi2 and off.score_of(plain).count == 3
+
+
+def test_a_free_parameter_that_is_taken_up_anyway_frees_nothing() -> None:
+    """Where declared parameters move the readings as it does, and where nothing is left to test."""
+    rng = np.random.default_rng(3)
+    a, tested = 30 * rng.normal(size=(40, 3)), 30 * rng.normal(size=40)
+    nearly = a @ [1.0, 2.0, -1.0] + 0.1 * rng.normal(size=40)
+    linear = synthetic(np.column_stack([a, tested, nearly, a[:, 0]]), 3, rng.normal(size=40))
+    score = linear.score_of(Hypothesis("straight", "rail.y", ("p3", "p4"), free=("p4",)))
+    alone = linear.score(linear.of(["p3"]))
+    assert score.statistic == pytest.approx(alone.statistic, rel=1e-9) and score.leading == 0 and score.count == 1
+    assert score.length2[1] == 0.0 and score.length2[0] == pytest.approx(float(tested @ tested))
+    assert replace(score, whole=np.diag([-1e-20, 0.0])).leading == 0, "rounding leaves less than nothing"
+    lost = linear.score_of(Hypothesis("straight", "rail.y", ("p5", "p4"), free=("p4",)))
+    assert lost.count == 0 and lost.leading == 0 and lost.kept < 0.01
 
 
 @pytest.mark.parametrize("name", ["backlash@q2", "thermal_strut@rod4", "straight@left.x"])
@@ -216,85 +252,20 @@ def test_a_gross_error_is_an_outlier_and_makes_no_other() -> None:
 
 def test_heavy_tails_are_told_from_normal_noise() -> None:
     rng = np.random.default_rng(8)
-    t4 = [heavy_tails(np.abs(rng.standard_t(4, 400)) / np.sqrt(2)) for _ in range(20)]
-    assert sum(f is not None and f <= 8 for f in t4) >= 18
-    normal = [heavy_tails(np.abs(rng.normal(size=400))) for _ in range(20)]
-    assert sum(f is not None and f <= 5 for f in normal) == 0
-    assert heavy_tails(np.abs(rng.standard_t(3, 20))) is None, "too few to tell"
+    t4 = [Tails.of(np.abs(rng.standard_t(4, 400)) / np.sqrt(2)).weights[:4].sum() for _ in range(20)]
+    assert sum(w > 0.9 for w in t4) >= 18, "4 to 8 degrees of freedom"
+    normal = [Tails.of(np.abs(rng.normal(size=400))).weights[:2].sum() for _ in range(20)]
+    assert np.mean(normal) < 0.02 and max(normal) < 0.1
+    assert Tails.of(np.full(20, 1e-17)).weights.sum() == 0.0, "of no noise"
+    nothing = Tails.of(np.zeros(0)).weights
+    assert nothing.sum() == pytest.approx(0.5), "normal noise is as likely as any with tails before any is seen"
 
 
-# --- directions ----------------------------------------------------------------------------
-def test_directions_follow_the_order_of_rows() -> None:
-    """A still drive keeps its direction; each session begins without one."""
-    readings = np.array([[0.0, 5], [1, 5], [1, 4], [3, 4], [2, 4], [2, 6], [1, 6]])
-    session = np.array([0, 0, 0, 0, 1, 1, 1])
-    by_hand = [[0, 0], [1, 0], [1, -1], [1, -1], [0, 0], [0, 1], [-1, 1]]
-    np.testing.assert_array_equal(directions(readings, session), by_hand)
-    np.testing.assert_array_equal(directions(readings, 0 * session)[4], [-1, -1])
-    np.testing.assert_array_equal(directions(-readings, session), -np.array(by_hand))
-    wobble = readings + 1e-12 * np.random.default_rng(0).normal(size=readings.shape)
-    np.testing.assert_array_equal(directions(wobble, session), by_hand)
-
-
-def test_given_directions_stay_and_gaps_are_derived() -> None:
-    given = {"dir.a": np.array([-1.0, np.nan, -1.0]), "session.s": np.ones(3)}
-    readings = np.array([[0.0, 0], [1, -1], [2, -2]])
-    rows = with_directions(Rows(readings, np.full((3, 2), np.nan), given), ["a", "b"])
-    np.testing.assert_array_equal(rows.columns["dir.a"], [-1, 1, -1])
-    np.testing.assert_array_equal(rows.columns["dir.b"], [0, -1, -1])
-
-
-# --- what must not matter ------------------------------------------------------------------
-@cache
-def backlash_campaign() -> Campaign:
-    return campaign("scissors", [unit("scissors", "backlash", "q3", 9).scaled(0.4)], 9)
-
-
-def changed(order: Array | None = None, **columns: object) -> Diagnosis:
-    """The diagnosis of the campaign with rows in another order, or other circumstances."""
-    plain = backlash_campaign()
-    now = replace(plain.conditions, **columns)  # type: ignore[arg-type]
-    return diagnosed(Shuffled(**{**vars(plain), "conditions": now}).in_order(order), 0)
-
-
-class Shuffled(Campaign):
-    """A campaign whose table has its rows in another order."""
-
-    order: Array | None = None
-
-    def in_order(self, order: Array | None) -> Shuffled:
-        """The same with rows in this order."""
-        object.__setattr__(self, "order", order)
-        return self
-
-    def columns(self) -> dict[str, list[str]]:
-        """Cells of the table by heading."""
-        table = super().columns()
-        return table if self.order is None else {h: [v[int(k)] for k in self.order] for h, v in table.items()}
-
-
-def same(a: Diagnosis, b: Diagnosis, sign: float = 1.0) -> None:
-    """The same effects of the same size (b's with another sign) and the same parameters."""
-    assert [f.hypothesis for f in a.findings] == [f.hypothesis for f in b.findings] != []
-    for one, other in zip(a.findings, b.findings, strict=True):
-        np.testing.assert_allclose(one.estimate, sign * np.array(other.estimate), rtol=1e-4)
-        np.testing.assert_allclose(one.std, other.std, rtol=1e-4)
-        assert one.evidence == pytest.approx(other.evidence, rel=1e-4)
-    assert a.search.fit.chi2 == pytest.approx(b.search.fit.chi2, rel=1e-6)
-    declared = [a.problem.model.names.index(n) for n in a.search.declared]
-    shift = (a.search.fit.values - b.search.fit.values)[declared] / a.problem.model.ranges[declared]
-    assert np.abs(shift).max() < 1e-5
-
-
-def test_the_order_of_rows_does_not_matter() -> None:
-    plain = backlash_campaign()
-    order = np.random.default_rng(0).permutation(len(plain.readings))
-    same(changed(), changed(order))
-
-
-def test_the_zero_of_time_does_not_matter() -> None:
-    same(changed(), changed(time=backlash_campaign().conditions.time + 86400.0))
-
-
-def test_the_sense_of_directions_only_turns_backlash() -> None:
-    same(changed(), changed(direction=-backlash_campaign().conditions.direction), sign=-1.0)
+def test_tails_decide_how_far_off_a_row_must_be() -> None:
+    """A value 8 sigma off: beyond doubt in 400 normal ones, nothing special among heavy ones (closed forms)."""
+    rng = np.random.default_rng(9)
+    p, statistic, count = np.array([chdtrc(1, 64.0)]), np.array([64.0]), np.array([1])
+    normal = Tails.of(np.abs(rng.normal(size=400))).p_value(p, statistic, count)
+    heavy = Tails.of(np.abs(rng.standard_t(4, 400)) / np.sqrt(2)).p_value(p, statistic, count)
+    alone = 2 * stdtr(4, -8 * np.sqrt(2))
+    assert normal[0] < 0.02 * alone and 0.2 * alone < heavy[0] < alone

@@ -52,7 +52,7 @@ def test_groups_of_null_directions() -> None:
     assert null.keys() == {("a", "b"), ("c", "d"), ("e",)}
     assert null["a", "b"].determined == pytest.approx(np.array([[1, 1]]))
     assert null["c", "d"].determined == pytest.approx(np.array([[1, 2]]))
-    assert null["e",].text == "e has no influence"
+    assert null["e",].text == "e has no effect on these readings"
     assert np.isnan(found.covariance()[:5]).all()
     assert found.covariance()[5, 5] == pytest.approx(1 / 49)
 
@@ -87,7 +87,7 @@ def test_every_null_direction_is_told_and_the_advice_determines_the_rest(seed: i
     null = [c for c in combinations(found) if c.kind == "null"]
     assert sum(len(c.motions) for c in null) == int(found.null.sum()) == 7 - found.rank
     assert np.abs(jacobian @ _full(null, names).T).max() < 1e-6
-    told = {n for n in names if any(re.search(rf"\b{n} ([+-]|has)", text) for c in null for text in c.told)}
+    told = {n for n in names if any(re.search(rf"\b{n} ([+-]|has)", text) for c in null for text in c.texts)}
     assert told == {n for n, lost in zip(names, found.undetermined(), strict=True) if lost}
     shown = [each for c in null for each in combination_json(model("triglide"), c)]
     assert len(shown) == found.null.sum() and all(v for each in shown for v in each["parameters"].values())

@@ -68,7 +68,7 @@ def test_names_columns_notes_and_units_take_the_text(tmp_path: Path) -> None:
         "units: {length: mm, angle: deg}\nspace: planar\nranges: {length: 1}\n"
         'parameters: {"l{i}": {each: {i: [1], d: [-5], u: [um]}, nominal: "{d} {u}", note: "off by {d}, a {i}-th"}}\n'
         "guides: {rail: {along: x}}\n"
-        'bodies: {"c{i}": {each: {i: [1], d: [-5]}, on: rail, at: "{d}", points: {"P{i}": ["l{i}", 2]}}}\n'
+        'bodies: {"c{i}": {each: {i: [1], d: [-5]}, guide: rail, at: "{d}", points: {"P{i}": ["l{i}", 2]}}}\n'
         'actuators: {"q{i}": {each: {i: [1], d: [-5], axis: [x]}, moves: "c{i}", column: "motor_{d}_deg"}}\n'
         'sensors: {"s{i}": {each: {i: [1], c: [x]}, at: "P{i}", reads: ["{c}"], sigma: 1, frame: machine}}\n',
     )
@@ -83,7 +83,7 @@ def test_an_axis_may_be_pasted(tmp_path: Path) -> None:
     machine = read(
         tmp_path,
         'space: planar\nguides: {"g{i}": {each: {i: [1, 2], c: [x, y]}, along: "-{c}"}}\n'
-        'bodies: {"c{i}": {each: {i: [1, 2]}, on: "g{i}", at: 0}}\n',
+        'bodies: {"c{i}": {each: {i: [1, 2]}, guide: "g{i}", at: 0}}\n',
     )
     assert [machine.guides[g].along for g in ("g1", "g2")] == ["-x", "-y"]
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model.model import Model, tcp_model
-from pkmcal_cli.prediction import Request, predict
-from tests.command import run
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.prediction import Request, WarmStart, predict
+from tests.command import clean, run
 from tests.effect_cases import NAMES, WRITTEN, Case, case
 from tests.elastic_guide import sliders
 from tests.support import SHIPPED, at, model
@@ -35,24 +36,25 @@ def loaded(name: str) -> tuple[Case, Array]:
     return c, values
 
 
-def seen(model: Model, values: Array, c: Case) -> Array:
-    """All that is predicted of rows: readings, the TCP, forces of drives (scaled), (N, K)."""
-    found = predict(model, values, c.rows, Request(forces=True))
-    place = predict(tcp_model(model), values, c.rows)
+def seen(c: Case, tool: Model, values: Array, start: WarmStart | None = None) -> tuple[Array, WarmStart]:
+    """All that is predicted of rows: readings, the tool point, forces of drives (scaled), (N, K); a warm start."""
+    found = predict(c.model, values, c.rows, Request(forces=True), start)
+    place = predict(tool, values, c.rows, start=found.start)
     assert found.solved.all() and place.solved.all() and found.forces is not None
-    return np.hstack([found.values, place.values, found.forces * 1e-10])
+    return np.hstack([found.values, place.values, found.forces * 1e-10]), found.start
 
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_every_offered_effect_changes_a_prediction(name: str) -> None:
     c, values = loaded(name)
-    still = seen(c.model, values, c)
+    tool = tcp_model(c.model)
+    still, start = seen(c, tool, values)
     silent = []
     for placed in c.model.effects:
         moved = values.copy()
         for k in [c.model.names.index(n) for n in placed.parameters]:
             moved[k] += STEP * c.model.parameters[k].range
-        if placed.effect.keyword != STRAINED and np.abs(seen(c.model, moved, c) - still).max() < FELT:
+        if placed.effect.keyword != STRAINED and np.abs(seen(c, tool, moved, start)[0] - still).max() < FELT:
             silent.append(placed.name)
     assert silent == []
 
@@ -73,11 +75,12 @@ def test_guides_with_stiffness_have_all_their_places(name: str) -> None:
 
 
 REFUSED = {
-    "sag@rail.y: {c: 10 um}": "`sag` cannot sit at `rail.y`",
-    "payload@tracker: {m: 1}": "`payload` cannot sit at `tracker`",
-    "thermal_base@all: {a: 11 um/(m*K)}": "`thermal_base` cannot sit at `all`",
-    "self_weight@all: {w: 0.1}": "`self_weight` cannot sit at `all`",
-    "straight@rail.x: {n2: 10 um}": "`straight` cannot sit at `rail.x`",
+    "thermal_base@all: {a: 11 um/(m*K)}": "`thermal_base` cannot be placed at `all`",
+    "straight@rail.x: {n2: 10 um}": "`straight` cannot be placed at `rail.x`",
+    "sag@rail.x: {c: 10 um}": "`sag` cannot be placed at `rail.x`",
+    '"zero@q9[s2]": {o: 10 um}': "`zero` cannot be placed at `q9[s2]`",
+    '"zero@all[s2]": {o: 10 um}': "`zero` cannot be placed at `all[s2]`",
+    '"scale@q1[s2]": {s: 10 um/m}': "`scale` cannot be placed at `q1[s2]`",
 }
 """The sliders have no gravity and no mass, and their rail begins at the origin."""
 
@@ -89,6 +92,52 @@ def test_an_effect_that_would_do_nothing_is_refused(tmp_path: Path, entry: str, 
     file.write_text(sliders(guidance, f"    effects: {{{entry}}}\n"))
     done = run("simulate", file, "--grid", "x=450:550:2,y=340:360:2")
     assert done.code == 3 and REFUSED[entry] in done.err and "help: " in done.err
+
+
+WEIGHTLESS = {"sag@rail.y: {c: 500 um}": "sag@rail.y", "self_weight@all: {w: 0.9}": "self_weight@all",
+              "payload@tracker: {m: 1}": "payload@tracker"}  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", WEIGHTLESS)
+def test_what_acts_by_gravity_stays_valid_without_and_is_warned_of(tmp_path: Path, entry: str) -> None:
+    """It does nothing, asks for no column, and no table shows it."""
+    file, grid = tmp_path / "m.yaml", ("--grid", "x=450:550:2,y=340:360:2", "-q")
+    file.write_text(sliders(""))
+    bare = run("simulate", file, *grid)
+    file.write_text(sliders("", f"    effects: {{{entry}}}\n"))
+    warned, done = clean(run("check", file)), run("simulate", file, *grid)
+    assert warned.code == 0 and "warning[no-gravity]" in warned.err
+    assert f"`{WEIGHTLESS[entry]}` does nothing: no gravity acts" in warned.err and "gravity: [0, -9.81]" in warned.err
+    tables = [[line for line in d.out.splitlines() if not line.startswith("#")] for d in (bare, done)]
+    assert done.code == bare.code == 0 and tables[0] == tables[1]
+    keyword = WEIGHTLESS[entry].partition("@")[0]
+    assert keyword not in {e["effect"] for e in run("effects", file, "--json").json["effects"]}
+    with_gravity = sliders("", f"    gravity: [0, -9.81]\n    effects: {{{entry}}}\n").replace(
+        "tcp: [500, 350]", "tcp: {at: [500, 350], mass: 9}"
+    )
+    file.write_text(with_gravity)
+    assert "no-gravity" not in run("check", file).err
+    assert keyword in {e["effect"] for e in run("effects", file, "--json").json["effects"]}
+
+
+def test_weights_that_do_not_act_are_told(tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    gravity = "    gravity: [0, -9.81]\n    own_weight: false\n"
+    effects = "    effects: {self_weight@all: {w: 0.9}, sag@rail.y: {c: 9 um}}\n"
+    file.write_text(sliders("", gravity + effects).replace("tcp: [500, 350]", "tcp: {at: [500, 350], mass: 9}"))
+    told = run("check", file).err
+    assert "`self_weight@all` does nothing" in told and "own_weight" in told and "`sag@rail.y`" not in told
+
+
+def test_gravity_may_be_a_parameter() -> None:
+    """Its direction at nominal is that in which a rail sags."""
+    text = sliders("", "    gravity: [0, -g]\n    effects: {sag@rail.y: {c: 500 um, over: [0, 1400]}}\n")
+    text = text.replace("parameters: {", "parameters: {g: {nominal: 9.81 m/s^2, range: 1 m/s^2}, ").replace(
+        "tcp: [500, 350]", "tcp: {at: [500, 350], mass: 1}"
+    )
+    fixed = text.replace("[0, -g]", "[0, -9.81]").replace("g: {nominal: 9.81 m/s^2, range: 1 m/s^2}, ", "")
+    readings = np.array([[0.2354, 0.7646, 1.1325]])
+    np.testing.assert_allclose(at(model(text), readings).values, at(model(fixed), readings).values, atol=1e-13)
 
 
 def test_a_rail_sags_downwards_however_its_frame_is_turned() -> None:

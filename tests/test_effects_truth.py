@@ -2,29 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pkmcal_cli.effects.effect import DURING
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import predict
 from tests.benchmark.setting import ready
-from tests.truth.campaigns import MACHINES, Scenario, campaign, families, unit
+from tests.truth.campaigns import MACHINES, Planted, Scenario, campaign, families, unit
+from tests.truth.families_true import across
+from tests.truth.shop_plans import PLANS
+
+LONG = {"delta4": pytest.mark.slow}
 
 EXACT = 2e-3  # of the effect: the simulator moves feet and turns carriages exactly, small angles and lengths here
-SHAPED = {"pitch_curve": 0.2, "drift": 0.05, "straight": 0.05, "unequal_backlash": 0.01, "carriage_angle": 0.01}
-"""The simulator makes these shapes of harmonics (or of an exponential), the catalogue of polynomials."""
+SHAPED = {"pitch_curve": 0.2, "straight": 0.05, "unequal_backlash": 0.01, "carriage_angle": 0.01}
+"""The simulator makes these shapes of harmonics, the catalogue of polynomials."""
 SMOOTHED = {"clearance": 0.7, "windup": 0.05}
 """Signs and sizes of forces are smoothed over other forces."""
 
 
-@pytest.mark.parametrize("machine", MACHINES)
+def not_drawn(machine: str) -> list[Planted]:
+    """What the campaigns of the benchmark do not draw: drifting zeros, zeros of one session, guides off their place."""
+    drives, guides = PLANS[machine].drives, across(PLANS[machine])
+    return [
+        *(Planted("zero_drift", q, {"o1": 40e-6, "o2": -25e-6}) for q in drives),
+        *(Planted("zero", f"{q}[s2]", {"o": 50e-6}) for q in drives),
+        *(Planted("straight", place, {"n0": 60e-6}) for place in guides),
+    ]
+
+
+def over_the_day(model: Model, length: float) -> Model:
+    """The model whose drifts cover the whole day, s, not only the rows of the table."""
+    options = (
+        {**e.options, "during": (0.0, length)} if DURING in e.effect.options else e.options for e in model.effects
+    )
+    return model.with_options(tuple(replace(e, options=o) for e, o in zip(model.effects, options, strict=True)))
+
+
+@pytest.mark.parametrize("machine", [pytest.param(m, marks=LONG.get(m, ())) for m in MACHINES])
 def test_effects_do_what_they_do_in_the_independent_simulator(machine: str) -> None:
     plain = Scenario(extra=0)
     still = campaign(machine, [], 3, rows=30, scenario=plain)
-    for keyword, at in families(machine):
-        planted = unit(machine, keyword, at, 3)
+    for planted in [*(unit(machine, keyword, at, 3) for keyword, at in families(machine)), *not_drawn(machine)]:
+        keyword, at = planted.keyword, planted.at
         moved = campaign(machine, [planted], 3, rows=30, scenario=plain)
         here = ready(moved)
-        model, rows = here.problem.model, here.problem.rows
+        model, rows = over_the_day(here.problem.model, still.conditions.air.length), here.problem.rows
         values = model.nominal
         values[[model.names.index(n) for n in moved.parameters]] = list(moved.parameters.values())
         null = predict(model, values, rows).values

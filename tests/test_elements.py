@@ -8,15 +8,26 @@ from __future__ import annotations
 import importlib
 import itertools
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 import pkmcal_cli.elements as family
 from pkmcal_cli.base.rotation import Array, exp, skew
-from pkmcal_cli.elements import JOINTS, Bar, Beam, Element, Joint, Load
-from pkmcal_cli.elements.base import THETA_I, THETA_J
+from pkmcal_cli.elements import (
+    JOINTS,
+    BarElement,
+    BeamElement,
+    Element,
+    JointElement,
+    LinkGeometry,
+    LoadElement,
+    OrientationElement,
+    PlanarPulleyElement,
+    SwivelPulleyElement,
+)
+from pkmcal_cli.elements.element import THETA_I, THETA_J
 
 STEP = 1e-30
 ALL = ("x", "y", "z", "rx", "ry", "rz")
@@ -25,12 +36,13 @@ SPACE = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 
 @dataclass(frozen=True)
 class Sample:
-    """An element and a state without strain: chord (3,) in m at triads I, rest values (m,)."""
+    """An element and a state without strain: chord (3,) in m at triads I, rest values (m,); sizes (p,)."""
 
     name: str
     element: Element
     chord: tuple[float, float, float]
     rest: tuple[float, ...]
+    sizes: tuple[float, ...] = ()
 
 
 def joint_directions(kind: str) -> tuple[str, ...]:
@@ -41,32 +53,45 @@ def joint_directions(kind: str) -> tuple[str, ...]:
 
 def samples() -> list[Sample]:
     out = [
-        Sample("bar", Bar(), (0.3, 0.0, 0.0), (0.3,)),
-        Sample("beam", Beam(), (0.3, 0.0, 0.0), (0.3, 0, 0, 0, 0, 0)),
-        Sample("planar beam", Beam(planar=True), (0.3, 0.0, 0.0), (0.3, 0, 0)),
-        Sample("guide", Joint("fixed", ("x", "y", "z")), (0.0, 0.0, 0.0), (0, 0, 0)),
+        Sample("bar", BarElement(), (0.3, 0.0, 0.0), (0.3,)),
+        Sample("beam", BeamElement(), (0.3, 0.0, 0.0), (0.3, 0, 0, 0, 0, 0)),
+        Sample("planar beam", BeamElement(planar=True), (0.3, 0.0, 0.0), (0.3, 0, 0)),
+        Sample("guide", JointElement("fixed", ("x", "y", "z")), (0.0, 0.0, 0.0), (0, 0, 0)),
+        Sample("orientation", OrientationElement(("rx", "ry", "rz")), (0.0, 0.0, 0.0), (0, 0, 0)),
+        Sample("part of an orientation", OrientationElement(("rz",)), (0.0, 0.0, 0.0), (0,)),
     ]
     for kind in JOINTS:
         rows = joint_directions(kind)
-        out.append(Sample(kind, Joint(kind, rows), (0.0, 0.0, 0.0), (0.0,) * len(rows)))
+        out.append(Sample(kind, JointElement(kind, rows), (0.0, 0.0, 0.0), (0.0,) * len(rows)))
     return out
 
 
 SAMPLES = samples()
-LOADED = [*SAMPLES, Sample("load", Load(), (0.1, 0.2, 0.3), (0.1, 0.2, 0.3))]
+LOADED = [*SAMPLES, Sample("load", LoadElement(), (0.1, 0.2, 0.3), (0.1, 0.2, 0.3))]
+PULLEYS = [
+    Sample("planar pulleys", PlanarPulleyElement(), (0.3, 0.0, 0.0), (0.3,), (0.012, -0.02, 0.7, 1.1)),
+    Sample("planar pulleys on one side", PlanarPulleyElement(), (0.3, 0.0, 0.0), (0.3,), (-0.02, -0.01, -2.0, 0.3)),
+    Sample("pulley that swivels", SwivelPulleyElement(), (0.2, 0.1, 0.2), (0.3,), (0.02,)),
+    Sample("straight rope", SwivelPulleyElement(), (0.0, 0.0, 0.3), (0.3,), (0.0,)),
+]
+"""Links of ropes, whose strain alone may change under a rigid motion in the plane: only their sum does not."""
 by_name = pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
-with_loads = pytest.mark.parametrize("sample", LOADED, ids=lambda s: s.name)
+with_loads = pytest.mark.parametrize("sample", [*LOADED, *PULLEYS], ids=lambda s: s.name)
 
 
 def turn(rng: np.random.Generator, size: float = 1.0) -> Array:
     return exp(size * rng.normal(size=3))
 
 
+def link_of(sample: Sample, chord: Array, ti: Array, tj: Array) -> LinkGeometry:
+    """What one element sees."""
+    return LinkGeometry(chord[None, None], ti[None, None], tj[None, None], np.array(sample.sizes)[None, None])
+
+
 def evaluate(sample: Sample, chord: Array, ti: Array, tj: Array) -> tuple[Array, Array]:
     """Strains (m,) and gradient (m, inputs) of one element."""
-    e, b = sample.element.evaluate(
-        chord[None, None], ti[None, None], tj[None, None], np.array(sample.rest, dtype=float)[None, None]
-    )
+    rest = np.array(sample.rest, dtype=float)[None, None]
+    e, b = sample.element.evaluate(link_of(sample, chord, ti, tj), rest)
     return e[0, 0], b[0, 0]
 
 
@@ -87,7 +112,7 @@ def stepped(state: tuple[Array, Array, Array], way: Array) -> tuple[Array, Array
 def test_every_element_of_the_family_is_sampled() -> None:
     for module in pkgutil.iter_modules(family.__path__):
         importlib.import_module(f"{family.__name__}.{module.name}")
-    assert set(Element.__subclasses__()) == {type(s.element) for s in LOADED}
+    assert set(Element.__subclasses__()) == {type(s.element) for s in (*LOADED, *PULLEYS)}
 
 
 @by_name
@@ -129,12 +154,23 @@ def test_curvature_is_the_derivative_of_the_force(sample: Sample) -> None:
     for _ in range(5):
         state = strained(sample, rng)
         stress = rng.normal(size=len(sample.rest))
-        chord, ti, tj = (part[None, None] for part in state)
-        found = sample.element.curvature(chord, ti, tj, stress[None, None])[0, 0]
+        found = sample.element.curvature(link_of(sample, *state), stress[None, None])[0, 0]
         for k in range(width):
             _, b = evaluate(sample, *stepped(state, np.eye(9)[k]))
             # entries go up to stress / length^2, about 1e2
             assert np.abs((stress @ b).imag / STEP - found[:, k]).max() < 1e-12
+
+
+@pytest.mark.parametrize("sample", PULLEYS, ids=lambda s: s.name)
+def test_sizes_move_the_strain_by_their_derivative(sample: Sample) -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        state = strained(sample, rng)
+        found = sample.element.by_sizes(link_of(sample, *state))[0, 0]
+        for k, unit in enumerate(np.eye(len(sample.sizes))):
+            stepped_sizes = replace(sample, sizes=tuple(np.array(sample.sizes) + 1j * STEP * unit))
+            e, _ = evaluate(stepped_sizes, *state)
+            assert np.abs(e.imag / STEP - found[:, k]).max() < 1e-14
 
 
 @by_name
@@ -184,7 +220,7 @@ FREEDOM = {
 def test_null_space_of_a_joint_is_its_freedom(kind: str) -> None:
     """At every finite free motion, in every position: no strain, as many free directions as the type says."""
     rng = np.random.default_rng(6)
-    element = Joint(kind, JOINTS[kind].blocked)
+    element = JointElement(kind, JOINTS[kind].blocked)
     sample = Sample(kind, element, (0, 0, 0), (0.0,) * len(element.directions))
     for _ in range(20):
         moved, turned = free_motions(kind, rng)
@@ -200,7 +236,7 @@ def test_small_strains_are_motions_of_j_against_i(kind: str) -> None:
     """At rest each strain is the motion along or about its own axis: S of a fixed joint is Kd of eq. 5."""
     rows = joint_directions(kind)
     rest = np.zeros(3), np.eye(3), np.eye(3)
-    _, b = evaluate(Sample(kind, Joint(kind, rows), (0, 0, 0), (0.0,) * len(rows)), *rest)
+    _, b = evaluate(Sample(kind, JointElement(kind, rows), (0, 0, 0), (0.0,) * len(rows)), *rest)
     relative = np.hstack([b[:, :3], b[:, THETA_J]])
     own = [SPACE["rz" if d == "angle" else d] for d in rows]
     assert np.array_equal(relative, np.eye(6)[own])
@@ -212,7 +248,7 @@ def test_drive_angle_is_the_angle_about_the_axis(angle: float) -> None:
     q = turn(np.random.default_rng(7))
     for whole in (0, 3):  # a drive that has made whole turns
         rest = angle + 2 * np.pi * whole
-        crank = Sample("crank", Joint("revolute", ("angle",)), (0, 0, 0), (rest,))
+        crank = Sample("crank", JointElement("revolute", ("angle",)), (0, 0, 0), (rest,))
         e, _ = evaluate(crank, np.zeros(3), q, q @ exp(np.array([0, 0, angle + 0.01])))
         assert e[0] == pytest.approx(0.01, abs=1e-14)
 
@@ -220,77 +256,7 @@ def test_drive_angle_is_the_angle_about_the_axis(angle: float) -> None:
 def test_joint_couplings_fill_a_symmetric_block() -> None:
     """The paper's Kc couples lateral motion and tilt (eq. 3): the diagonal, then pairs in order."""
     directions = ("x", "y", "rz")
-    patterns = Joint("fixed", directions).patterns
+    patterns = JointElement("fixed", directions).patterns
     block = np.array([[5.0, 1.0, 2.0], [1.0, 6.0, 3.0], [2.0, 3.0, 7.0]])
     pairs = [block[k, l] for k, l in itertools.combinations(range(3), 2)]
     assert np.array_equal(np.tensordot([5.0, 6.0, 7.0, *pairs], patterns, 1), block)
-
-
-def beam_matrix(length: float, ea: float, gj: float, eiy: float, eiz: float) -> Array:
-    """The 12 x 12 matrix of the books (Ecorchard 2010, eq. 17), DOF (x, y, z, rx, ry, rz) per node."""
-    k = np.zeros((12, 12))
-    for dofs, stiffness in (((0, 6), ea / length), ((3, 9), gj / length)):
-        k[np.ix_(dofs, dofs)] += stiffness * np.array([[1, -1], [-1, 1]])
-    plane = np.array(
-        [
-            [12, 6 * length, -12, 6 * length],
-            [6 * length, 4 * length**2, -6 * length, 2 * length**2],
-            [-12, -6 * length, 12, -6 * length],
-            [6 * length, 2 * length**2, -6 * length, 4 * length**2],
-        ]
-    )
-    signs = np.array([1, -1, 1, -1])  # bending about y: the coupling signs reversed
-    k[np.ix_((1, 5, 7, 11), (1, 5, 7, 11))] += eiz / length**3 * plane
-    k[np.ix_((2, 4, 8, 10), (2, 4, 8, 10))] += eiy / length**3 * plane * np.outer(signs, signs)
-    return k
-
-
-def node_matrix(element: Beam, length: float, numbers: list[float], position: Array) -> Array:
-    """K = B^T S B of a beam at rest in a position (3, 3), by the displacements of its two nodes."""
-    sample = Sample("beam", element, (length, 0, 0), (length,) + (0.0,) * (len(element.strains) - 1))
-    _, b = evaluate(sample, position @ np.array(sample.chord), position, position)
-    inputs = np.zeros((9, 12))
-    inputs[:3, :3], inputs[:3, 6:9] = -np.eye(3), np.eye(3)
-    inputs[3:6, 3:6] = inputs[6:9, 9:12] = np.eye(3)
-    stiffness = np.tensordot(numbers, element.patterns, 1)
-    found: Array = inputs.T @ b.T @ stiffness @ b @ inputs
-    return found
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_stiffness_of_the_spatial_beam_is_that_of_the_books(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    length, ea, gj, eiy, eiz = 0.7, 8.4e7, 1.1e4, 1.3e3, 2.9e3
-    q = np.eye(3) if seed == 0 else turn(rng)
-    t = np.kron(np.eye(4), q)  # eq. 6: node displacements of the local frame in base axes
-    expected = t @ beam_matrix(length, ea, gj, eiy, eiz) @ t.T
-    found = node_matrix(Beam(), length, [ea / length, gj / length, eiy / length, eiz / length], q)
-    assert np.abs(found - expected).max() < 1e-14 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.8, -2.5])
-def test_stiffness_of_the_planar_beam_is_the_papers(angle: float) -> None:
-    length, ea, ei = 0.7, 8.4e7, 2.9e3
-    ka = np.array(
-        [
-            [ea / length, 0, 0],
-            [0, 12 * ei / length**3, 6 * ei / length**2],
-            [0, 6 * ei / length**2, 4 * ei / length],
-        ]
-    )
-    kb = np.array(
-        [
-            [-ea / length, 0, 0],
-            [0, -12 * ei / length**3, -6 * ei / length**2],
-            [0, 6 * ei / length**2, 2 * ei / length],
-        ]
-    )
-    kc = ka * np.array([[1, 1, 1], [1, 1, -1], [1, -1, 1]])
-    q = exp(np.array([0.0, 0.0, angle]))
-    planar = [0, 1, 5, 6, 7, 11]
-    expected = np.block([[ka, kb.T], [kb, kc]])
-    t = np.kron(np.eye(4), q)[np.ix_(planar, planar)]
-    found = node_matrix(Beam(planar=True), length, [ea / length, ei / length], q)
-    assert np.abs(found[np.ix_(planar, planar)] - t @ expected @ t.T).max() < 1e-14 * np.abs(expected).max()
-    across = [2, 3, 4, 8, 9, 10]
-    assert np.abs(found[across]).max() == 0.0

@@ -12,7 +12,8 @@ from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.prediction import Rows, predict
 from tests.campaigns import shipped
 from tests.hangprinter_cases import measured
-from tests.support import model, poses_of, truth
+from tests.support import model, overlay, poses_of, truth
+from tests.test_sensors import SPATIAL, asked
 
 UM = 1e-6
 
@@ -99,3 +100,36 @@ def test_lengths_of_a_telescopic_leg() -> None:
     found = error_figures(problem, evaluate(problem, problem.model.nominal))["length"]
     assert length_residuals(problem, problem.model.nominal)[:, 0] == pytest.approx(by_hand, abs=1e-12)
     assert found.criterion == pytest.approx((by_hand**2).sum(), rel=1e-9)
+
+
+def test_each_kind_of_instrument_has_figures_of_its_own() -> None:
+    """A ballbar 3 um off and a wire -4 um are one kind, calipers, probes, a current and a torque are others."""
+    more = """
+  motor: {kind: force, drive: q1, sigma: 1}
+  second: {kind: bench, of: kt, reading: 41 N, sigma: 1 N}
+"""
+    machine = model(overlay("delta4", SPATIAL + more))
+    _, rows = asked(machine)
+    errors = {
+        "ballbar": 3e-6, "wire": -4e-6, "calipers": 7e-6, "probe": 1e-6, "edge.y": 2e-6, "edge.z": -2e-6,
+        "current": 0.5, "motor": 2.0, "encoder": 1e-3, "gauge": 5e-6, "second": 3.0,
+    }  # fmt: skip
+    off = np.array([[errors.get(c.name, 0.0) for c in machine.channels]] * len(rows))
+    readings = predict(machine, machine.nominal, rows).values + off
+    problem = Problem(
+        model=machine,
+        rows=rows,
+        readings=readings,
+        sigma=np.ones(off.shape),
+        drive_sigma=np.zeros(rows.readings.shape),
+        measured=~np.isnan(readings),
+    )
+    found = error_figures(problem, evaluate(problem, machine.nominal), lengths=False)
+    rms = {
+        "position": 0.0, "orientation": 0.0, "distance": np.sqrt(12.5e-12), "span": 7e-6, "touch": np.sqrt(3e-12),
+        "angle": 1e-3, "force (plain number)": 0.5, "force (force)": 2.0, "bench (length)": 5e-6, "bench (force)": 3.0,
+    }  # fmt: skip
+    assert list(found)[:2] == ["position", "orientation"]
+    assert {k: f.rms for k, f in found.items()} == pytest.approx(rms, rel=1e-8, abs=1e-12)
+    assert {k: f.dimension for k, f in found.items()}["bench (force)"] == "force"
+    assert found["span"].count == int((rows.partner >= 0).sum())  # type: ignore[operator]

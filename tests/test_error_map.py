@@ -10,7 +10,7 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.model.model import tcp_model
+from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, predict
 from tests.campaigns import by_engine, shipped
 from tests.command import TRIGLIDE, TRIGLIDE_DATA, run
@@ -28,16 +28,18 @@ def test_the_map_is_what_parameters_drawn_from_the_file_do(tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", "p.yaml", "--holdout", "none", "-q").code == 0
     done = run("simulate", TRIGLIDE, "--grid", GRID, "-p", "p.yaml", "--uncertainty", "-o", "map.csv")
-    assert done.code == 0 and "uncertainty of the TCP's position by the calibration" in done.err
+    assert done.code == 0 and "uncertainty of the TCP position from the calibration" in done.err
     head, table = written(tmp_path / "map.csv")
     assert head[-2:] == ["u.x [um]", "u.y [um]"]
-    from pkmcal_cli.loading.machine import load_machine, load_parameters
+    from pkmcal_cli.loading.load_machine import load_machine, load_parameters
 
     machine = load_machine(TRIGLIDE).model
     start = load_parameters(machine, "p.yaml")
     assert start.covariance is not None
     names, covariance = start.covariance
-    drawn = np.random.default_rng(0).multivariate_normal(np.zeros(len(names)), covariance, 3000, method="eigh")
+    size = np.sqrt(np.diag(covariance))  # stiffnesses beside lengths
+    shares = covariance / np.outer(size, size)
+    drawn = size * np.random.default_rng(0).multivariate_normal(np.zeros(len(names)), shares, 3000, method="eigh")
     rows = Rows.at(table[:, :3] * 1e-3)
     found = predict(tcp_model(machine), start.values, rows, Request(parameters=names))
     assert found.jacobian is not None
@@ -60,7 +62,7 @@ def test_errors_at_new_positions_are_as_large_as_the_map_says() -> None:
         told = predict(plan.model, fit.values, Rows.at(away), Request(parameters=names))
         seen = predict(plan.model, true, Rows.at(away)).values
         assert told.jacobian is not None
-        covariance = fit.found.determined_covariance()
+        covariance = fit.directions.determined_covariance()
         u = np.sqrt(np.einsum("ncp,pq,ncq->nc", told.jacobian, covariance, told.jacobian))
         ratios.append((told.values - seen) / u)
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.08)

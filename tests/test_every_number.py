@@ -9,6 +9,7 @@ import pytest
 from tests.number_sweep import Case, cases, faults, numbers, sample, source
 from tests.support import SHIPPED
 
+LONG = ("hexapod7", "gantry")
 FAST = ("biglide", "belt-router", "triglide")
 
 
@@ -23,7 +24,9 @@ def test_numbers_are_found_wherever_they_stand() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("case", sample(60), ids=str)
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, id=str(c), marks=[pytest.mark.slow] if c.machine in LONG else []) for c in sample(60)]
+)
 def test_a_changed_number_is_told_or_computed_with(case: Case, tmp_path: Path) -> None:
     """A sample, the same every time; machines that are computed fast go through all commands."""
     assert faults(case, tmp_path, case.machine in FAST) == []

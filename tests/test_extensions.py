@@ -1,4 +1,6 @@
-"""A family grows by one file: an effect, a kind of sensor and a subcommand, added to a copy of the package."""
+"""What is added to a copy of the package: an effect and a kind of sensor by one file each, a subcommand by two, an
+element by one file and three edits.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +18,17 @@ from tests.command import MACHINES, ROOT
 
 EFFECT = '''"""Thermal growth that is not proportional."""
 
-from pkmcal_cli.effects.base import Effect, EffectParameter
+from pkmcal_cli.effects.effect import Effect, EffectParameter
+from pkmcal_cli.units.measurands import Measurand
 
 SQUARE = Effect(
-    keyword="thermal_square",
+    keyword="only_in_a_test",
     title="thermal growth of struts, quadratic",
     symbol="",
     source="second order of thermal expansion",
-    port="length",
+    enters="length",
     parameters=(EffectParameter(name="b", unit="um/(m*K*K)", range=10, text="growth by the square of temperature"),),
-    formula=lambda at, b: b * at.length * at.warmth**2,
+    formula=lambda at, b: b * at.length * at.temperature_rise**2,
     needs=("temperature",),
     cause="{at} grows more than in proportion.",
     result="The length of {at} follows the square of the temperature.",
@@ -34,7 +37,8 @@ SQUARE = Effect(
 '''
 SENSOR = '''"""A height gauge."""
 
-from pkmcal_cli.sensors.base import SensorKind, as_read
+from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.sensors.sensor_kind import SensorKind, as_read
 
 HEIGHT = SensorKind(
     keyword="height",
@@ -42,11 +46,63 @@ HEIGHT = SensorKind(
     instruments="height gauge",
     needs=("at",),
     may=("zero", "scale", "unit", "column"),
-    sees=("place", "zero", "scale"),
-    quantity="distance",
-    law=lambda seen: [as_read(seen["place"][:, 1], seen)],
+    variables=("place", "zero", "scale"),
+    measurand=Measurand.DISTANCE,
+    equation=lambda seen: [as_read(seen["place"][:, 1], seen)],
 )
 '''
+ELEMENT = '''"""A tie whose strain is quadratic in the chord: e = (|delta|^2 - L^2) / 2 per metre."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+from pkmcal_cli.base.rotation import Array, dot
+from pkmcal_cli.elements.element import Element, LinkGeometry, add_scaled_identity
+
+
+@dataclass(frozen=True)
+class TieElement(Element):
+    """Green's strain of the chord; stiffness k (N/m)."""
+
+    uses_triads: ClassVar[bool] = False
+
+    @cached_property
+    def strains(self) -> tuple[str, ...]:
+        return ("green",)
+
+    def evaluate(self, link: LinkGeometry, rest: Array) -> tuple[Array, Array]:
+        return (dot(link.delta, link.delta)[..., None] - rest**2) / 2, link.delta[..., None, :]
+
+    def add_curvature(self, out: Array, link: LinkGeometry, stress: Array) -> None:
+        add_scaled_identity(out, stress[..., 0])
+'''
+EDITS = (
+    ("language/members.py", "class Rope(Axial[V]", """class Tie(Entity, Generic[V]):
+    \"\"\"A tie between two points.\"\"\"
+
+    noun: ClassVar[str] = "tie"
+
+    between: Two = Field(description="The two points that it connects")
+    length: Size[V] = Field(description="Unstressed length")
+    k: LinearStiffness[V] = Field(description="Stiffness (force/length)")
+
+
+"""),
+    (
+        "language/machine.py", "    joints: dict[Name, Joint",
+        '    ties: dict[Name, Tie[V]] = Field(default={}, description="Ties")\n',
+    ),
+    ("language/machine.py", "from pkmcal_cli.language.parts", "from pkmcal_cli.language.members import Tie\n"),
+    ("compiler/members.py", "    add_joints(structure)\n", """    for name, tie in structure.machine.ties.items():
+        ends = (structure.connection(tie.between[0]), structure.connection(tie.between[1]))
+        structure.builder.link(TieElement(), name, ends, rest=[number(tie.length)],
+                               stiffness=[number(tie.k)], rigid=[False])
+"""),
+    ("compiler/members.py", "from pkmcal_cli.compiler.structure",
+     "from pkmcal_cli.compiler.coefficient_values import number\nfrom pkmcal_cli.elements.tie import TieElement\n"),
+)  # fmt: skip
+"""Of each file what goes before which line."""
 COMMAND = '''"""`pkmcal count`."""
 
 from typing import Annotated
@@ -64,7 +120,7 @@ def count(machine: MachineFile) -> None:
 '''
 WORK = '''"""Counts parameters."""
 
-from pkmcal_cli.loading.machine import load_machine
+from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.report.console import Reporter
 
 
@@ -75,7 +131,12 @@ def run_count(machine: str) -> int:
 '''
 OVERLAY = f"""extends: {MACHINES / "triglide.yaml"}
 sensors: {{gauge: {{kind: height, at: tcp, zero: 120, sigma: 5 um}}}}
-effects: {{thermal_square@rod1: {{b: 4 um/(m*K*K)}}}}
+effects: {{only_in_a_test@rod1: {{b: 4 um/(m*K*K)}}}}
+"""
+TIED = f"""extends: {MACHINES / "triglide.yaml"}
+parameters: {{l3: 601, k3: {{nominal: 40000, range: 20000}}}}
+bars: {{rod3: null}}
+ties: {{tie: {{between: [B3, tcp], length: l3, k: k3}}}}
 """
 
 
@@ -87,9 +148,13 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "pkmcal_cli", package, ignore=shutil.ignore_patterns("__pycache__"))
     for file, text in (
         ("effects/square.py", EFFECT), ("sensors/height.py", SENSOR), ("commands/count.py", COMMAND),
-        ("workflow/count.py", WORK), ("../machine.yaml", OVERLAY),
+        ("workflow/count.py", WORK), ("../machine.yaml", OVERLAY), ("elements/tie.py", ELEMENT), ("../tied.yaml", TIED),
     ):  # fmt: skip
         (package / file).write_text(text, encoding="utf-8")
+    for file, line, text in EDITS:
+        code = (package / file).read_text(encoding="utf-8")
+        assert code.count(line) == 1, (file, line)
+        (package / file).write_text(code.replace(line, text + line), encoding="utf-8")
     return folder
 
 
@@ -112,7 +177,7 @@ def test_an_effect_and_a_kind_of_sensor_are_one_file_each(place: Path) -> None:
     """They are declared, simulated and identified."""
     found: dict[str, Any] = json.loads(ran(place, "check", "machine.yaml", "--json").stdout)
     assert "gauge" in found["channels"]
-    assert "thermal_square" in {e["effect"] for e in json.loads(ran(place, "effects", "--json").stdout)["effects"]}
+    assert "only_in_a_test" in {e["effect"] for e in json.loads(ran(place, "effects", "--json").stdout)["effects"]}
     grid = "x=200:700:6,y=160:390:6"
     ran(place, "simulate", str(MACHINES / "triglide.yaml"), "--grid", grid, "-o", "poses.csv")
     lines = [n for n in (place / "poses.csv").read_text(encoding="utf-8").splitlines() if not n.startswith("#")]
@@ -120,7 +185,34 @@ def test_an_effect_and_a_kind_of_sensor_are_one_file_each(place: Path) -> None:
     (place / "warm.csv").write_text("\n".join([*warm, ""]), encoding="utf-8")
     ran(place, "simulate", "machine.yaml", "warm.csv", "--noise", "declared", "--seed", "3", "-o", "measured.csv")
     (place / "unknown.yaml").write_text(OVERLAY.replace("b: 4 um", "b: 0 um"), encoding="utf-8")
-    names = "thermal_square@rod1.b"
+    names = "only_in_a_test@rod1.b"
     fit = json.loads(ran(place, "calibrate", "unknown.yaml", "measured.csv", "--select", names, "--json").stdout)
     (b,) = (p for p in fit["parameters"] if p["name"] == names)
-    assert abs(b["value"] - 4) < 4 * b["std"] < 2
+    assert abs(b["value"] - 4) < 4 * b["std_by_data"] < 2
+
+
+def test_an_element_is_one_file_and_three_edits(place: Path) -> None:
+    """A tie is declared, takes part in the equilibrium (the poses move), and its stiffness is identified."""
+    assert len({file for file, _, _ in EDITS}) == 3
+    check = json.loads(ran(place, "check", "tied.yaml", "--json").stdout)
+    assert (check["degrees_of_freedom"], check["degree_of_redundancy"]) == (2, 1)
+    grid = "x=300:600:5,y=200:350:5"  # poses of a rod of 600 mm: one of 601 mm strains the machine
+    ran(place, "simulate", str(MACHINES / "triglide.yaml"), "--grid", grid, "-o", "untied.csv")
+    ran(place, "simulate", "tied.yaml", "untied.csv", "--noise", "declared", "--seed", "5", "-o", "tied.csv")
+    (place / "unknown_tie.yaml").write_text(TIED.replace("nominal: 40000", "nominal: 30000"), encoding="utf-8")
+    fit = json.loads(ran(place, "calibrate", "unknown_tie.yaml", "tied.csv", "--select", "k3", "--json").stdout)
+    (k3,) = (p for p in fit["parameters"] if p["name"] == "k3")
+    assert abs(k3["value"] - 40_000) < 4 * k3["std_by_data"] < 8_000
+    assert "ties" in json.loads(ran(place, "schema").stdout)["properties"]
+
+
+def test_two_members_of_one_keyword_are_refused(tmp_path: Path) -> None:
+    """Else the later module would silently replace what the catalogue has."""
+    package = tmp_path / "pkmcal_cli"
+    shutil.copytree(ROOT / "pkmcal_cli", package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "effects" / "again.py").write_text(EFFECT.replace("only_in_a_test", "backlash"), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-c", "from pkmcal_cli.effects import catalogue; catalogue()"],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "`backlash` is in again.py and in reversal.py" in done.stderr

@@ -105,7 +105,7 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="exists") as caught, write_text(target, ()):
         raise AssertionError
     assert caught.value.exit_code == 4
-    assert "`--force` replaces it" in caught.value.text()
+    assert "use `--force` to replace it" in caught.value.text()
     with write_text(target, (), force=True) as file:
         file.write("new")
     assert target.read_text() == "new"

@@ -23,8 +23,8 @@ guides: {rail: {along: x}}
 ground: {A: [1000, 300]}
 nodes: {tcp: {at: [500, 350], fixed: [rz]}}
 bodies:
-  c1: {on: rail, at: 235, points: {B1: [0, b], C1: [0, 0]}}
-  c2: {on: rail, at: 765, points: {B2: [0, 50]}}
+  c1: {guide: rail, at: 235, points: {B1: [0, b], C1: [0, 0]}}
+  c2: {guide: rail, at: 765, points: {B2: [0, 50]}}
 bars:
   rod1: {between: [B1, tcp], length: l1, k: k}
   rod2: {between: [B2, tcp], length: l2 + 3, k: 70 kN/mm}
@@ -72,7 +72,7 @@ VALUES = [
     ("q2: {moves: c2}", "q2: {moves: c2, redundant: true}"),
     ("sigma: 5 um", "sigma: 6 um, offset: [0, 3]"),
     ("reads: [x, y]", "reads: {y: Y, x: X}"),
-    ("sensors: {", "sensors: {touch: {kind: touch, at: C1, on: bed, sigma: 1 um}, "),
+    ("sensors: {", "sensors: {touch: {kind: touch, at: C1, surface: bed, sigma: 1 um}, "),
     ("sensors: {", "sensors: {tape: {kind: bench, of: l1, reading: 400.1, sigma: 0.1}, "),
     ("sensors: {", "sensors: {wire: {kind: distance, at: tcp, to: A, sigma: 10 um}, "),
     ("space: planar", "space: planar\ndatum: [b]\nown_weight: false"),
@@ -126,30 +126,30 @@ def test_a_line_is_yaml_and_is_read_as_written(file: Path) -> None:
 
 # --- another machine -----------------------------------------------------------------------
 STRUCTURE: list[tuple[str, str, str]] = [
-    ("[B2, tcp]", "[C1, tcp]", "has bar `rod2` joined or made otherwise"),
+    ("[B2, tcp]", "[C1, tcp]", "changed: bar `rod2`"),
     (
         "points: {B2: [0, 50]}",
         "points: {}",
-        "has bar `rod2` joined or made otherwise",
+        "changed: bar `rod2`",
     ),  # the bar ends on the other carriage
-    ("length: l2 + 3", "length: l2 + l1", "has bar `rod2` joined or made otherwise"),
-    ("k: 70 kN/mm", "k: k", "has bar `rod2` joined or made otherwise"),
-    (", k: 70 kN/mm", "", "has bar `rod2` joined or made otherwise"),
-    ("B2: [0, 50]", "B2: [0, b]", "has body `c2` joined or made otherwise"),
-    ("B1: [0, b]", "B1: [b, 0]", "has body `c1` joined or made otherwise"),
-    ("A: [1000, 300]", "A: [1000, 300 + b]", "has ground point `A` in addition"),
-    ("fixed: [rz]", "mass: 2", "has node `tcp` joined or made otherwise"),
-    ("moves: c2", "moves: c2, stiffness: 80 kN/mm", "has actuator `q2` joined or made otherwise"),
-    ("control: force, ", "", "has actuator `q3` joined or made otherwise"),
-    ("zero: home, ", "", "has actuator `q3` joined or made otherwise"),
-    ("along: x", "along: x, stiffness: {y: 200 kN/mm}", "has guide `rail` joined or made otherwise"),
-    ("b: 50, ", "b: 50, w: {nominal: 0, per: session}, ", "has parameter `w`, sensor `wire` in addition"),
-    ("weight: {at: tcp,", "weight: {at: C1,", "has load `weight` joined or made otherwise"),
-    ("space: planar", "space: planar\ngravity: [0, -g]", "has key `gravity` joined or made otherwise"),
-    ("effects: {", "effects: {backlash@q2: {}, ", "has effect `backlash@q2` in addition"),
-    ("over: [200, 300]", "over: [200, 301]", "has effect `pitch_curve@q1` joined or made otherwise"),
-    ("frame: machine", "frame: fitted", "has sensor `tracker` in addition"),
-    ("ropes: {rope: {", "ropes: {cable: {", "has rope `cable` in addition; lacks rope `rope`"),
+    ("length: l2 + 3", "length: l2 + l1", "changed: bar `rod2`"),
+    ("k: 70 kN/mm", "k: k", "changed: bar `rod2`"),
+    (", k: 70 kN/mm", "", "changed: bar `rod2`"),
+    ("B2: [0, 50]", "B2: [0, b]", "changed: body `c2`"),
+    ("B1: [0, b]", "B1: [b, 0]", "changed: body `c1`"),
+    ("A: [1000, 300]", "A: [1000, 300 + b]", "additional: ground point `A`"),
+    ("fixed: [rz]", "mass: 2", "changed: node `tcp`"),
+    ("moves: c2", "moves: c2, stiffness: 80 kN/mm", "changed: actuator `q2`"),
+    ("control: force, ", "", "changed: actuator `q3`"),
+    ("zero: home, ", "", "changed: actuator `q3`"),
+    ("along: x", "along: x, stiffness: {y: 200 kN/mm}", "changed: guide `rail`"),
+    ("b: 50, ", "b: 50, w: {nominal: 0, per: session}, ", "additional: parameter `w`, sensor `wire`"),
+    ("weight: {at: tcp,", "weight: {at: C1,", "changed: load `weight`"),
+    ("space: planar", "space: planar\ngravity: [0, -g]", "changed: key `gravity`"),
+    ("effects: {", "effects: {backlash@q2: {}, ", "additional: effect `backlash@q2`"),
+    ("over: [200, 300]", "over: [200, 301]", "changed: effect `pitch_curve@q1`"),
+    ("frame: machine", "frame: fitted", "additional: sensor `tracker`"),
+    ("ropes: {rope: {", "ropes: {cable: {", "additional: rope `cable`; missing: rope `rope`"),
 ]
 
 
@@ -178,18 +178,18 @@ def test_the_order_of_held_directions_does_not_count() -> None:
     text = text.replace("bars:", "bars:\n  strut: {between: [post, A], k: 1 kN/mm}")
     one, other, less = (of(text.replace("HELD", held)) for held in ("[x, rz, y]", "[rz, x, y]", "[x, y]"))
     assert other.things == one.things
-    assert told(less, one) == "has node `post` joined or made otherwise"
+    assert told(less, one) == "changed: node `post`"
 
 
 def test_a_parameter_that_every_session_has_is_another_one() -> None:
     wire = "sensors: {wire: {kind: distance, at: tcp, to: C1, sigma: 1 um, zero: w}, "
     one = changed("sensors: {", wire).replace("b: 50, ", "b: 50, w: 0, ")
     each = one.replace("w: 0, ", "w: {nominal: 0, per: session}, ")
-    assert told(of(each), of(one)) == "has parameter `w` joined or made otherwise"
+    assert told(of(each), of(one)) == "changed: parameter `w`"
 
 
 def test_a_difference_is_told_from_both_sides() -> None:
     more = of(changed("effects: {", "effects: {backlash@q1: {}, backlash@q2: {}, zero@q1: {}, zero@q2: {}, "))
     words = "effect `backlash@q1`, effect `backlash@q2`, effect `zero@q1` and 1 more"
-    assert told(more, of(BASE)) == f"has {words} in addition"
-    assert told(of(BASE), more) == f"lacks {words}"
+    assert told(more, of(BASE)) == f"additional: {words}"
+    assert told(of(BASE), more) == f"missing: {words}"

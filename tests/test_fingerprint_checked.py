@@ -59,13 +59,13 @@ def test_every_command_refuses_values_of_another_machine(command: str, parameter
     bare, full = parameters
     line = 1 + full.splitlines().index(next(x for x in full.splitlines() if x.startswith("fingerprint: ")))
     for machine, text, words in (
-        (Path("effect.yaml"), bare, f"`{TRIGLIDE}`: `effect.yaml` has effect `backlash@q3` in addition\n"),
-        (TRIGLIDE, full, f"effect.yaml`: `{TRIGLIDE}` lacks effect `backlash@q3`\n"),
+        (Path("effect.yaml"), bare, f"`{TRIGLIDE}`; `effect.yaml` differs (additional: effect `backlash@q3`)\n"),
+        (TRIGLIDE, full, f"effect.yaml`; `{TRIGLIDE}` differs (missing: effect `backlash@q3`)\n"),
     ):
         done = taken(command, machine, text)
         assert done.code == 3 and done.out == "" and done.err.count("error[") == 1
         assert "error[fingerprint]: these values belong to another machine, " in done.err and words in done.err
-        assert done.err.endswith("machine that they belong to; to take them all the same, delete this line\n")
+        assert done.err.endswith("machine that they belong to; to accept them anyway, delete this line\n")
     assert f"p.yaml:{line}:1: " in done.err
 
 
@@ -83,7 +83,7 @@ def test_values_are_reused_on_purpose(command: str, parameters: tuple[str, str])
     Path("effect.yaml").write_text(EFFECT)
     done = taken(command, "effect.yaml", without(parameters[0]))
     assert done.code == 0
-    assert done.err.count("note: p.yaml: no fingerprint: nothing says which machine these values belong to\n") == 1
+    assert done.err.count("note: p.yaml: no fingerprint: cannot check which machine these values belong to\n") == 1
 
 
 def test_a_machine_that_was_changed_since(parameters: tuple[str, str]) -> None:
@@ -95,7 +95,7 @@ def test_a_machine_that_was_changed_since(parameters: tuple[str, str]) -> None:
     assert taken("sensitivity", "t.yaml", written).code == 0, "another nominal value"
     Path("t.yaml").write_text(text.replace("length: l1, k: k1", "length: l2, k: k1").replace("l2, k: k2", "l1, k: k2"))
     done = taken("sensitivity", "t.yaml", written)
-    words = "these values belong to `t.yaml` as it was: now it has bar `rod1`, bar `rod2` joined or made otherwise\n"
+    words = "these values belong to an earlier version of `t.yaml` (changed: bar `rod1`, bar `rod2`)\n"
     assert done.code == 3 and words in done.err
 
 
@@ -108,7 +108,7 @@ def test_a_machine_that_was_changed_since(parameters: tuple[str, str]) -> None:
 )  # fmt: skip
 def test_what_is_no_fingerprint(value: str) -> None:
     done = taken("sensitivity", TRIGLIDE, f"fingerprint: {value}\nparameters: {{l1: 300}}\n")
-    assert done.code == 3 and "p.yaml:1:1: error[fingerprint]: this is no fingerprint of a machine" in done.err
+    assert done.code == 3 and "p.yaml:1:1: error[fingerprint]: this is not the fingerprint of a machine" in done.err
     assert "\x1b" not in done.err
 
 

@@ -73,7 +73,7 @@ def test_a_grid_plate_that_stands_anywhere(tmp_path: Path) -> None:
     found, true = by_name(fitted), by_name(known)
     for name, value in (("tx", SHIFT[0]), ("ty", SHIFT[1]), ("rz", np.degrees(TURN))):
         p = found[f"frame@grid.{name}"]
-        assert p["value"] == pytest.approx(value, abs=4 * p["std"]) and p["std"] < 0.05, name
+        assert p["value"] == pytest.approx(value, abs=4 * p["std_by_data"]) and p["std_by_data"] < 0.05, name
     for name, p in true.items():
         if p["std"] is not None:
             spread = 4 * np.hypot(found[name]["std"], p["std"])
@@ -85,7 +85,7 @@ def test_a_camera_that_stands_anywhere(tmp_path: Path) -> None:
     table = moved(HANGPRINTER_DATA, ("x_mm", "y_mm", "z_mm"), tmp_path / "turned.csv")
     machine = overlay(tmp_path, HANGPRINTER, "camera")
     refused = run("calibrate", machine, table)
-    assert refused.code == 3 and "turn about x, turn about y, turn about z" in refused.err
+    assert refused.code == 3 and "rotation about x, rotation about y, rotation about z" in refused.err
     datum = refused.err[refused.err.index("`datum: [") :].split("`")[1]
     assert len(datum.split(",")) == 3
     machine.write_text(machine.read_text(encoding="utf-8") + datum + "\n", encoding="utf-8")

@@ -109,7 +109,7 @@ def test_guide_stiffness_is_the_papers_one_node_beam(load: str) -> None:
     {SI}
     space: planar
     guides: {{rail: {{along: x, stiffness: {{{kc}}}}}}}
-    bodies: {{car: {{on: rail, at: {length}, points: {{P: [0.1, 0.05]}}}}}}
+    bodies: {{car: {{guide: rail, at: {length}, points: {{P: [0.1, 0.05]}}}}}}
     actuators: {{q: {{moves: car, stiffness: {EA / length}}}}}
     {tail % "car"}
     """
@@ -136,7 +136,7 @@ def test_guide_stiffness_in_space_has_the_reversed_sign_about_y() -> None:
     {SI}
     space: spatial
     guides: {{rail: {{along: x, stiffness: {{{kc}}}}}}}
-    bodies: {{car: {{on: rail, at: {length}}}}}
+    bodies: {{car: {{guide: rail, at: {length}}}}}
     actuators: {{q: {{moves: car, stiffness: {EA / length}}}}}
     {load % "car"}
     sensors: {{probe: {PROBE % "car"}}}
@@ -211,7 +211,7 @@ def test_a_moment_on_a_carriage_without_tilt_goes_to_the_base() -> None:
     {SI}
     space: planar
     guides: {{rail: {{along: x}}}}
-    bodies: {{car: {{on: rail, at: 0.2}}}}
+    bodies: {{car: {{guide: rail, at: 0.2}}}}
     nodes: {{tip: [1.2, 0]}}
     bars: {{rod: {{between: [car, tip], EA: {EA}}}, stay: {{between: [top, tip], EA: {EA}}}}}
     ground: {{top: [0.2, 1]}}

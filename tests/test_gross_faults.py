@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bound import problem_of
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.hints import copied_rows, measurement_hints
 from pkmcal_cli.gross_errors.plausibility import Hint
-from pkmcal_cli.loading.machine import load_machine, load_measurements
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.prediction import Rows, predict
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, SCISSORS, TRIGLIDE, run
@@ -183,8 +183,8 @@ parameters: {pz: {nominal: -560 mm, range: 1 mm}}
 frames: {bed: {at: [0, 0, pz]}}
 sensors:
   tracker: null
-  probe: {kind: touch, at: platform, offset: [0, 0, -50], on: bed, sigma: 5 um}
-  side: {kind: touch, at: platform, offset: [0, 10, -50], on: bed, sigma: 5 um}
+  probe: {kind: touch, at: platform, offset: [0, 0, -50], surface: bed, sigma: 5 um}
+  side: {kind: touch, at: platform, offset: [0, 10, -50], surface: bed, sigma: 5 um}
 """
 
 
@@ -235,8 +235,8 @@ def test_instruments_that_stand_anywhere() -> None:
     assert fitted(np.copy) == ()
     for change in (times(1, -1), exchanged):
         (message,) = fitted(change)
-        assert message.startswith("`x`, `y`, `z` look mirrored: one axis turned in sign, or two columns swapped")
-    assert fitted(times(2, 1e-3))[0].startswith("`z` looks 1000 times too small (is it in m, not mm, or")
+        assert message.startswith("`x`, `y`, `z` look mirrored (one axis reversed in sign, or two columns swapped)")
+    assert fitted(times(2, 1e-3))[0].startswith("`z` looks 1000 times too small (is it in `m`, not `mm`, or")
     assert fitted(later(1))[0].startswith("the readings look shifted by one row")
 
 
@@ -248,14 +248,15 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 def test_rotated_drives_are_told_before_the_fit_ends_badly() -> None:
     text = Path(TRIGLIDE).with_suffix(".csv").read_text()
     Path("m.csv").write_text(text.replace("q1 [mm],q2 [mm],q3 [mm]", "q3 [mm],q1 [mm],q2 [mm]"))
     done = run("calibrate", TRIGLIDE, "m.csv")
     told, *_ = done.err.splitlines()
-    assert "more is left than sigma explains" in done.err.partition(told)[2]
-    assert told.startswith("warning: `q1`, `q2` and `q3` look rotated by one (`q1` has the readings of `q2`, ")
-    assert told.endswith("when put right") and "residual rms" in told
+    assert "out of reach" in done.err.partition(told)[2]
+    assert told.startswith("warning: `q1`, `q2` and `q3` look shifted by one column (`q1` has the readings of `q2`, ")
+    assert told.endswith("after correction") and "residual rms" in told
     assert run("check", TRIGLIDE, "m.csv").code == 1
 
 
@@ -265,14 +266,14 @@ def test_a_reading_that_was_left_out_is_told_with_its_lines() -> None:
     moved = [a[:5] + b[5:] for a, b in pairwise(cells[30:])]  # the 31st reading is missing
     Path("m.csv").write_text("\n".join([head, *lines[:30], *(",".join(row) for row in moved)]))
     told = run("check", SCISSORS, "m.csv").err
-    assert "the readings look shifted by one row from m.csv:33 (32) to m.csv:80 (79): residual of `" in told
+    assert "the readings look shifted by one row from m.csv:33 (32) to m.csv:80 (79): `" in told
     assert "when each row takes the readings of the row before" in told
 
 
 def test_copies_are_told_and_are_no_fault() -> None:
     head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()
     Path("m.csv").write_text("\n".join([head, *lines, f"again,{lines[6].partition(',')[2]}"]))
-    words = "1 row is a copy of another, the same to the last digit (m.csv:8 (7) and m.csv:82 (again))"
+    words = "1 row is an exact copy of another (m.csv:8 (7) and m.csv:82 (again))"
     done = run("check", SCISSORS, "m.csv", "--json")
     assert done.code == 0 and done.json["measurements"]["warnings"][0].startswith(words)
     assert f"warning: {words}" in done.err and f"warning: {words}" in run("calibrate", SCISSORS, "m.csv").err

@@ -47,6 +47,7 @@ def exchanged(*pairs: tuple[str, str]) -> dict[str, str]:
     return {a: b for pair in pairs for a, b in (pair, pair[::-1])}
 
 
+LONG = {"two drives": pytest.mark.slow}
 CASES = {
     "one coordinate of two points": (
         exchanged(("tracker.P1.x", "tracker.P3.x")), {}, "`tracker.P1.x` and `tracker.P3.x` look swapped",
@@ -57,14 +58,14 @@ CASES = {
     ),
     "unit of one reflector": (
         {}, {f"tracker.P3.{c}": 0.1 for c in "xyz"},
-        "`tracker.P3.x`, `tracker.P3.y`, `tracker.P3.z` look 10 times too small (is it in cm, not mm?)",
+        "`tracker.P3.x`, `tracker.P3.y`, `tracker.P3.z` look 10 times too small (is it in `cm`, not `mm`?)",
     ),
     "two drives": (exchanged(("q2", "q3")), {}, "`q2` and `q3` look swapped"),
     "nothing": ({}, {}, ""),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [pytest.param(c, marks=LONG.get(c, ())) for c in CASES])
 def test_what_is_wrong_is_named(case: str, tmp_path: Path) -> None:
     change, times, words = CASES[case]
     done = run("check", *spoilt(tmp_path, change, times))

@@ -25,7 +25,7 @@ LOAD = np.array([300.0, -500.0])
 STIFF, SOFT = (2e12, 5e11), (20e6, 60e3)  # N/m, N m/rad
 SIZES = {
     "straight@rail.y": "n2: 500 um, n3: -300 um, over: [0, 1400]",
-    "guide_angle@rail.y": "g: 900 urad",
+    "guide_angle@rail.y": "g: 900 urad, over: [0, 1400]",
     "sag@rail.y": "c: 400 um, over: [0, 1400]",
     "carriage_angle@c2.rz": "a1: 700 urad, a2: -400 urad, over: [0, 1400]",
     "none": "",
@@ -38,7 +38,7 @@ def shape(name: str, q: float) -> tuple[float, float]:
     second, third = (3 * u**2 - 1) / 2, (5 * u**3 - 3 * u) / 2
     across = {
         "straight@rail.y": 500e-6 * second - 300e-6 * third,
-        "guide_angle@rail.y": 900e-6 * q,
+        "guide_angle@rail.y": 900e-6 * (q - LONG / 2),
         "sag@rail.y": -400e-6 * (1 - u**2) ** 2,
     }
     turn = 700e-6 * u - 400e-6 * second if name.startswith("carriage") else 0.0

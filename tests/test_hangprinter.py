@@ -94,7 +94,7 @@ def test_line_stiffness_is_not_identifiable() -> None:
     problem, _ = measured("2022-04-12")
     found = identify(problem, select(problem.model, f"{RADII},EA"))
     k = found.selected.index("EA")
-    assert found.found.held[-1]
+    assert found.directions.held[-1]
     assert found.values[problem.model.names.index("EA")] == pytest.approx(20000, abs=0.01 * 10000)
     assert found.std[k] == pytest.approx(10000 / 2, rel=1e-3)
     assert np.delete(found.std, k) == pytest.approx(calibrated("2022-04-12", "D", RADII).fit.std, rel=1e-3)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import (
@@ -21,6 +20,7 @@ from pkmcal_cli.calibration.holdout import (
     validate,
 )
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
@@ -219,7 +219,7 @@ def noise_against_theory(count: int = 25, folds: int = 6) -> NoiseHeldOut:
         rng = np.random.default_rng(seed)
         problem = plan.measured(plan.drawn(rng), rng)
         fit = identify(problem, plan.selected)
-        assert not fit.found.held.any()
+        assert not fit.directions.held.any()
         held.append(cross_validate(problem, fit, labels, "").after["position"].criterion)
         fitted.append(error_figures(problem, fit.after)["position"].criterion)
     near = linearise(problem, evaluate(problem, plan.model.nominal, plan.selected)).jacobian.reshape(36, 2, -1)
@@ -248,7 +248,7 @@ def test_held_out_error_of_noise() -> None:
 def test_a_holdout_that_is_none_is_refused(tmp_path: Path) -> None:
     """Words that are no scheme, and the very rows that are fitted: their error would say nothing."""
     word = run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "sessions")
-    assert word.code == 2 and "`sessions` is none\nhelp: did you mean `session`?" in word.err
+    assert word.code == 2 and "`sessions` is not a scheme\nhelp: did you mean `session`?" in word.err
     same = run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", TRIGLIDE_DATA)
     assert same.code == 2 and "are fitted" in same.err
     copy = tmp_path / "copy.csv"

@@ -19,7 +19,7 @@ from pkmcal_cli.calibration.identifiability import (
     directions,
 )
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.observability import observability
+from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows, predict
@@ -54,7 +54,7 @@ bodies:
       P3b: [-r3/2 - 40*sin(pi/3), -r3*sin(pi/3) + 20, 0]
   "c{i}":
     each: {i: [1, 2, 3]}
-    on: "rail{i}"
+    guide: "rail{i}"
     at: 0
     points: {"C{i}a": ["R{i}", 40, 0], "C{i}b": ["R{i}", -40, 0]}
 bars:
@@ -103,10 +103,10 @@ def test_a_rod_and_its_joint_at_one_pose(name: str) -> None:
     fit = identify(problem, ("l1", "xb1r"))
     assert fit.status == "converged"
     assert np.isnan(fit.std).all()
-    (found,) = combinations(fit.found)
+    (found,) = combinations(fit.directions)
     assert found.kind == "null"
     assert set(found.names) == {"l1", "xb1r"}
-    assert np.abs(fit.found.vectors[fit.found.null] @ moved(fit, machine)).max() < 1e-3  # both turn a little
+    assert np.abs(fit.directions.vectors[fit.directions.null] @ moved(fit, machine)).max() < 1e-3  # both turn a little
     ((coefficients, value, std, unit),) = determined_sums(machine, found, fit)
     along = (0.36 - q[0, 0]) / 0.3
     assert unit == "mm"
@@ -144,8 +144,8 @@ def test_the_command_tells_it(name: str, tmp_path: object) -> None:
     (sum_,) = found["determined"]
     true = sum_["coefficients"]["l1"] * 300.04 + sum_["coefficients"]["xb1r"] * -0.07
     assert abs(sum_["value"] - true) < 4 * sum_["std"]
-    assert 0 < sum_["std"] < 0.02
-    assert "apart they are not seen" in done.err
+    assert 0.02 < sum_["std"] < 0.1, "the others, which are held, may be 0.1 mm off"
+    assert "The data cannot separate these parameters." in done.err
 
 
 def test_where_what_is_told_to_hold_is_held_the_others_are_seen() -> None:
@@ -161,7 +161,7 @@ def test_one_more_pose_determines_them() -> None:
     machine = model("triglide-nonredundant")
     q = drive_positions(machine, np.array([[0.36, 0.2, 0, 0, 0, 0], [0.36, 0.35, 0, 0, 0, 0]])).readings
     fit = identify(measured(machine, q, {"l1": 4e-5, "xb1r": -7e-5}), ("l1", "xb1r"))
-    assert not fit.found.null.any()
+    assert not fit.directions.null.any()
     assert np.isfinite(fit.std).all()
 
 
@@ -198,8 +198,8 @@ def test_a_delta_of_which_only_heights_are_known() -> None:
     names = tuple(n for n in machine.names if n[0] != "g")
     fit = identify(problem, names)
     assert fit.status == "converged"
-    assert fit.found.null.sum() == 3
-    found = {c.names: c for c in combinations(fit.found) if c.kind == "null"}
+    assert fit.directions.null.sum() == 3
+    found = {c.names: c for c in combinations(fit.directions) if c.kind == "null"}
     assert {frozenset(n) for n in found} == {frozenset({f"R{i}", f"r{i}"}) for i in (1, 2, 3)}
     change = dict(zip(names, moved(fit, machine), strict=True))
     for pair, combination in found.items():
@@ -224,7 +224,7 @@ def test_its_determined_sums_are_as_sure_as_they_say() -> None:
     machine, problem = delta_problem({"R1": 4e-4, "r2": -3e-4, "l3": 5e-4}, noise=2)
     every = ("R1", "R2", "R3", "r1", "r2", "r3", "l1", "l2", "l3")
     both, known = identify(problem, every), identify(problem, ("R1", "R2", "R3", "l1", "l2", "l3"))
-    for combination in combinations(both.found):
+    for combination in combinations(both.directions):
         ((coefficients, value, std, _),) = determined_sums(machine, combination, both)
         column = next(iter(coefficients))[1]
         alone = known.values[machine.names.index(f"R{column}")] - 0.06
@@ -238,7 +238,7 @@ def test_the_turn_of_the_whole_machine() -> None:
     """About z, no height changes: one direction of three parameters, two sums of them are determined."""
     _, problem = delta_problem({})
     fit = identify(problem, ("g1", "g2", "g3", "l1", "l2", "l3"))
-    null = [c for c in combinations(fit.found) if c.kind == "null"]
+    null = [c for c in combinations(fit.directions) if c.kind == "null"]
     assert [set(c.names) for c in null] == [{"g1", "g2", "g3"}]
     assert np.abs(null[0].motions) == pytest.approx(np.ones((1, 3)), abs=1e-6)
     assert null[0].determined.shape == (2, 3)
@@ -251,8 +251,8 @@ def test_observability_tells_it_before_anything_is_measured() -> None:
     machine, problem = delta_problem({})
     plan = design_problem(machine, problem.rows)
     found = observability(plan, machine.nominal, ("R1", "r1", "l1", "l2"))
-    assert found.found.rank == 3
-    assert found.found.condition_number == np.inf
+    assert found.directions.rank == 3
+    assert found.directions.condition_number == np.inf
     assert np.isnan(found.std).tolist() == [True, True, False, False]
     assert [c.kind for c in found.undetermined] == ["null"]
     assert found.indices["O1"] == 0
@@ -261,13 +261,13 @@ def test_observability_tells_it_before_anything_is_measured() -> None:
 def test_json_of_a_combination() -> None:
     machine, problem = delta_problem({"R1": 2e-4})
     fit = identify(problem, ("R1", "r1", "l1"))
-    (combination,) = combinations(fit.found)
+    (combination,) = combinations(fit.directions)
     (shown,) = combination_json(machine, combination, fit)
     assert shown["kind"] == "null"
     assert shown["std_in_ranges"] is None
     assert shown["determined"][0]["value"] == pytest.approx(240.2, abs=1e-6)  # type: ignore[index]
     assert json.loads(json.dumps(shown)) == shown
-    assert replace(combination, kind="weak").text.endswith("are barely told apart")
+    assert replace(combination, kind="weak").text.endswith("can hardly be separated")
 
 
 def test_sums_of_lengths_and_angles_are_of_values_as_shown() -> None:
@@ -275,7 +275,7 @@ def test_sums_of_lengths_and_angles_are_of_values_as_shown() -> None:
     machine = model("triglide-nonredundant")
     q = drive_positions(machine, np.array([[0.36, 0.275, 0, 0, 0, 0]])).readings
     fit = identify(measured(machine, q, {"l1": 4e-5, "gamma": 1e-3}), ("l1", "xb1r", "gamma"))
-    (combination,) = combinations(fit.found)
+    (combination,) = combinations(fit.directions)
     shown = dict(zip(fit.selected, (fit.values[machine.names.index(n)] for n in fit.selected), strict=True))
     values = {"l1": shown["l1"] * 1e3, "xb1r": shown["xb1r"] * 1e3, "gamma": np.degrees(shown["gamma"])}
     for coefficients, value, std, unit in determined_sums(machine, combination, fit):

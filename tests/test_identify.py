@@ -47,8 +47,8 @@ def test_at_the_solution_the_gradient_vanishes() -> None:
         fit = identify(problem, shipped(name).selected)
         near = linearise(problem, evaluate(problem, fit.values, fit.selected))
         gradient = (near.jacobian * shipped(name).ranges).T @ near.residual
-        moved = fit.found.vectors[~fit.found.held]
-        steps = (moved @ gradient) / fit.found.singular_values[~fit.found.held] ** 2
+        moved = fit.directions.vectors[~fit.directions.held]
+        steps = (moved @ gradient) / fit.directions.singular_values[~fit.directions.held] ** 2
         assert np.abs(steps).max() < 1e-6
 
 
@@ -165,10 +165,10 @@ def test_weak_directions_are_not_moved() -> None:
     """
     plan, problem, _ = noisy("triglide")
     fit = identify(problem, plan.selected)
-    assert fit.found.weak.sum() == 3
+    assert fit.directions.weak.sum() == 3
     moved = (fit.values - plan.model.nominal)[plan.index] / plan.ranges
-    assert np.abs(fit.found.vectors[fit.found.weak] @ moved).max() < 0.01
-    assert np.abs(fit.found.vectors[~fit.found.weak] @ moved).max() > 0.3
+    assert np.abs(fit.directions.vectors[fit.directions.weak] @ moved).max() < 0.01
+    assert np.abs(fit.directions.vectors[~fit.directions.weak] @ moved).max() > 0.3
 
 
 # what must not matter -------------------------------------------------------------------------------------------------
@@ -184,9 +184,9 @@ def test_order_of_rows_does_not_matter() -> None:
 def test_order_of_parameters_does_not_matter() -> None:
     plan, problem, _ = noisy()
     backwards = identify(problem, plan.selected[::-1])
-    found = backwards.found
+    found = backwards.directions
     turned = replace(found, names=found.names[::-1], vectors=found.vectors[:, ::-1], ranges=found.ranges[::-1])
-    backwards = replace(backwards, found=turned)
+    backwards = replace(backwards, directions=turned)
     assert_same(identify(problem, plan.selected), backwards)
 
 

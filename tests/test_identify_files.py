@@ -29,8 +29,8 @@ parameters: {l1: 300 mm, l2: 300 mm, xb1: 0, xb2: 0, y1: 100 mm, y2: 100 mm, k: 
 guides: {rail: {along: x}}
 nodes: {tcp: [360 mm, 275 mm]}
 bodies:
-  c1: {on: rail, at: 117 mm, points: {B1: [xb1, y1]}}
-  c2: {on: rail, at: 603 mm, points: {B2: [xb2, y2]}}
+  c1: {guide: rail, at: 117 mm, points: {B1: [xb1, y1]}}
+  c2: {guide: rail, at: 603 mm, points: {B2: [xb2, y2]}}
 bars:
   rod1: {between: [B1, tcp], length: l1, k: k}
   rod2: {between: [B2, tcp], length: l2, k: k}
@@ -114,7 +114,7 @@ def test_columns_of_sigma_weigh_the_cells(tmp_path: Path, capsys: pytest.Capture
 
     Ranges so wide that data alone determine everything: only then does std follow sigma.
     """
-    wide = text(spread="10")
+    wide = text(spread="10").replace("sigma: 10 um", "sigma: 10 um, sigma_is: exact")
     rows, spread = measured(), np.full((40, 2), np.nan)
     spoilt = rows.copy()
     spoilt[7, 2] += 1.0
@@ -128,7 +128,7 @@ def test_columns_of_sigma_weigh_the_cells(tmp_path: Path, capsys: pytest.Capture
     spread[:] = 0.02
     twice = calibrated(tmp_path, table(tmp_path / "t.csv", np.hstack([measured(), spread]), header), capsys, wide)
     once = calibrated(tmp_path, table(tmp_path / "o.csv", measured()), capsys, wide)
-    assert numbers(twice, "std") == pytest.approx(2 * numbers(once, "std"), rel=1e-6)
+    assert numbers(twice, "std") == pytest.approx(2 * numbers(once, "std"), rel=1e-3)
     assert twice["chi2"] == pytest.approx(once["chi2"] / 4, rel=1e-6)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.diagnosis.improve import Improvement
+from pkmcal_cli.diagnosis.closed_loop import Improvement
 from pkmcal_cli.workflow import improve as workflow
 from tests.command import TRIGLIDE, clean, environment, run
 
@@ -87,11 +87,13 @@ def test_the_parameters_name_the_improved_machine(made: Made) -> None:
     """Neither the machine that was improved takes them, nor the improved one those of its base."""
     lay(*made.new)
     done = clean(run("sensitivity", "base.yaml", "-p", VALUES))
-    words = "these values belong to another machine, `better.yaml`: `base.yaml` lacks effect `backlash@q1`\n"
+    words = (
+        "these values belong to another machine, `better.yaml`; `base.yaml` differs (missing: effect `backlash@q1`)\n"
+    )
     assert done.code == 3 and words in done.err and done.err.count("error[") == 1
     assert run("calibrate", "base.yaml", "meas.csv", "--select", "l1", "--holdout", "none", "-o", "p.yaml").code == 0
     done = clean(run("calibrate", MACHINE, "meas.csv", "-p", "p.yaml"))
-    assert done.code == 3 and "`better.yaml` has effect `backlash@q1` in addition\n" in done.err
+    assert done.code == 3 and "`better.yaml` differs (additional: effect `backlash@q1`)\n" in done.err
 
 
 def test_an_overlay_and_the_flat_machine_are_one(made: Made) -> None:
@@ -141,7 +143,7 @@ def test_neither_is_written_where_one_exists(there: str, made: Made, monkeypatch
     monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
     Path(there).write_text("mine")
     done = clean(run(*(a for a in IMPROVE if a != "--force")))
-    assert done.code == 4 and f"{there}: error[output]: the file exists" in done.err
+    assert done.code == 4 and f"{there}: error[output]: the file already exists" in done.err
     assert {p.name for p in Path().iterdir()} == {*made.base, there} and Path(there).read_text() == "mine"
 
 
@@ -154,7 +156,7 @@ def test_a_base_whose_name_must_be_quoted(made: Made, monkeypatch: pytest.Monkey
         Path(name).rename("base.yaml")
     Path("t\udcff.yaml").write_text(made.base["base.yaml"], encoding="utf-8")
     done = clean(run("improve", "t\udcff.yaml", *IMPROVE[2:]))
-    assert done.code == 2 and "whose name is no text\nhelp: rename it" in done.err
+    assert done.code == 2 and "whose name is not printable\nhelp: rename the machine file" in done.err
 
 
 def test_targets_behind_links(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +175,7 @@ def test_targets_behind_links(made: Made, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("target", ["/dev/null", "-"])
 def test_a_pair_is_two_files(target: str) -> None:
     done = clean(run("improve", "base.yaml", "meas.csv", "-o", target))
-    assert done.code == 2 and "the machine and its parameters go to two files" in done.err
+    assert done.code == 2 and "the machine and its parameters need two files" in done.err
 
 
 KILLED = """
@@ -231,4 +233,4 @@ def test_other_constants_of_the_same_effect_are_another_machine(made: Made) -> N
         pairs.append(pair())
     lay(pairs[0][0], pairs[1][1])
     assert not accepted()
-    assert "effect `pitch_curve@q1` joined or made otherwise" in run("sensitivity", MACHINE, "-p", VALUES).err
+    assert "changed: effect `pitch_curve@q1`" in run("sensitivity", MACHINE, "-p", VALUES).err

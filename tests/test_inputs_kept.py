@@ -26,7 +26,7 @@ COMMANDS: dict[str, tuple[list[str], set[str]]] = {
     "improve": (["improve", "m.yaml", "a.csv", "--validation", "h.csv"], MACHINE | {"a.csv", "h.csv"}),
 }
 PAIRS = [(command, file) for command, (_, files) in COMMANDS.items() for file in sorted(files)]
-WORK = ("calibrate.fitted", "plan.plan_of", "improve.improve", "simulate.predict")
+WORK = ("calibrate.calibrated", "plan.plan_of", "improve.improve", "simulate.predict")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def refused(done: Done, target: str, before: dict[str, bytes]) -> None:
     clean(done)
     assert done.code == 4, done.err
     assert f"{target}: error[output]: this file is an input of the command" in done.err
-    assert done.err.endswith("help: give the result another name\n") and done.out == ""
+    assert done.err.endswith("help: choose another name for the result\n") and done.out == ""
     assert files() == before, "nothing has changed, nothing is left behind"
 
 
@@ -99,7 +99,7 @@ def test_these_are_all_files_that_are_read(command: str, folder: Path, monkeypat
     monkeypatch.setattr("builtins.open", spy)
     arguments, expected = COMMANDS[command]
     assert run(*arguments, "-o", "out.yaml").code in (0, 1)
-    assert opened == expected
+    assert {name for name in opened if not name.endswith(".part")} == expected
     if command in ("calibrate", "simulate"):
         text = Path("out.yaml").read_text(encoding="utf-8")
         assert all(f"{name}: " in text for name in expected), "with their sha256"
@@ -174,13 +174,13 @@ def test_a_target_that_is_linked_meanwhile(monkeypatch: pytest.MonkeyPatch) -> N
     before = files()
     from pkmcal_cli.workflow import calibrate
 
-    plain = calibrate.fitted
+    plain = calibrate.calibrated
 
     def slow(*arguments: Any, **named: Any) -> Any:
         os.link("h.csv", "new.yaml")
         return plain(*arguments, **named)
 
-    monkeypatch.setattr(calibrate, "fitted", slow)
+    monkeypatch.setattr(calibrate, "calibrated", slow)
     done = run("calibrate", "m.yaml", "a.csv", "--holdout", "h.csv", "-o", "new.yaml", "--force", "-q")
     assert done.code == 4 and "input of the command, `h.csv`" in done.err
     assert files() == before | {"new.yaml": before["h.csv"]}

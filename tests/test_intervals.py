@@ -11,14 +11,15 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import _blocks, bootstrap_intervals
-from pkmcal_cli.calibration.bound import problem_of
+from pkmcal_cli.calibration.error_budget import error_budget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.intervals import profile_intervals
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
-from pkmcal_cli.loading.machine import load_machine, load_measurements
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, run
 
@@ -39,8 +40,9 @@ def test_the_profile_of_one_parameter_knows_the_errors_of_the_drives(name: str) 
     _, problem = campaign("hangprinter")
     fit = identify(problem, (name,))
     assert fit.status == "converged"
-    found = profile_intervals(problem, fit, places(problem, fit)).std
-    assert found == pytest.approx(fit.std, rel=0.1)  # far from a good fit, as the others are held: chi-square is bent
+    budget = error_budget(problem, fit)
+    found = profile_intervals(problem, fit, budget, places(problem, fit)).std
+    assert found == pytest.approx(budget.std, rel=0.1)  # as others are held, far from a good fit: bent
 
 
 def test_a_profile_ends_at_a_bound() -> None:
@@ -49,7 +51,8 @@ def test_a_profile_ends_at_a_bound() -> None:
     high = fit.values[plan.index[0]] + 0.5 * fit.std[0]
     bounded = [replace(p, bounds=(-np.inf, high)) if p.name == plan.selected[0] else p for p in plan.model.parameters]
     problem = replace(problem, model=replace(problem.model, parameters=tuple(bounded)))
-    found = profile_intervals(problem, identify(problem, plan.selected), places(problem, fit)).low_high[0]
+    again = identify(problem, plan.selected)
+    found = profile_intervals(problem, again, error_budget(problem, again), places(problem, fit)).low_high[0]
     assert found[1] == high and found[0] == pytest.approx(fit.values[plan.index[0]] - 1.96 * fit.std[0], rel=0.01)
 
 
@@ -63,17 +66,21 @@ def test_what_ranges_know_is_not_widened_with_the_data() -> None:
     prior = prior_of_ranges(plan.model, names)
     problem = replace(right, sigma=right.sigma / 3, drive_sigma=right.drive_sigma / 3, prior=prior)
     fit = identify(problem, names)
-    spread = fit.widened.found.spread
+    budget = error_budget(problem, fit)
+    spread = budget.scales.typical_noise
     assert spread == pytest.approx(9, rel=0.3)
-    both = fit.found.vectors.T * fit.found.singular_values**2 @ fit.found.vectors  # in ranges
+    both = fit.directions.vectors.T * fit.directions.singular_values**2 @ fit.directions.vectors  # in ranges
     information = both - 4 * np.eye(len(names))
     inverse = np.linalg.inv(information + 4 * np.eye(len(names)))
-    variance = inverse @ (spread * information + 4 * np.eye(len(names))) @ inverse
+    own = (budget.scales.typical / 2) ** 2  # what offsets are, in ranges squared
+    variance = inverse @ (spread * information + 16 * np.diag(own)) @ inverse
     std = np.sqrt(np.diag(variance)) * plan.model.ranges
-    assert fit.widened.std == pytest.approx(std, rel=0.02)
-    profile = profile_intervals(problem, fit.widened, places(problem, fit))
-    assert profile.std == pytest.approx(fit.widened.std, rel=0.03)
-    assert not fit.found.held.any()
+    assert np.median(budget.std / std) == pytest.approx(1.08, abs=0.1)  # tails make them wider
+    seen = budget.share_of_ranges < 0.5
+    assert seen.any() and budget.std[seen] == pytest.approx(std[seen], rel=0.1)
+    profile = profile_intervals(problem, fit, budget, places(problem, fit))
+    assert profile.std == pytest.approx(budget.std, rel=0.03)
+    assert not fit.directions.held.any()
 
 
 def test_the_bootstrap_takes_what_the_ranges_know_as_it_is() -> None:
@@ -85,10 +92,21 @@ def test_the_bootstrap_takes_what_the_ranges_know_as_it_is() -> None:
     assert np.ptp(found.low_high, axis=1) / 2 == pytest.approx(1.96 * plan.ranges / 2, rel=0.15)
 
 
+def test_the_bootstrap_scales_what_the_ranges_know_as_a_fit_says() -> None:
+    """Ranges that stand over the root of a spread of 4: nothing but the prior is known, and std is twice as large."""
+    plan, problem = campaign("triglide")
+    blind = replace(problem, sigma=np.full(problem.sigma.shape, 1e3), prior=prior_of_ranges(plan.model, plan.selected))
+    fit, session = identify(blind, plan.selected), np.zeros(len(blind))
+    plain, wide = (
+        bootstrap_intervals(blind, f, places(blind, fit), session, 0).std for f in (fit, fit.with_spread(4.0))
+    )
+    assert wide == pytest.approx(2 * plain, rel=0.02)
+
+
 @pytest.mark.parametrize("reading", [287.4, 287.95])
 def test_a_length_on_the_bench_is_as_sure_as_stated_whatever_it_read(reading: float, tmp_path: Path) -> None:
     machine = tmp_path / "m.yaml"
-    bench = f"rule: {{kind: bench, of: rod, reading: {reading}, sigma: 0.1 mm}}"
+    bench = f"rule: {{kind: bench, of: rod, reading: {reading}, sigma: 0.1 mm, sigma_is: exact}}"
     machine.write_text(f"extends: {MACHINES / 'delta-printer.yaml'}\nsensors: {{{bench}}}\n", encoding="utf-8")
     args = ("calibrate", machine, MACHINES / "delta-printer.csv", "--select", "all", "--holdout", "none", "--json")
     linear, drawn = (
@@ -147,7 +165,6 @@ def test_an_excess_is_significant_at_one_percent() -> None:
     fit = replace(identify(problem, plan.selected), dof=100)
     assert replace(fit, chi2=135.0).excess == 1.0
     assert replace(fit, chi2=136.5).excess == pytest.approx(1.365)
-    assert replace(fit, chi2=136.5).widened.std == pytest.approx(fit.std * np.sqrt(1.365))
 
 
 def test_rows_that_a_length_joins_are_one_block_of_the_bootstrap() -> None:

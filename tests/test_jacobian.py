@@ -67,7 +67,7 @@ KINDS = {
 def test_a_parameter_in_every_place_of_the_machine_file(space: str) -> None:
     text, moves = KINDS[space]
     machine = model(text)
-    found = jacobian_check(text, machine.drawn_readings + np.array(moves), strained_values(text, 0))
+    found = jacobian_check(text, machine.reference_readings + np.array(moves), strained_values(text, 0))
     passes(found)
     assert found.columns == len(machine.names) + len(machine.actuators)
 
@@ -106,10 +106,10 @@ def test_every_kind_of_drive_in_force_control(kind: str) -> None:
         "parameters:\n", f"parameters:\n      Fd: {{nominal: {force}, range: {force}}}\n"
     )
     machine = model(text)
-    driven = [d.name for d in machine.layout.drives if d.force_controlled]
+    driven = [d.name for d in machine.topology.drives if d.force_controlled]
     values = machine.by_name(strained_values(text, 0))
     values["Fd"] = machine.by_name(machine.nominal)["Fd"]
-    found = jacobian_check(text, machine.drawn_readings + 0.3 * np.array(moves), np.array(list(values.values())))
+    found = jacobian_check(text, machine.reference_readings + 0.3 * np.array(moves), np.array(list(values.values())))
     passes(found, tuple(driven))
 
 
@@ -118,7 +118,7 @@ def test_ideal_carriage_in_force_control() -> None:
     text = text.replace("      kd1: {nominal: 4000, unit: N/mm}\n", "      Fd: {nominal: 30, unit: N}\n")
     text = text.replace("drives: slide3, redundant: true", "drives: slide3")
     machine = model(text)
-    found = jacobian_check(text, machine.drawn_readings + np.array(KINDS["planar"][1]), strained_values(text, 0))
+    found = jacobian_check(text, machine.reference_readings + np.array(KINDS["planar"][1]), strained_values(text, 0))
     passes(found, ("q1",))
 
 

@@ -16,7 +16,7 @@ from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.machine import Machine, axis_vector
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.language.walk import drafts, quantities
+from pkmcal_cli.language.walk import quantities, written_values
 from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, STIFFNESS
 from tests.machine_texts import TRIGLIDE, faults, read, warned
 
@@ -49,9 +49,9 @@ def test_the_triglide_is_resolved() -> None:
     assert machine.actuators["q3"].redundant and machine.actuators["q3"].kind == "carriage"
     assert machine.actuators["q1"].column == "q1"
     assert [(c.name, c.column) for c in channels_of(machine)] == [("x", "x"), ("y", "y")]
-    assert machine.sensors["tracker"].sigma[""].value({}) == 1e-5
+    assert machine.sensors["tracker"].sigma[""].constant.value({}) == 1e-5
     assert machine.warnings == ()
-    assert not list(drafts(machine))
+    assert not list(written_values(machine))
 
 
 def test_defaults_depend_on_the_space(tmp_path: Path) -> None:
@@ -136,8 +136,8 @@ def test_pi_and_degrees_are_doubted(tmp_path: Path) -> None:
     text += "ground: {o: [0, 0]}\nbars: {b: {between: [o, p]}}\n"
     found = warned(tmp_path, text)
     assert found == [
-        "`cos(30)` is of 30 rad: numbers in functions are in rad",
-        "`pi/2` is taken in deg, the file's unit of angles",
+        "`cos(30)` is evaluated at 30 rad: function arguments are in rad",
+        "`pi/2` is read in deg, the angle unit of this file",
     ]
     assert warned(tmp_path, text.replace("cos(30)", "cos(30*pi/180)").replace("pi/2", "90")) == []
 
@@ -145,19 +145,19 @@ def test_pi_and_degrees_are_doubted(tmp_path: Path) -> None:
 def test_masses_without_gravity_are_doubted(tmp_path: Path) -> None:
     text = "space: spatial\nground: {o: [0, 0, 0]}\nnodes: {n: {at: [1, 0, 0], mass: 2}}\n"
     text += "bars: {b: {between: [o, n]}}\n"
-    assert warned(tmp_path, text) == ["masses are given, but no gravity: they weigh nothing"]
+    assert warned(tmp_path, text) == ["`gravity` is missing: the given masses have no weight"]
     assert warned(tmp_path, text + "own_weight: false\n") == []
     assert warned(tmp_path, text + "gravity: [0, 0, -9.81]\n") == []
 
 
 def test_a_body_point_that_is_used_by_nothing_is_doubted(tmp_path: Path) -> None:
     text = TRIGLIDE.replace("points: {B1: [xb1r, yb1r]}", "points: {B1: [xb1r, yb1r], B9: [0, 0]}")
-    assert warned(tmp_path, text) == ["point `B9` of body `c1` is used by nothing"]
+    assert warned(tmp_path, text) == ["point `B9` of body `c1` is not used"]
 
 
 def test_a_parameter_used_as_two_things(tmp_path: Path) -> None:
     text = TRIGLIDE.replace("length: l1", "length: gamma").replace("l1: 300, ", "")
-    assert faults(tmp_path, text) == ["15:38 dimension: `gamma` is an angle, a length is wanted here"]
+    assert faults(tmp_path, text) == ["15:38 dimension: `gamma` is an angle; expected a length"]
 
 
 def test_a_range_is_needed(tmp_path: Path) -> None:
@@ -187,14 +187,14 @@ def test_drives_and_their_units(tmp_path: Path) -> None:
 
 def test_a_fault_does_not_hide_others(tmp_path: Path) -> None:
     text = TRIGLIDE.replace("length: l1, k: k1", "lenght: l1, k: k9").replace("reads: [x, y]", "reads: [x, yy]")
-    text = text.replace("on: rail, at: 600", "on: rial, at: six")
+    text = text.replace("guide: rail, at: 600", "guide: rial, at: six")
     assert [line.split(" ", 1)[1] for line in faults(tmp_path, text)] == [
-        "unused-name: parameter `k1` is used by nothing",
+        "unused-name: parameter `k1` is not used",
         "unknown-name: unknown guide `rial`",
         "unknown-name: unknown parameter `six`",
         "unknown-key: unknown key `lenght` in bars.rod1",
         "unknown-name: unknown parameter `k9`",
-        "value: `yy` is no channel of a sensor",
+        "value: `yy` is not a channel of a sensor",
     ]
 
 
@@ -203,7 +203,7 @@ def test_reading_is_quick_and_light(tmp_path: Path) -> None:
     best = min(_seconds(tmp_path) for _ in range(5))
     assert best < 0.03
     code = (
-        "import sys, pkmcal_cli.language.machine_yaml, pkmcal_cli.language.schema;"
+        "import sys, pkmcal_cli.language.machine_yaml, pkmcal_cli.language.json_schema;"
         "print([m for m in ('numpy', 'scipy', 'pandas', 'typer', 'rich') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HERE.parent)
@@ -214,3 +214,11 @@ def _seconds(folder: Path) -> float:
     start = time.perf_counter()
     read(folder, TRIGLIDE)
     return time.perf_counter() - start
+
+
+def test_a_rope_is_a_bar_with_one_stiffness(tmp_path: Path) -> None:
+    """What is forbidden to bars is forbidden to ropes, and a spool winds ropes only."""
+    both = bar_with("EA: 1 kN, k: 5 N/mm").replace("bars:", "ropes:")
+    assert any("`EA` and `k` cannot both be given" in f for f in faults(tmp_path, both))
+    wound = bar_with("EA: 1 kN").replace("bars:", "ropes:") + "actuators: {a: {winds: c, radius: 5 mm}}\n"
+    assert any("unknown rope `c`" in f for f in faults(tmp_path, wound))

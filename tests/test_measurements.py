@@ -111,7 +111,7 @@ def test_everything_in_si(triglide: Machine, read: Callable[..., Measurements]) 
     assert found.has_actuators and found.has_readings
     assert found.notes == (
         "s1.csv: columns not used: `n`",
-        "s1.csv: no units in the header, the machine file's are taken: mm (q1, q3, x, sigma.x, sigma.q2), "
+        "s1.csv: no units in the header; the units of the machine file are used: mm (q1, q3, x, sigma.x, sigma.q2), "
         "degC (T), N (q1.force)",
         "s1.csv: `y` not measured in 1 of 2 rows",
     )
@@ -128,7 +128,7 @@ def test_foreign_columns_forces_and_two_sensors(
     np.testing.assert_allclose(found.forces[:, 2], [7, np.nan])
     assert np.isnan(found.forces[:, :2]).all()
     assert np.isnan(found.targets).all()  # two sensors: neither is the target
-    assert "s1.csv: no force of C in 1 of 2 rows: the machine's is taken" in found.notes
+    assert "s1.csv: no force of C in 1 of 2 rows: the force of the machine file is used" in found.notes
 
 
 def test_a_force_without_a_constant_is_needed(
@@ -138,8 +138,8 @@ def test_a_force_without_a_constant_is_needed(
     with pytest.raises(BadInput) as caught:
         read(machine, "motor_A,motor_B,X_mm,f\n1,2,3,4\n", "motor_A,motor_B,X_mm,F\n1,2,3,\n")
     text = caught.value.text()
-    assert "s1.csv:1: error[csv-missing]: column `F` is missing: force of actuator C\nhelp: is it `f`?" in text
-    assert "s2.csv:2:7: error[csv-empty-cell]: the cell of column `F` is empty" in text
+    assert "s1.csv:1: error[csv-missing]: missing column `F` (force of actuator C)\nhelp: did you mean `f`?" in text
+    assert "s2.csv:2:7: error[csv-empty-cell]: empty cell in column `F`" in text
 
 
 def test_poses_by_coordinates(triglide: Machine, read: Callable[..., Measurements]) -> None:
@@ -149,7 +149,7 @@ def test_poses_by_coordinates(triglide: Machine, read: Callable[..., Measurement
     np.testing.assert_allclose(found.targets, [[1e-3, 2e-3, np.pi / 2], [3e-3, 4e-3, 0]])
     both = read(triglide, "x,y,q1,q2,q3\n1,2,3,4,5\n", require="poses")
     assert both.has_actuators and np.isfinite(both.targets).any()
-    assert "s1.csv: the actuator columns give the poses, the TCP coordinates are not used" in both.notes
+    assert "s1.csv: the actuator columns give the poses; the TCP coordinates are not used" in both.notes
     assert not read(triglide, "x,y,q1,q2,q3\n1,2,,,\n", require="poses").has_actuators
 
 
@@ -164,10 +164,10 @@ def test_poses_by_coordinates_beside_a_foreign_sensor(
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ("a,b\n1,2\n", "the table gives no poses: neither actuators (`q1`, `q2`, `q3`) nor TCP coordinates"),
-        ("x,y,q1\n1,2,3\n", "column `q2` is missing: actuator q2"),
-        ("x,y\n1,2\n3,\n", "s1.csv:3:3: error[csv-empty-cell]: the cell of column `y` is empty"),
-        ("q1,q2,q3\n1,2,3\n4,,6\n", "s1.csv:3:3: error[csv-empty-cell]: the cell of column `q2` is empty"),
+        ("a,b\n1,2\n", "the table has no poses: neither actuators (`q1`, `q2`, `q3`) nor TCP coordinates"),
+        ("x,y,q1\n1,2,3\n", "missing column `q2` (actuator q2)"),
+        ("x,y\n1,2\n3,\n", "s1.csv:3:3: error[csv-empty-cell]: empty cell in column `y`"),
+        ("q1,q2,q3\n1,2,3\n4,,6\n", "s1.csv:3:3: error[csv-empty-cell]: empty cell in column `q2`"),
         ("x,q1\n1,\n" + "2,\n" * 40_000 + "3,4\n", "s1.csv:40003:3: error[csv-value]: `4` in column `q1`"),
     ],
 )
@@ -180,15 +180,15 @@ def test_poses_that_are_none(triglide: Machine, read: Callable[..., Measurements
 def test_actuators_only(triglide: Machine, read: Callable[..., Measurements]) -> None:
     found = read(triglide, "q1,q2,q3\n1,2,3\n", require="actuators")
     assert found.has_actuators and not found.has_readings
-    with pytest.raises(BadInput, match="nothing measured"):
+    with pytest.raises(BadInput, match="no measurements"):
         read(triglide, "q1,q2,q3\n1,2,3\n")
 
 
 def test_rows_with_nothing_measured_are_counted(triglide: Machine, read: Callable[..., Measurements]) -> None:
     found = read(triglide, "q1,q2,q3,x\n1,2,3,4\n1,2,3,\n1,2,3,5\n")
     assert len(found) == 3
-    assert "s1.csv: no column for the channels `y`" in found.notes
-    assert "s1.csv: nothing measured in 1 of 3 rows" in found.notes
+    assert "s1.csv: no columns for channels: `y`" in found.notes
+    assert "s1.csv: no measurements in 1 of 3 rows" in found.notes
 
 
 ROW = "q1,q2,q3,x,y\n1,2,3,4,5\n"
@@ -235,7 +235,7 @@ def test_times(triglide: Machine, read: Callable[..., Measurements]) -> None:
         head + "1,2,3,4,2021-12-17\n",
     )
     np.testing.assert_allclose(found.covariates["time"], [0, np.nan, 1.5, 14 * 3600])
-    assert found.notes[-1] == "`time` counts from 2021-12-16T10:00:00, the first row of s1.csv"
+    assert found.notes[-1] == "`time` is counted from 2021-12-16T10:00:00, the first row of s1.csv"
     zoned = read(triglide, head + "1,2,3,4,2021-12-16T10:00:00Z\n1,2,3,4,2021-12-16T10:00:00-01:00\n")
     assert zoned.covariates["time"].tolist() == [0, 3600]
     with pytest.raises(BadInput, match="dates in one file and numbers in another"):

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.observability import observability
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
@@ -141,7 +141,7 @@ def test_without_noise_the_planted_values_come_back(name: str) -> None:
         drive_sigma=np.zeros_like(problem.drive_sigma),
     )
     fit = identify(exact, selected(name))
-    assert fit.status == "converged" and not fit.found.held.any()
+    assert fit.status == "converged" and not fit.directions.held.any()
     k = [problem.model.names.index(n) for n in fit.selected]
     off = (fit.values - vector(problem.model, table.planted()))[k] / problem.model.ranges[k]
     assert np.abs(off).max() < (1e-4 if name == "belt-router" else 1e-6)
@@ -210,7 +210,7 @@ def test_eleven_heights_hardly_know_the_rod() -> None:
     rod = machine.names.index("rod")
     assert std[rod] == pytest.approx(0.4546e-3, rel=1e-3)
     problem = replace(shipped("delta-printer"), rows=rows_of(table))
-    found = observability(problem, machine.nominal, machine.names).found
+    found = observability(problem, machine.nominal, machine.names).directions
     data = np.sqrt((found.vectors**2 / found.singular_values[:, None] ** 2).sum(axis=0)) * found.ranges
     assert data == pytest.approx(std, rel=1e-5)
     assert 1 / found.singular_values[-1] > 0.5 and found.weak.sum() == 1, "worse than its prior: held"

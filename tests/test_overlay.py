@@ -39,7 +39,7 @@ def test_repetition_is_bounded(tmp_path: Path) -> None:
     many = "[" + ", ".join(str(i) for i in range(900)) + "]"
     points = f'{{"q{{i}}x{{j}}": {{each: {{j: {many}}}, at: [0, 0]}}}}'
     text = f'space: planar\nbodies: {{"p{{i}}": {{each: {{i: {many}}}, at: [0, 0], points: {points}}}}}\n'
-    assert faults(tmp_path, text)[0].endswith("each: `each` makes more than 200000 values")
+    assert faults(tmp_path, text)[0].endswith("each: `each` produces more than 200000 values")
 
 
 def test_overlays_merge_by_name(tmp_path: Path) -> None:
@@ -69,4 +69,4 @@ def test_overlays_name_the_file_a_fault_is_in(tmp_path: Path) -> None:
     with pytest.raises(BadInput) as caught:
         read(tmp_path, "extends: base.yaml\nactuators: {q3: null}\nbars: {rod3: null}\n", "over.yaml")
     assert {Path(f.where.file).name for f in caught.value.faults if f.where} == {"base.yaml"}
-    assert "parameter `l3` is used by nothing" in caught.value.text()
+    assert "parameter `l3` is not used" in caught.value.text()

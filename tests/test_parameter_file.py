@@ -12,15 +12,10 @@ from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.language.fingerprint import Fingerprint
-from pkmcal_cli.loading.machine import load_machine, load_parameters
-from pkmcal_cli.loading.parameter_file import (
-    Correlations,
-    ParameterEntry,
-    dump_parameters,
-    exact_value,
-    read_parameters,
-)
-from pkmcal_cli.model.model import ModelParameter
+from pkmcal_cli.loading.load_machine import load_machine, load_parameters
+from pkmcal_cli.loading.parameter_file import read_parameters
+from pkmcal_cli.loading.parameter_text import Correlations, ParameterEntry, dump_parameters, exact_value
+from pkmcal_cli.model.parts import ModelParameter
 from pkmcal_cli.units.unit_text import UNITS, parse_unit
 from tests.command import MACHINES, TRIGLIDE, run
 
@@ -54,7 +49,7 @@ def test_values_may_be_written_by_hand(tmp_path: Path) -> None:
     assert {k: found[k] for k in wanted} == pytest.approx(wanted)
     assert found["k2"] == 5e7, "what the file lacks stays nominal"
     assert list(start.inputs) == [str(file)]
-    assert start.warnings == (f"note: {file}: no fingerprint: nothing says which machine these values belong to",)
+    assert start.warnings == (f"note: {file}: no fingerprint: cannot check which machine these values belong to",)
 
 
 NUMBERS = st.floats(-1e6, 1e6).filter(lambda x: x == 0 or abs(x) > 1e-200)
@@ -158,4 +153,4 @@ def test_values_outside_the_bounds_are_told(tmp_path: Path) -> None:
     for value, outside in ((300.05, False), (301, True)):
         file.write_text(f"parameters: {{l1: {value}, l2: 300.2}}", encoding="utf-8")
         done = run("sensitivity", machine, "-p", file)
-        assert done.code == 0 and ("outside the machine file's bounds: l1\n" in done.err) == outside
+        assert done.code == 0 and ("outside the bounds of the machine file: l1\n" in done.err) == outside

@@ -68,7 +68,10 @@ def test_no_such_holdout(text: str) -> None:
     if "." in TEXTS[text]:
         assert done.code == 3 and "error[file]: " in done.err
     else:
-        assert done.code == 2 and "is none\nhelp: a number of folds, session, cells, FILE.csv or none" in done.err
+        assert (
+            done.code == 2
+            and "is not a scheme\nhelp: give a number of folds, session, cells, FILE.csv or none" in done.err
+        )
 
 
 @pytest.mark.parametrize("text", [name for name in TEXTS if name != "deep, and short enough"])
@@ -79,7 +82,7 @@ def test_no_such_output(command: str, text: str, monkeypatch: pytest.MonkeyPatch
     def begun(*_: object, **__: object) -> None:
         raise AssertionError("the work has begun")
 
-    monkeypatch.setattr("pkmcal_cli.loading.machine.compile_machine", begun)
+    monkeypatch.setattr("pkmcal_cli.loading.load_machine.compile_machine", begun)
     for force in ([], ["--force"] if command != "diagnose" else []):
         done = ended([*OUTPUTS[command], *force], TEXTS[text])
         assert done.code == 4 and "error[output]: " in done.err and done.out == ""
@@ -93,7 +96,7 @@ def test_a_deep_folder_for_pictures() -> None:
 
 def test_a_file_where_pictures_should_go() -> None:
     done = ended(OUTPUTS["diagnose"], "file")
-    assert done.code == 4 and "file: error[output]: this is no folder" in done.err
+    assert done.code == 4 and "file: error[output]: this is not a folder" in done.err
 
 
 def test_a_long_name_of_many_bytes_can_be_written() -> None:

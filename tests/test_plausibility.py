@@ -38,14 +38,14 @@ def test_swapped_columns() -> None:
     assert (hint.kind, hint.names) == ("swapped", ("x", "y"))
     assert hint.before > 0.2 and hint.after < 5e-4
     assert "`x` and `y` look swapped: residual rms" in hint.message
-    assert hint.message.endswith("mm when exchanged")
+    assert hint.message.endswith("mm when swapped back")
 
 
 def test_swapped_and_turned() -> None:
     measured, predicted = campaign()
     turned = np.column_stack([-measured[:, 1], measured[:, 0], measured[:, 2]])
     (hint,) = explain_columns(turned, predicted, NAMES, UNITS).hints
-    assert hint.kind == "swapped" and "turned in sign" in hint.message
+    assert hint.kind == "swapped" and "reversed in sign" in hint.message
 
 
 def test_cyclic_exchange_is_one_hint() -> None:
@@ -67,10 +67,10 @@ def test_small_moves_about_one_place() -> None:
 @pytest.mark.parametrize(
     ("factor", "column", "words"),
     [
-        (1e-3, 0, "`x` looks 1000 times too small (is it in m, not mm, or in mm, not um?)"),
-        (1e3, 1, "`y` looks 1000 times too large (is it in um, not mm, or in mm, not m?)"),
-        (np.pi / 180, 2, "`rz` looks 57.3 times too small (is it in rad, not deg?)"),
-        (1 / 25.4, 0, "`x` looks 25.4 times too small: residual rms"),
+        (1e-3, 0, "`x` looks 1000 times too small (is it in `m`, not `mm`, or in `mm`, not `um`?)"),
+        (1e3, 1, "`y` looks 1000 times too large (is it in `um`, not `mm`, or in `mm`, not `m`?)"),
+        (np.pi / 180, 2, "`rz` looks 57.3 times too small (is it in `rad`, not `deg`?)"),
+        (1 / 25.4, 0, "`x` looks 25.4 times too small (is it in `in`, not `mm`?): residual rms"),
     ],
 )
 def test_wrong_units(factor: float, column: int, words: str) -> None:
@@ -136,9 +136,12 @@ def test_one_row_outside() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda a: a * [-1, 1, 1], "with the other sign all are inside"),
-        (lambda a: a * [1e3, 1, 1], "multiplied by 0.001 all are inside (is it in um, not mm, or in mm, not m?)"),
-        (lambda a: a[:, [1, 0, 2]], "exchanged with `q2` all are inside"),
+        (lambda a: a * [-1, 1, 1], "all are inside with the opposite sign"),
+        (
+            lambda a: a * [1e3, 1, 1],
+            "all are inside when multiplied by 0.001 (is it in `um`, not `mm`, or in `mm`, not `m`?)",
+        ),
+        (lambda a: a[:, [1, 0, 2]], "all are inside when swapped with `q2`"),
     ],
 )
 def test_what_would_bring_them_inside(change: object, words: str) -> None:
@@ -152,8 +155,8 @@ def test_the_sign_of_what_hardly_varies() -> None:
     rng = np.random.default_rng(0)
     predicted = np.stack([5 + 0.05 * rng.normal(size=30), rng.normal(size=30)], axis=1)
     read = predicted * [-1, 1] + 0.2 * rng.normal(size=(30, 2)) * [1, 0.1]
-    steady = explain_columns(read, predicted, ["current", "x"], usual=np.array([0.3, 0.1]), steady=True)
+    steady = explain_columns(read, predicted, ["current", "x"], prior_rms=np.array([0.3, 0.1]), steady=True)
     assert [(h.kind, h.names) for h in steady.hints] == [("sign", ("current",))]
-    assert not explain_columns(read, predicted, ["current", "x"], usual=np.array([0.3, 0.1])).hints
-    unsure = explain_columns(read, predicted, ["current", "x"], usual=np.array([3.0, 0.1]), steady=True)
+    assert not explain_columns(read, predicted, ["current", "x"], prior_rms=np.array([0.3, 0.1])).hints
+    unsure = explain_columns(read, predicted, ["current", "x"], prior_rms=np.array([3.0, 0.1]), steady=True)
     assert not unsure.hints, "a zero that may be anything"

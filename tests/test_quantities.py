@@ -6,14 +6,14 @@ import math
 import pickle
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic_core import PydanticCustomError
 
-from pkmcal_cli.expressions.parse import FUNCTIONS, ExpressionError, names_of, parse_expression
+from pkmcal_cli.expressions.parser import FUNCTIONS, UNIT_HINT, ExpressionError, names_of, parse_expression
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.inference import Inference
-from pkmcal_cli.language.quantities import Draft, Measure, Quantity
+from pkmcal_cli.language.quantities import Measure, Quantity, WrittenValue
 from pkmcal_cli.units.file_units import ANGLE, AREA, FORCE, LENGTH, NUMBER, STIFFNESS, Dimension, FileUnits
 
 MM = FileUnits.of({"length": "mm", "angle": "deg"})
@@ -23,7 +23,7 @@ VALUES = {"l": 0.3, "r": 0.2, "g": 0.1, "k": 5e6, "s": 1.5}
 
 def bound(text: str | float, dimension: Dimension = LENGTH) -> Quantity:
     draft = Measure(dimension).read(text)
-    assert isinstance(draft, Draft)
+    assert isinstance(draft, WrittenValue)
     return Binder(MM, KNOWN).bind(draft)
 
 
@@ -55,6 +55,14 @@ def bound(text: str | float, dimension: Dimension = LENGTH) -> Quantity:
         ("k*l*s", FORCE, 5e6 * 0.3 * 1.5),
         ("exp(log(s))", NUMBER, 1.5),
         ("l**1", LENGTH, 0.3),
+        ("sqrt(l^2 + r^2)", LENGTH, math.hypot(0.3, 0.2)),
+        ("-s^2", NUMBER, -2.25),
+        ("-s**2", NUMBER, -2.25),
+        ("(-s)^2", NUMBER, 2.25),
+        ("2^3^2", NUMBER, 512.0),
+        ("2**3^2", NUMBER, 512.0),
+        ("2^-1*s", NUMBER, 0.75),
+        ("12*s^2/3", NUMBER, 9.0),
     ],
 )
 def test_values(text: str | float, dimension: Dimension, value: float) -> None:
@@ -67,15 +75,15 @@ def test_values(text: str | float, dimension: Dimension, value: float) -> None:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        ("g", "`g` is an angle, a length is wanted here"),
-        ("l*r", "`l*r` is an area, a length is wanted here"),
-        ("l + k", "`l` is a length, `k` is a stiffness: they cannot be joined"),
-        ("5*s", "`5*s` is a plain number, a length is wanted here"),
-        ("l*sin(r)", "`r` is a length, `sin` wants an angle"),
-        ("exp(l)", "`l` is a length, `exp` wants a plain number"),
+        ("g", "`g` is an angle; expected a length"),
+        ("l*r", "`l*r` is an area; expected a length"),
+        ("l + k", "cannot combine `l` (a length) with `k` (a stiffness)"),
+        ("5*s", "`5*s` is a plain number; expected a length"),
+        ("l*sin(r)", "`r` is a length; `sin` expects an angle"),
+        ("exp(l)", "`l` is a length; `exp` expects a plain number"),
         ("2**l", "exponent `l` is a length"),
-        ("l**s", "`l` is a length: its exponent must be a number"),
-        ("12 kg", "`12 kg` is a mass, a length is wanted here"),
+        ("l**s", "`l` is a length; its exponent must be a constant number"),
+        ("12 kg", "`12 kg` is a mass; expected a length"),
         ("1/0", "`1/0` has no finite value"),
         ("9**9**9**9", "`9**9**9` has no finite value"),
         ("sqrt(-1)", "`sqrt(-1)` has no finite value"),
@@ -90,14 +98,29 @@ def test_slips(text: str, what: str) -> None:
 @pytest.mark.parametrize(
     "text",
     ["a//b", "a.b", "a[0]", "[a]", "lambda: 1", "a if b else c", "f'{a}'", "'a'", "a:=1", "not a", "a<b",
-     "a@b", "~a", "1j", "1_000", "True", "None", "foo(1)", "sin", "sin()", "sin(1, 2)", "atan2(1)", "sin(*a)",
+     "a@b", "~a", "1_000", "True", "None", "foo(1)", "sin", "sin()", "sin(1, 2)", "atan2(1)", "sin(*a)",
      "min(a=1)", "2(3)", "()", "a b", "a;b", "a\nb c", "1.2.3", "é", "", "__import__('os')", "1e999",
      "9" * 600, "(" * 300 + "1", "-" * 200 + "1", "+".join("a" * 200), "\x00", "a#b"],
 )  # fmt: skip
 def test_everything_else_is_refused(text: str) -> None:
     with pytest.raises(PydanticCustomError):
         draft = Measure(NUMBER).read(text)
-        assert not isinstance(draft, Draft), draft
+        assert not isinstance(draft, WrittenValue), draft
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "hint"),
+    [
+        ("1j", NUMBER, "write a plain number, or use one of %, ppm"),
+        ("1 mn", LENGTH, "use one of m, cm, mm, um, nm, km, in"),
+        ("1 furlong", STIFFNESS, "use a unit such as `N/mm`"),
+        ("3 mm + 2", LENGTH, UNIT_HINT),
+    ],
+)
+def test_a_unit_that_is_none_is_told_with_those_that_fit(text: str, dimension: Dimension, hint: str) -> None:
+    with pytest.raises(Slip) as caught:
+        bound(text, dimension)
+    assert (caught.value.code, caught.value.hint) == ("unit", hint)
 
 
 @given(st.text(max_size=40))
@@ -119,7 +142,7 @@ def test_texts_like_expressions_never_crash(text: str) -> None:
         draft = Measure(NUMBER).read(text)
     except PydanticCustomError:
         return
-    assert isinstance(draft, Draft)
+    assert isinstance(draft, WrittenValue)
     if not set(draft.names) <= set(known):
         return
     try:
@@ -130,7 +153,7 @@ def test_texts_like_expressions_never_crash(text: str) -> None:
 
 
 _LEAVES = st.sampled_from(["a", "b", "0.5", "3", "pi"])
-_TREES = st.recursive(
+TREES = st.recursive(
     _LEAVES,
     lambda inner: st.one_of(
         st.tuples(inner, st.sampled_from("+-*/"), inner).map(lambda t: f"({t[0]}{t[1]}{t[2]})"),
@@ -146,12 +169,13 @@ _TREES = st.recursive(
 )
 
 
-@given(_TREES, st.floats(0.1, 2.0), st.floats(-2.0, -0.1))
+@given(TREES, st.floats(0.1, 2.0), st.floats(-2.0, -0.1))
+@example("(-atan2((a+b), (a+b)))", 1.0, -1.0)
 @settings(max_examples=300, deadline=None)
 def test_expressions_agree_with_python_and_complex_steps_with_differences(text: str, a: float, b: float) -> None:
     known = {"a": NUMBER, "b": NUMBER}
     draft = Measure(NUMBER).read(text)
-    assert isinstance(draft, Draft)
+    assert isinstance(draft, WrittenValue)
     inner = Binder(FileUnits(), known)
     try:
         made = inner.bind(draft, (NUMBER, ANGLE))
@@ -197,7 +221,7 @@ def test_expressions_agree_with_python_and_complex_steps_with_differences(text: 
 )
 def test_derivatives_by_complex_step(text: str, at: float, slope: float) -> None:
     draft = Measure(NUMBER, (ANGLE,)).read(text)
-    assert isinstance(draft, Draft)
+    assert isinstance(draft, WrittenValue)
     made = Binder(FileUnits(), {"a": NUMBER}).bind(draft)
     for h in (1e-20, 1e-100):
         step = made.value({"a": complex(at, h)})
@@ -252,7 +276,7 @@ def test_inference(uses: list[tuple[str, Dimension]], found: dict[str, Dimension
     assert known == found
 
 
-@given(_TREES, st.sampled_from([LENGTH, ANGLE, NUMBER]))
+@given(TREES, st.sampled_from([LENGTH, ANGLE, NUMBER]))
 @settings(deadline=None)
 def test_inference_ends(text: str, dimension: Dimension) -> None:
     known: dict[str, Dimension] = {}

@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.diagnosis import search
+from pkmcal_cli.diagnosis import scoring, search
 from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, clean, run
 from tests.hangprinter_cases import measured
@@ -25,22 +25,22 @@ def test_a_fit_settles_before_it_has_converged() -> None:
     selected = select(problem.model, "auto")
     fits = {steps: identify(problem, selected, iterations=steps) for steps in (1, 6, 60)}
     assert [f.status for f in fits.values()] == ["not_converged", "not_converged", "converged"]
-    assert [f.settled for f in fits.values()] == [False, True, True]
+    assert [f.usable for f in fits.values()] == [False, True, True]
     assert fits[6].chi2 == pytest.approx(fits[60].chi2, rel=1e-3) and fits[1].chi2 > 1.01 * fits[60].chi2
     once = identify(problem, selected, fits[6].values, 1, shift=fits[6].shift)
-    assert (once.status, once.settled) == ("not_converged", False), "two values alike are no standstill"
+    assert (once.status, once.usable) == ("not_converged", False), "two values alike are no standstill"
 
 
 @pytest.mark.parametrize(("flat", "found"), [(True, ["backlash@q3"]), (False, [])])
 def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parameters that hardly matter may wander for more steps than a refit has."""
-    plain = search.identify
+    plain = scoring.identify
 
     def wandering(problem: Problem, selected: tuple[str, ...], *more: Any) -> Fit:
         fit = plain(problem, selected, *more)
         return replace(fit, status="not_converged", flat=flat) if any("@" in n for n in selected) else fit
 
-    monkeypatch.setattr(search, "identify", wandering)
+    monkeypatch.setattr(scoring, "identify", wandering)
     d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
     assert [f.hypothesis.name for f in d.findings] == found
     assert d.verdict == ("found" if flat else "unknown") and (flat or d.unknown)
@@ -48,13 +48,13 @@ def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypat
 
 def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its chi-square is that of other rows."""
-    plain = search.identify
+    plain = scoring.identify
 
     def leaving(problem: Problem, selected: tuple[str, ...], *more: Any) -> Fit:
         fit = plain(problem, selected, *more)
         return replace(fit, failed={3: "out of reach"}) if any("@" in n for n in selected) else fit
 
-    monkeypatch.setattr(search, "identify", leaving)
+    monkeypatch.setattr(scoring, "identify", leaving)
     d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
     assert d.findings == () and d.verdict == "unknown"
 
@@ -77,14 +77,14 @@ def test_what_was_refused_is_tried_again_beside_what_was_accepted(
     assert {f.hypothesis.name for f in d.findings} == {"backlash@q3", "pitch_curve@q2"}
 
 
-@pytest.mark.parametrize("command", ["diagnose", "improve"])
+@pytest.mark.parametrize("command", ["diagnose", pytest.param("improve", marks=pytest.mark.slow)])
 def test_more_than_the_stated_sigma_leaves_is_never_clean(command: str, tmp_path: Path) -> None:
     """The noise of the Scissors' table is twice what this machine file states."""
     machine = tmp_path / "half.yaml"
     machine.write_text(f"extends: {MACHINES}/scissors.yaml\nsensors: {{grid: {{sigma: 0.25 um}}}}\n", encoding="utf-8")
     done = clean(run(command, machine, MACHINES / "scissors.csv", "--json"))
     assert (done.code, done.json["verdict"]) == (1, "sigma_too_small")
-    assert "sigma is stated too small" in done.err
+    assert "sigma is too small" in done.err
     assert not done.json.get("effects") and not done.json.get("steps")
     honest = clean(run(command, MACHINES / "scissors.yaml", MACHINES / "scissors.csv", "--json"))
     assert (honest.code, honest.json["verdict"]) == (0, "clean")

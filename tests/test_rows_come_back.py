@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.holdout import cross_validate, validate
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import (
     Evaluation,
@@ -23,7 +23,7 @@ from pkmcal_cli.calibration.residual import (
     whitened_residual,
 )
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.loading.machine import load_machine, load_measurements
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.command import MACHINES, clean, run
 from tests.support import overlay
 from tests.test_identify import noisy

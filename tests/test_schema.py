@@ -9,8 +9,9 @@ from typing import Any
 import jsonschema
 import pytest
 
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.json_schema import machine_schema
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.schema import machine_schema
 from pkmcal_cli.yaml_source.read import read_source
 from tests.command import MACHINES, run
 
@@ -62,3 +63,25 @@ def test_every_key_has_a_description() -> None:
                 if not about.get("description"):
                     missing.append(f"{name}.{key}")
     assert missing == []
+
+
+YAML_1_1_TRUTH = {"on", "off", "yes", "no"}
+"""Words that a YAML 1.1 reader takes for true and false, as it does `y` and `n`, which are names of axes here."""
+
+
+def keys_in(schema: Any) -> set[str]:
+    """Every key of a machine file that a schema names, at any depth."""
+    if isinstance(schema, list):
+        return set().union(*map(keys_in, schema))
+    if not isinstance(schema, dict):
+        return set()
+    own = set(schema["properties"]) if isinstance(schema.get("properties"), dict) else set()
+    return own.union(*map(keys_in, schema.values()))
+
+
+@pytest.mark.parametrize("overlay", [False, True])
+def test_no_key_is_a_truth_value_of_yaml_1_1(overlay: bool) -> None:
+    keys = keys_in(machine_schema(overlay))
+    keys |= {p.name for effect in catalogue().values() for p in (*effect.parameters, *effect.options)}
+    assert {"guides", "guide", "surface", "between", "y", "rz", "over"} <= keys, "keys at all depths are seen"
+    assert not {key.lower() for key in keys} & YAML_1_1_TRUTH

@@ -74,11 +74,11 @@ def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
 
 
 def test_nine_known_positions_predict_the_other_thirty_two() -> None:
-    """6.1 mm; eight positions do so within 10 %, whichever they are."""
+    """6.1 mm; eight positions do so within 20 %, whichever they are."""
     known, rms, good = real.withheld(0)
     assert known == 9
     assert good < rms <= 6.1
-    assert max(real.withheld(first)[1] for first in (1, 4)) < 1.1 * 6.1
+    assert max(real.withheld(first)[1] for first in range(1, 5)) < 1.2 * 6.1
 
 
 @pytest.mark.slow

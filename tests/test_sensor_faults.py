@@ -25,38 +25,41 @@ sensors:
   ballbar: {kind: distance, at: platform, offset: [30, -50], to: ball, sigma: 1 um}
   wire: {kind: distance, at: A2, to: hook, zero: w0, scale: ws, sigma: 10 um}
   calipers: {kind: span, at: platform, offset: [30, -50], sigma: 20 um}
-  probe: {kind: touch, at: platform, offset: [0, -50], on: bed, sigma: 5 um}
-  edge: {kind: touch, at: platform, on: bed, reads: [x, y], sigma: 5 um}
+  probe: {kind: touch, at: platform, offset: [0, -50], surface: bed, sigma: 5 um}
+  edge: {kind: touch, at: platform, surface: bed, reads: [x, y], sigma: 5 um}
   current: {kind: force, drive: q2, unit: "1", scale: 120 N, sigma: 0.05}
   encoder: {kind: angle, at: B1, to: A1, zero: e0, unit: deg, sigma: 2 urad}
   gauge: {kind: bench, of: l1 - l2, reading: 0.0, sigma: 1 um}
 """
 WRONG = {
-    "distance, at: platform, sigma: 1 um": ("a sensor of kind distance needs `to`", "to: POINT"),
+    "distance, at: platform, sigma: 1 um": ("sensor kind `distance` needs `to`", "to: POINT"),
     "distanse, at: platform, to: A1, sigma: 1 um": (
-        "there is no sensor of kind `distanse`",
+        "unknown sensor kind `distanse`",
         "did you mean `distance`?",
     ),
-    "span, at: platform, to: A1, sigma: 1 um": ("a sensor of kind span has no `to`", "it has at, sigma, offset"),
-    "touch, at: platform, sigma: 1 um": ("a sensor of kind touch needs `on`", "on: FRAME"),
-    "touch, at: platform, on: lift, sigma: 1 um": ("unknown frame `lift`", "did you mean `left`?"),
-    "touch, at: platform, on: left, reads: [rz], sigma: 1 um": ("does not read `rz`", "reads:"),
+    "span, at: platform, to: A1, sigma: 1 um": ("sensor kind `span` has no `to`", "kind: at, sigma, sigma_is, offset"),
+    "touch, at: platform, sigma: 1 um": ("sensor kind `touch` needs `surface`", "surface: FRAME"),
+    "touch, at: platform, surface: lift, sigma: 1 um": ("unknown frame `lift`", "did you mean `left`?"),
+    "touch, at: platform, surface: left, reads: [rz], sigma: 1 um": ("does not read `rz`", "reads:"),
     "force, drive: q9, sigma: 1 N": ("unknown actuator `q9`", "q4"),
-    "force, drive: q2, sigma: 1 um": ("a force is wanted here", "in kN"),
+    "force, drive: q2, sigma: 1 um": ("expected a force", "such as `kN`"),
     'force, drive: q2, unit: "1", sigma: 1': ("plain numbers need `scale`", "scale: 120 N"),
-    "force, drive: q2, unit: V, sigma: 1": ("unknown unit `V`", "known units"),
-    "angle, at: A1, to: B1, sigma: 1 um": ("an angle is wanted here", "in rad"),
-    "bench, of: l1, sigma: 1 um": ("a sensor of kind bench needs `reading`", "reading: 288.1 mm"),
-    "bench, reading: 950, sigma: 1 um": ("a sensor of kind bench needs `of`", "of: l1"),
-    "bench, of: l1 + g1, reading: 1, sigma: 1 um": ("they cannot be joined", "`g1` is an angle by its use"),
-    "tcp, at: platform, reads: [x, y], sigma: 1 um": ("a sensor of kind tcp needs `frame`", "machine, or fitted"),
-    "tcp, at: platform, reads: [z], frame: machine, sigma: 1 um": ("there is no `z` in the plane", "`rz`"),
-    "tcp, at: platform, reads: [x, rz], frame: machine, sigma: 1 um": ("one sigma for coordinates", "orientation"),
-    "distance, at: platform, to: A1": ("`sigma` is missing", "sigma"),
+    "force, drive: q2, unit: V, sigma: 1": ("unknown unit `V`", "use one of %"),
+    "angle, at: A1, to: B1, sigma: 1 um": ("expected an angle", "such as `rad`"),
+    "bench, of: l1, sigma: 1 um": ("sensor kind `bench` needs `reading`", "reading: 288.1 mm"),
+    "bench, reading: 950, sigma: 1 um": ("sensor kind `bench` needs `of`", "of: l1"),
+    "bench, of: l1 + g1, reading: 1, sigma: 1 um": ("cannot combine", "`g1` is an angle (inferred from"),
+    "tcp, at: platform, reads: [x, y], sigma: 1 um": ("sensor kind `tcp` needs `frame`", "`frame: machine` or"),
+    "tcp, at: platform, reads: [z], frame: machine, sigma: 1 um": ("`z` does not exist in a planar machine", "`rz`"),
+    "tcp, at: platform, reads: [x, rz], frame: machine, sigma: 1 um": (
+        "both coordinates and orientation",
+        "orientation: ",
+    ),
+    "distance, at: platform, to: A1": ("missing key `sigma`", "sigma"),
     "distance, at: platform, to: B1, sigma: 0": ("must be positive", "sign"),
-    "distance, at: [A1, A2], to: B1, sigma: 1 um": ("only a sensor of kind tcp sees several points", "at: POINT"),
+    "distance, at: [A1, A2], to: B1, sigma: 1 um": ("only sensor kind `tcp` can measure several points", "at: POINT"),
     "distance, at: A1, to: B9, sigma: 1 um": ("`B9`", ""),
-    "distance, at: A1, to: B1, frame: fitted, sigma: 1 um": ("a sensor of kind distance has no `frame`", "it has at"),
+    "distance, at: A1, to: B1, frame: fitted, sigma: 1 um": ("sensor kind `distance` has no `frame`", "kind: at"),
 }
 SENSELESS = {
     "no distance": "a: {kind: distance, at: platform, to: platform, sigma: 1 um}",
@@ -74,7 +77,7 @@ SENSELESS = {
     "bench reading of a wrong dimension": "a: {kind: bench, of: l1, reading: 3 N, sigma: 1 um}",
     "bench sigma of a wrong dimension": "a: {kind: bench, of: l1, reading: 950, sigma: 1 N}",
     "bench of a constant": "a: {kind: bench, of: 950 mm, reading: 950, sigma: 1 um}",
-    "two columns": "a: {kind: touch, at: A1, on: left, reads: {y: u}, column: v, sigma: 1 um}",
+    "two columns": "a: {kind: touch, at: A1, surface: left, reads: {y: u}, column: v, sigma: 1 um}",
 }
 """What makes no sense."""
 
@@ -112,7 +115,7 @@ def test_one_alone(text: str, tmp_path: Path) -> None:
 def test_a_misspelt_kind_is_one_fault(sigma: str, tmp_path: Path) -> None:
     """What it measures is not known then, so nothing is said of its sigma."""
     done = run("check", machine(tmp_path, sensors(f"a: {{kind: spam, at: platform, sigma: {sigma}}}")), "--json", "-q")
-    assert [f["message"] for f in clean(done).json["faults"]] == ["there is no sensor of kind `spam`"]
+    assert [f["message"] for f in clean(done).json["faults"]] == ["unknown sensor kind `spam`"]
 
 
 @pytest.mark.parametrize("text", SENSELESS.values(), ids=SENSELESS.keys())
@@ -125,20 +128,20 @@ def test_what_makes_no_sense(text: str, tmp_path: Path) -> None:
     ("text", "what"),
     [
         ("a: {kind: distance, at: A1, to: B1, sigma: 1 um, column: d}\n"
-         "  b: {kind: span, at: A1, sigma: 1 um, column: d}", "column `d` is read by sensors.a already"),
-        ("a: {kind: distance, at: A1, to: B1, sigma: 1 um, column: q1}", "column `q1` is read by actuators.q1 already"),
-        ("to: {kind: span, at: A1, sigma: 1 um}", "column `to` has a meaning of its own"),
-        ("a: {at: A1, reads: {x: u, y: u}, frame: machine, sigma: 1 um}", "column `u` is read by sensors.a already"),
+         "  b: {kind: span, at: A1, sigma: 1 um, column: d}", "column `d` is already used by sensors.a"),
+        ("a: {kind: distance, at: A1, to: B1, sigma: 1 um, column: q1}", "column `q1` is already used by actuators.q1"),
+        ("to: {kind: span, at: A1, sigma: 1 um}", "the column name `to` is reserved"),
+        ("a: {at: A1, reads: {x: u, y: u}, frame: machine, sigma: 1 um}", "column `u` is already used by sensors.a"),
     ],
 )  # fmt: skip
 def test_one_column_one_sensor(text: str, what: str, tmp_path: Path) -> None:
     done = clean(run("check", machine(tmp_path, sensors(text))))
-    assert done.code == 1 and what in done.err + done.out and "name another column" in done.err + done.out
+    assert done.code == 1 and what in done.err + done.out and "choose another column name" in done.err + done.out
 
 
 def test_a_part_of_the_machine_has_no_sessions(tmp_path: Path) -> None:
     done = run("check", machine(tmp_path, "parameters: {l3: {per: session}}"))
-    assert done.code == 1 and "`l3` has a value for every session, but this is a part of the machine" in done.err
+    assert done.code == 1 and "`l3` has one value per session, but this is a part of the machine" in done.err
 
 
 # tables ---------------------------------------------------------------------------------------------------------------
@@ -174,14 +177,14 @@ def changed(table: Path, name: str, new: str, row: int | None) -> Path:
 @pytest.mark.parametrize(
     ("name", "new", "row", "what"),
     [
-        ("to", "p1", 2, "`to` names `p1`, this row itself"),
-        ("to", "nowhere", 2, "`to` names `nowhere`, no row's `id`"),
-        ("to", "", 2, "a distance between two rows, but `to` names no other row"),
-        ("id", "p7", 3, "`to` names `p7`, the `id` of 2 rows"),
-        ("to", "other", None, "error[csv-partner]: a distance between two rows in 30 rows, but no row has a `to`"),
-        ("wire", "wire [rad]", None, "rad is a unit of angle, but this is a length"),
-        ("encoder", "encoder [mm]", None, "mm is a unit of length, but this is an angle"),
-        ("current", "current [N]", None, "N is a unit of force, but this is a plain number"),
+        ("to", "p1", 2, "`to` names `p1`, which is this row itself"),
+        ("to", "nowhere", 2, "`to` names `nowhere`, which is the `id` of no row"),
+        ("to", "", 2, "distance to another row measured, but `to` is empty"),
+        ("id", "p7", 3, "`to` names `p7`, which is the `id` of 2 rows"),
+        ("to", "other", None, "error[csv-partner]: distance to another row measured in 30 rows, but no row has a `to`"),
+        ("wire", "wire [rad]", None, "`rad` is a unit of angle, but this is a length"),
+        ("encoder", "encoder [mm]", None, "`mm` is a unit of length, but this is an angle"),
+        ("current", "current [N]", None, "`N` is a unit of force, but this is a plain number"),
         ("wire", "nan", 3, "`nan` in column `wire` is not a number"),
     ],
 )

@@ -12,6 +12,7 @@ from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, predict
 from pkmcal_cli.sensors import sensor_kinds
+from pkmcal_cli.units.measurands import Measurand
 from tests.support import errors_of, model, overlay, poses_of, truth
 
 SPATIAL = """
@@ -29,8 +30,8 @@ sensors:
   ballbar: {kind: distance, at: platform, offset: [5, 6, -70], to: ball, sigma: 1 um}
   wire: {kind: distance, at: P2a, to: ball, zero: w0, scale: ws, sigma: 10 um}
   calipers: {kind: span, at: platform, offset: [5, 6, -70], sigma: 20 um}
-  probe: {kind: touch, at: platform, offset: [0, 0, -50], on: bed, zero: q0, scale: qs, sigma: 5 um}
-  edge: {kind: touch, at: platform, on: bed, reads: [y, z], sigma: 5 um}
+  probe: {kind: touch, at: platform, offset: [0, 0, -50], surface: bed, zero: q0, scale: qs, sigma: 5 um}
+  edge: {kind: touch, at: platform, surface: bed, reads: [y, z], sigma: 5 um}
   current: {kind: force, drive: q4, unit: "1", scale: kt, zero: i0, sigma: 0.01}
   encoder: {kind: angle, at: C2a, to: P2a, axis: y, zero: e0, sigma: 0.001 deg}
   gauge: {kind: bench, of: l1a - l1b, reading: 0.02 mm, sigma: 1 um}
@@ -133,7 +134,7 @@ def test_derivatives_by_every_parameter() -> None:
     """To 1e-6 of a column; below 2e-12 m and rad, and what 1e-16 m do to a force at 2e7 N/m, is rounding."""
     machine, vector, rows, found = exact()
     assert found.jacobian is not None
-    rounding = np.array([1e-9 if c.quantity == "force" else 2e-12 for c in machine.channels])
+    rounding = np.array([1e-9 if c.measurand is Measurand.FORCE else 2e-12 for c in machine.channels])
     for k, p in enumerate(machine.parameters):
         wide = min(0.05 * p.range, 1e-3) if not p.name.startswith("frame@") else 1e-3
         step = np.eye(len(vector))[k] * wide

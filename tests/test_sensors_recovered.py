@@ -24,7 +24,7 @@ def check_fit(result: Mapping[str, Any]) -> None:
     dof = result["degrees_of_freedom"]
     low, high = chi2.ppf([0.0005, 0.9995], dof) / dof
     assert result["status"] == "converged" and low < result["chi2_per_dof"] < high
-    assert result["uncertainty"]["widened"] == 1 or result["chi2_per_dof"] > 1.2
+    assert all(0.6 < f < 1.6 for f in result["uncertainty"]["noise"].values())
 
 
 def check_values(result: Mapping[str, Any], true: Mapping[str, float]) -> None:
@@ -32,7 +32,7 @@ def check_values(result: Mapping[str, Any], true: Mapping[str, float]) -> None:
     found = {p["name"]: p for p in result["parameters"]}
     off = deviations(result, true)
     assert {n: d for n, d in off.items() if not abs(d) < 4} == {}
-    assert all(0 < found[n]["std"] < found[n]["range"] for n in off)
+    assert all(0 < found[n]["std_by_data"] < found[n]["range"] for n in off if found[n]["identified"])
 
 
 def check_sums(result: Mapping[str, Any], true: Mapping[str, float]) -> None:

@@ -12,13 +12,13 @@ from pkmcal_cli.language.machine_yaml import read_machine
 from tests.command import MACHINES
 
 SIDECARS = sorted(MACHINES.glob("*.provenance.yaml"))
-KINDS = {"mm": "length", "rad": "angle", "deg": "angle", "N": "force", "kN/mm": "stiffness"}
+KINDS = {"mm": "length", "rad": "angle", "deg": "angle", "N": "force", "kN/mm": "stiffness", "1": "plain number"}
 
 
 @pytest.mark.parametrize("file", SIDECARS, ids=lambda f: str(f.name).partition(".")[0])
 def test_planted_values_have_the_units_of_the_machines_parameters(file) -> None:  # type: ignore[no-untyped-def]
     told = yaml.safe_load(file.read_text(encoding="utf-8"))
-    name = told["data"].removesuffix(".csv").removesuffix("-shopfloor")
+    name = told["data"].removesuffix(".csv").removesuffix("-shopfloor").removesuffix("-bow")
     machine = compile_machine(read_machine(MACHINES / f"{name}.yaml")).model
     kinds = {p.name: p.dimension for p in machine.parameters}
     for parameter, entry in told["planted"]["parameters"].items():

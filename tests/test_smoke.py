@@ -31,7 +31,7 @@ def test_a_simulated_machine_is_found_again(tmp_path: Path) -> None:
     assert clean(run("simulate", TRIGLIDE, *arguments, "-o", table)).code == 0
     done = clean(run("calibrate", TRIGLIDE, table, "--select", "l3", "--json"))
     (l3,) = (p for p in json.loads(done.out)["parameters"] if p["name"] == "l3")
-    assert abs(l3["value"] - 600.05) < 4 * l3["std"] < 0.05
+    assert abs(l3["value"] - 600.05) < 4 * l3["std_by_data"] < 0.05
 
 
 def test_real_data_are_calibrated_and_diagnosed() -> None:

@@ -17,6 +17,10 @@ LIBRARY = re.compile(r"SVD|[Ss]ingular matrix|positive definite|infs or NaNs|arr
 """What a linear-algebra library would say."""
 
 
+LONG = dict.fromkeys(("hexapod7", "gantry", "gantry-bow", "five-bar", "scissors-shopfloor"), pytest.mark.slow)
+"""Fits that take long, many times over."""
+
+
 @dataclass(frozen=True)
 class Csv:
     """A shipped table as cells: head lines, the header, rows; its machine, and columns of drives and of readings."""
@@ -32,7 +36,7 @@ class Csv:
         lines = file.read_text(encoding="utf-8").splitlines()
         at = next(k for k, line in enumerate(lines) if not line.startswith("#"))
         names = [re.sub(r" *\[.*", "", name) for name in lines[at].split(",")]
-        drives = [k for k, n in enumerate(names) if re.fullmatch(r"q\d|motor_[abc]_deg|TL|TR|z\d", n)]
+        drives = [k for k, n in enumerate(names) if re.fullmatch(r"q\d|motor_[abc]_deg|TL|TR|z\d|X|Y\d", n)]
         reading = r"(\w+\.)?r?[xyz]|[xyz]_mm|\w*encoder\d|probe|BL"
         channels = [k for k, n in enumerate(names) if re.fullmatch(reading, n)]
         assert drives and channels, names
@@ -122,7 +126,7 @@ def spoilt(table: Path, how: Callable[[Csv], Csv], folder: Path) -> tuple[str, s
 
 
 @pytest.mark.parametrize("how", SPOILT, ids=lambda how: how.__name__)
-@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
+@pytest.mark.parametrize("table", [pytest.param(t, id=t.stem, marks=LONG.get(t.stem, ())) for t in TABLES])
 def test_check_and_calibrate(table: Path, how: Callable[[Csv], Csv], tmp_path: Path) -> None:
     files = spoilt(table, how, tmp_path)
     looked_at(run("check", *files), how)

@@ -56,7 +56,7 @@ def test_two_minima_that_are_as_good_are_told(tmp_path: Path) -> None:
     machine, table = swept(tmp_path, 0.0)
     done = run("calibrate", machine, table, "--select", "bx,by", "--json", "--holdout", "none", "--starts", "10")
     assert done.json["starts"]["agree"] > 0 and done.json["starts"]["rivals"] > 0
-    assert "these data do not say which is right" in done.err
+    assert "the data cannot separate them" in done.err
 
 
 def test_what_is_not_seen_stays_where_it_was(tmp_path: Path) -> None:
@@ -148,8 +148,8 @@ def test_a_start_that_fails_is_helped_and_hopeless_data_are_told() -> None:
 
 @cache
 def by_engine_of_five_bar() -> Problem:
-    from pkmcal_cli.calibration.bound import problem_of
-    from pkmcal_cli.loading.machine import load_machine, load_measurements
+    from pkmcal_cli.calibration.measured_problem import problem_of
+    from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 
     loaded = load_machine(str(MACHINES / "five-bar.yaml"))
     problem = problem_of(loaded.model, load_measurements(loaded, [str(MACHINES / "five-bar.csv")]))

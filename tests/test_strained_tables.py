@@ -113,6 +113,7 @@ def test_points_on_four_belts(command: str, seed: int, tmp_path: Path) -> None:
     ended(command, machine, table)
 
 
+@pytest.mark.slow
 def test_the_hangprinter_as_it_was_read() -> None:
     """With all digits of its encoders; three rows were never seen by the camera."""
     done = ended("diagnose", str(MACHINES / "hangprinter.yaml"), str(MACHINES / "hangprinter_2022-04-12.csv"))

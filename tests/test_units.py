@@ -23,11 +23,18 @@ from pkmcal_cli.units.file_units import FileUnits, UnitError, parse_unit, parse_
         ("N/mm/rad", 1e3, u.STIFFNESS / u.ANGLE),
         ("mm^4", 1e-12, u.SECOND_MOMENT),
         ("mm**2", 1e-6, u.AREA),
+        ("mm ** 2", 1e-6, u.AREA),
+        ("kg*mm**-3", 1e9, u.DENSITY),
         ("m²", 1.0, u.AREA),
         ("kg/m^3", 1.0, u.DENSITY),
         ("kg/(m*s^2)", 1.0, u.MODULUS),
         ("GPa mm²", 1e3, u.FORCE),
         ("1/K", 1.0, u.NUMBER / u.TEMPERATURE),
+        ("in", 0.0254, u.LENGTH),
+        ("inch", 0.0254, u.LENGTH),
+        ("lbf", 0.45359237 * 9.80665, u.FORCE),
+        ("lbf/in", 0.45359237 * 9.80665 / 0.0254, u.STIFFNESS),
+        ("kg/in**3", 1 / 0.0254**3, u.DENSITY),
         ("deg", math.pi / 180, u.ANGLE),
         ("rev", 2 * math.pi, u.ANGLE),
         ("%", 0.01, u.NUMBER),
@@ -50,6 +57,43 @@ def test_the_nearest_unit_is_named() -> None:
     with pytest.raises(UnitError) as caught:
         parse_unit("kN/mmm")
     assert caught.value.hint == "did you mean `mm`?"
+
+
+@pytest.mark.parametrize(
+    ("text", "fitting", "hint"),
+    [
+        ("mn", (u.LENGTH,), "use one of m, cm, mm, um, nm, km, in"),
+        ("mn", (u.TIME,), "use one of s, ms, min, h"),
+        ("MM", (u.LENGTH,), "did you mean `mm`?"),
+        ("NM", (u.TORQUE,), "did you mean `Nm`?"),
+        ("inches", (u.LENGTH,), "did you mean `inch`?"),
+        ("minn", (u.LENGTH,), "use one of m, cm, mm, um, nm, km, in"),
+        ("minn", (u.TIME,), "did you mean `min`?"),
+        ("kN/minn", (u.STIFFNESS,), "use one of m, cm, mm, um, nm, km, in"),
+        ("kNm/minn", (u.STIFFNESS,), None),
+        ("sin", (u.NUMBER,), "write a plain number, or use one of %, ppm"),
+    ],
+)
+def test_only_units_that_fit_are_suggested(text: str, fitting: tuple[u.Dimension, ...], hint: str | None) -> None:
+    with pytest.raises(UnitError) as caught:
+        parse_unit(text, fitting)
+    assert caught.value.hint == hint
+
+
+@given(
+    st.sampled_from(["{}", "kN/{}", "{}*mm/rad", "kg/({}*s^2)", "{}^2", "1/{}"]),
+    st.text("mnikgcsud", min_size=1, max_size=4),
+    st.sampled_from([*u.DIMENSIONS.values(), u.NUMBER / u.LENGTH]),
+)
+def test_whatever_is_suggested_fits(form: str, name: str, dimension: u.Dimension) -> None:
+    try:
+        parse_unit(form.format(name), (dimension,))
+    except UnitError as error:
+        words = (error.hint or "").replace(",", " ").replace("`", " ").replace("?", " ").split()
+        named = [word for word in words if word in u.UNITS or word == "inch"]
+        assert named or error.hint is None
+        for unit in named:
+            assert parse_unit(form.format(unit)).dimension.fits(dimension)
 
 
 @given(st.text(max_size=20))
@@ -95,8 +139,9 @@ def test_a_file_unit_of_another_dimension_is_refused() -> None:
 
 
 @pytest.mark.parametrize("dimension", u.DIMENSIONS.values())
-def test_derived_units_have_their_dimension(dimension: u.Dimension) -> None:
-    file = FileUnits.of({"length": "cm", "mass": "g", "force": "MN", "time": "ms"})
+@pytest.mark.parametrize(("length", "force"), [("cm", "MN"), ("in", "lbf")])
+def test_derived_units_have_their_dimension(dimension: u.Dimension, length: str, force: str) -> None:
+    file = FileUnits.of({"length": length, "mass": "g", "force": force, "time": "ms"})
     unit = file.unit(dimension)
     assert unit.dimension == dimension
     if unit.text != "1":

@@ -13,7 +13,13 @@ from tests.verification_row import Row, holds, read
 
 PAGE = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
 LINES = PAGE.split("|---|---|---|\n")[1].splitlines()
-QUICK = (verification.frames, verification.bending, verification.paper_triglide, verification.paper_scissors)
+QUICK = (
+    verification.frames,
+    verification.bending,
+    verification.ropes,
+    verification.paper_triglide,
+    verification.paper_scissors,
+)
 
 
 @pytest.mark.parametrize("line", LINES)

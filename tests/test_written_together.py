@@ -73,14 +73,14 @@ def test_links_are_written_through() -> None:
 @pytest.mark.parametrize("there", NAMES)
 def test_without_force_none_is_there_before(there: str) -> None:
     old_files((there,))
-    with pytest.raises(OutputError, match="the file exists") as caught:
+    with pytest.raises(OutputError, match="the file already exists") as caught:
         write(force=False)
     assert caught.value.where == there and contents() == {there: "old"}
 
 
 @pytest.mark.parametrize("meanwhile", NAMES)
 def test_what_appears_meanwhile_stays_and_the_others_do_not_come(meanwhile: str) -> None:
-    with pytest.raises(OutputError, match="the file exists"):
+    with pytest.raises(OutputError, match="the file already exists"):
         write(force=False, within=lambda: old_files((meanwhile,)))
     assert contents() == {meanwhile: "old"}
 
@@ -93,7 +93,7 @@ def no_links(*_: object) -> None:
 def test_what_appears_meanwhile_stays_without_links_too(meanwhile: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a file system that has no links, as on many memory cards."""
     monkeypatch.setattr(os, "link", no_links)
-    with pytest.raises(OutputError, match="the file exists"):
+    with pytest.raises(OutputError, match="the file already exists"):
         write(force=False, within=lambda: old_files((meanwhile,)))
     assert contents() == {meanwhile: "old"}
 
@@ -151,7 +151,7 @@ def test_an_error_within_leaves_nothing(error: type[BaseException]) -> None:
 
 def test_two_results_in_one_file() -> None:
     Path("second.txt").symlink_to("first.txt")
-    with pytest.raises(OutputError, match="several results would go into this file"):
+    with pytest.raises(OutputError, match="several results would be written to this file"):
         write(force=True)
     assert list(Path().iterdir()) == [Path("second.txt")]
 

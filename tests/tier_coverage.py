@@ -19,6 +19,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
+from pkmcal_cli.calibration.error_budget import error_budget
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.intervals import Intervals, linear_intervals, profile_intervals
 from pkmcal_cli.calibration.prior import prior_of_ranges
@@ -44,20 +45,20 @@ def _places(plan: Plan) -> Array:
 
 
 def _squares(problem: Problem, plan: Plan) -> RobustFit:
-    """As `calibrate` fits: uncertainties are widened where chi-square asks for it."""
+    """As `calibrate` fits."""
     return plain_fit(problem, identify(problem, plan.selected))
 
 
 def linear(plan: Plan, problem: Problem, _: int) -> tuple[RobustFit, Intervals]:
     """Value and 1.96 standard uncertainties."""
     found = _squares(problem, plan)
-    return found, linear_intervals(found.fit, _places(plan))
+    return found, linear_intervals(found.fit, error_budget(found.problem, found.fit), _places(plan))
 
 
 def profile(plan: Plan, problem: Problem, _: int) -> tuple[RobustFit, Intervals]:
     """Where chi-square has grown by 1.96 squared."""
     found = _squares(problem, plan)
-    return found, profile_intervals(found.problem, found.fit, _places(plan))
+    return found, profile_intervals(found.problem, found.fit, error_budget(found.problem, found.fit), _places(plan))
 
 
 def bootstrap(plan: Plan, problem: Problem, seed: int) -> tuple[RobustFit, Intervals]:
@@ -83,7 +84,8 @@ def robust(loss: Loss) -> Tier:
 
     def fit(plan: Plan, problem: Problem, _: int) -> tuple[RobustFit, Intervals]:
         found = identify_robustly(problem, identify(problem, plan.selected), loss)
-        return found, linear_intervals(found.fit, _places(plan))
+        budget = error_budget(found.problem, found.fit, noise=found.fit.directions.spread)
+        return found, linear_intervals(found.fit, budget, _places(plan))
 
     return fit
 

@@ -47,8 +47,8 @@ def covered() -> list[Row]:
         if len(cells) == 8 and cells[2].isdigit():
             text = f"{cells[0]}: 500 campaigns with noise (docs/coverage.md), {cells[2]} parameters"
             rows += [
-                Row(f"{text}, 95 % intervals that hold the true value, average, %", "94 to 96", cells[3]),
-                Row(f"{text}, the same of the worst parameter, %", "> 91", cells[4]),
+                Row(f"{text}, 95 % intervals that contain the true value, average, %", "94 to 96", cells[3]),
+                Row(f"{text}, the same for the worst parameter, %", "> 91", cells[4]),
                 Row(f"{text}, chi-square per degree of freedom", "1 +- 0.02", float(cells[5])),
             ]
     return rows
@@ -56,7 +56,7 @@ def covered() -> list[Row]:
 
 def _undetermined(text: str, named: str, machine: Model, fit: Fit, true: dict[str, float]) -> list[Row]:
     """Rows of one fit: that `named` is named and does not move, that its sums are right. `true`: SI, of errors."""
-    null = [c for c in combinations(fit.found) if c.kind == "null"]
+    null = [c for c in combinations(fit.directions) if c.kind == "null"]
     index = [machine.names.index(n) for n in fit.selected]
     moved = (fit.values - machine.nominal)[index] / machine.ranges[index]
     scores = []
@@ -69,9 +69,9 @@ def _undetermined(text: str, named: str, machine: Model, fit: Fit, true: dict[st
     names = "; ".join(sorted(", ".join(sorted(c.names)) for c in null))
     members = sorted({n for c in null for n in c.names})
     infinite = sorted(n for n, s in zip(fit.selected, fit.std, strict=True) if np.isnan(s))
-    along = np.abs(fit.found.vectors[fit.found.null] @ moved).max()
+    along = np.abs(fit.directions.vectors[fit.directions.null] @ moved).max()
     return [
-        Row(f"{text}: combinations named as not determined", f"`{named}`", names),
+        Row(f"{text}: combinations reported as not determined", f"`{named}`", names),
         Row(f"{text}: parameters with `std: null`", f"`{', '.join(members)}`", ", ".join(infinite)),
         Row(f"{text}: movement along them, in ranges", "< 1e-5", float(along)),
         Row(f"{text}: determined sums, largest error in standard uncertainties", "< 3", float(max(scores))),
@@ -132,9 +132,9 @@ def held_out_noise() -> list[Row]:
     from tests.test_holdout import noise_against_theory
 
     found = noise_against_theory()
-    text = "held-out error of noise over"
+    text = "held-out error due to noise over"
     return [
-        Row(f"{text} what the linear model says", f"1 +- {found.scatter:.2f}", found.over_theory),
+        Row(f"{text} the linear model's prediction", f"1 +- {found.scatter:.2f}", found.over_theory),
         Row(f"{text} sigma sqrt(1 + p/n)", "shown", found.over_thumb),
     ]
 
@@ -148,7 +148,7 @@ def far_starts() -> list[Row]:
         for seed in range(4):
             fit = identify(problem, best.selected, off_by(problem, seed))
             ratio = max(ratio, fit.chi2 / best.chi2 if fit.status == "converged" else np.inf)
-    text = "hangprinter from anchors 300 mm off, 4 starts a session: largest chi-square over the minimum"
+    text = "hangprinter from anchors 300 mm off, 4 starts per session: largest chi-square over the minimum"
     return [Row(text, "< 1.000001", ratio)]
 
 
@@ -165,8 +165,8 @@ def weak_held() -> list[Row]:
     plan, rng = by_engine(shipped("triglide")), np.random.default_rng(0)
     fit = identify(plan.measured(plan.drawn(rng), rng), plan.selected)
     moved = (fit.values - plan.model.nominal)[plan.index] / plan.ranges
-    along = np.abs(fit.found.vectors[fit.found.weak] @ moved).max()
-    text = f"triglide at 10 um, {int(fit.found.weak.sum())} weak combinations: movement along them, in ranges"
+    along = np.abs(fit.directions.vectors[fit.directions.weak] @ moved).max()
+    text = f"triglide at 10 um, {int(fit.directions.weak.sum())} weak combinations: movement along them, in ranges"
     return [Row(text, "< 0.01", float(along))]
 
 

@@ -121,7 +121,7 @@ class BadInput(PkmcalError):
     exit_code = 3
 
     def __init__(self, faults: Sequence[Fault], total: int | None = None) -> None:
-        first = faults[0] if faults else Fault("input", "the input is wrong")
+        first = faults[0] if faults else Fault("input", "the input is invalid")
         self.faults: tuple[Fault, ...] = tuple(faults)
         self.total = len(self.faults) if total is None else total
         super().__init__(first.what, first.where, first.hint, first.code)
@@ -160,32 +160,32 @@ class OutputError(PkmcalError):
 class FaultList:
     """Collects the faults of a stage; knows errors from warnings, sorts by place."""
 
-    found: dict[Fault, None] = field(default_factory=dict)
+    faults: dict[Fault, None] = field(default_factory=dict)
 
     def add(self, fault: Fault) -> None:
         """Take a fault, unless the same one has been taken at the same place.
 
         Raises `BadInput` when there are so many that the file cannot be meant.
         """
-        self.found[fault] = None
-        if len(self.found) >= GIVE_UP:
+        self.faults[fault] = None
+        if len(self.faults) >= GIVE_UP:
             self.raise_if_any()
 
     def __iter__(self) -> Iterator[Fault]:
-        return iter(self.found)
+        return iter(self.faults)
 
     def __len__(self) -> int:
-        return len(self.found)
+        return len(self.faults)
 
     @property
     def errors(self) -> list[Fault]:
         """The faults that are no warnings, sorted by place."""
-        return _sorted(f for f in self.found if f.severity == "error")
+        return _sorted(f for f in self.faults if f.severity == "error")
 
     @property
     def warnings(self) -> list[Fault]:
         """The warnings, sorted by place."""
-        return _sorted(f for f in self.found if f.severity == "warning")
+        return _sorted(f for f in self.faults if f.severity == "warning")
 
     def raise_if_any(self) -> None:
         """Raise `BadInput` with the first `MAX_FAULTS` errors if there is any."""
@@ -219,5 +219,5 @@ def did_you_mean(name: str, names: Iterable[str], otherwise: str | None = None) 
     if otherwise is not None:
         return otherwise
     if 0 < len(candidates) <= 12:
-        return "one of " + ", ".join(f"`{c}`" for c in candidates)
+        return "use one of " + ", ".join(f"`{c}`" for c in candidates)
     return None

@@ -11,10 +11,17 @@ Member = TypeVar("Member")
 
 
 def members(package: str, folder: Iterable[str], kind: type[Member]) -> dict[str, Member]:
-    """All members of a kind in the modules of a package, but for its `base`, by keyword in alphabetic order."""
-    found: dict[str, Member] = {}
+    """All members of a kind in the modules of a package, by keyword in alphabetic order.
+
+    Raises ValueError for two members of one keyword, with their modules.
+    """
+    out: dict[str, Member] = {}
+    home: dict[str, str] = {}
     for module in pkgutil.iter_modules(folder):
-        if module.name != "base":
-            every = vars(importlib.import_module(f"{package}.{module.name}")).values()
-            found |= {getattr(each, "keyword"): each for each in every if isinstance(each, kind)}  # noqa: B009
-    return dict(sorted(found.items()))
+        for each in vars(importlib.import_module(f"{package}.{module.name}")).values():
+            if isinstance(each, kind):
+                keyword = str(getattr(each, "keyword"))  # noqa: B009
+                if out.setdefault(keyword, each) is not each:
+                    raise ValueError(f"`{keyword}` is in {home[keyword]}.py and in {module.name}.py of {package}")
+                home.setdefault(keyword, module.name)
+    return dict(sorted(out.items()))

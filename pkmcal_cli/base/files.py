@@ -63,7 +63,7 @@ def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:
             hint = near or None
         return BadInput.single("the file does not exist", Location(str(source), 1), hint, "file")
     if isinstance(error, IsADirectoryError):
-        hint = "give the files in it"
+        hint = "give a file in this folder"
     what = f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
     return BadInput.single(what, Location(input_name(source), 1), hint, "file")
 
@@ -90,7 +90,7 @@ def identity(name: Path | str) -> tuple[int, int] | None:
     None of what is not there, and of pipes and devices.
     """
     try:
-        found = os.fstat(sys.stdin.fileno()) if str(name) in (STREAM, _STDIN) else os.stat(name)
+        status = os.fstat(sys.stdin.fileno()) if str(name) in (STREAM, _STDIN) else os.stat(name)
     except (OSError, ValueError):
         return None
-    return (found.st_dev, found.st_ino) if stat.S_ISREG(found.st_mode) else None
+    return (status.st_dev, status.st_ino) if stat.S_ISREG(status.st_mode) else None

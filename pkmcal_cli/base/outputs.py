@@ -30,7 +30,7 @@ def check_target(target: Path | str | None, inputs: Collection[str], *, force: b
         if there is not None and identity(name) == there:
             other = "" if name == str(target) else f", `{input_name(name)}`"
             what = f"this file is an input of the command{other}"
-            raise OutputError(what, str(target), "give the result another name")
+            raise OutputError(what, str(target), "choose another name for the result")
     with _output_errors(str(target)):
         _check_path(Path(target), force)
 
@@ -40,10 +40,10 @@ def _check_path(path: Path, force: bool) -> None:
     if takes_directly(path):
         return
     if path.is_dir():
-        raise OutputError("this is a folder", str(path), "give the name of a file in it")
+        raise OutputError("this is a folder", str(path), "give the name of a file in this folder")
     _check_folder(path.parent)
     if not path.parent.exists():
-        hint = f"make it first: `mkdir -p {path.parent}`"
+        hint = f"create it first: `mkdir -p {path.parent}`"
         raise OutputError("the folder does not exist", str(path.parent), hint)
     if path.exists() and not force:
         raise _exists(path)
@@ -61,9 +61,9 @@ def _check_name(path: Path) -> None:
 def _check_folder(folder: Path) -> None:
     """Raises OutputError where there is something else, or a folder that cannot be written to."""
     if folder.exists() and not folder.is_dir():
-        raise OutputError("this is no folder", str(folder))
+        raise OutputError("this is not a folder", str(folder))
     if folder.exists() and not os.access(folder, os.W_OK):
-        raise OutputError("the folder cannot be written to", str(folder))
+        raise OutputError("the folder is not writable", str(folder))
 
 
 def check_folder(folder: str) -> None:
@@ -122,7 +122,7 @@ def write_together(
         check_target(target, inputs, force=force)
     paths = [Path(os.path.realpath(target) if os.path.islink(target) else target) for target in targets]
     if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise OutputError("several results would go into this file", str(targets[0]), "give them other names")
+        raise OutputError("several results would be written to this file", str(targets[0]), "choose different names")
     with _output_errors(", ".join(str(target) for target in targets)), contextlib.ExitStack() as stack:
         files = tuple(stack.enter_context(_beside(path)) for path in paths)
         yield files
@@ -195,7 +195,7 @@ def _move(temporary: Path, path: Path, force: bool) -> None:
 
 
 def _exists(path: Path) -> OutputError:
-    return OutputError("the file exists", str(path), "`--force` replaces it")
+    return OutputError("the file already exists", str(path), "use `--force` to replace it")
 
 
 def takes_directly(target: Path | str) -> bool:

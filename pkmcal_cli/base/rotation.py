@@ -62,6 +62,14 @@ def _third_coefficient(angle2: Array, s1: Array) -> Array:
     return np.where(small, 1 / 6 - angle2 / 120, (1 - s1) / np.where(small, 1.0, angle2))
 
 
+def polar_angle(sine: Array, cosine: Array) -> Array:
+    """Angle in (-pi, pi] of the direction (cosine, sine), which need not have length 1; passes complex steps."""
+    if not (np.iscomplexobj(sine) or np.iscomplexobj(cosine)):
+        return np.asarray(np.arctan2(sine, cosine))
+    slope = cosine.real * sine.imag - sine.real * cosine.imag
+    return np.asarray(np.arctan2(sine.real, cosine.real) + 1j * slope / (sine.real**2 + cosine.real**2))
+
+
 def exp(theta: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues): cos I + s1 [v]x + s2 v v^T."""
     angle2 = dot(theta, theta)
@@ -94,10 +102,10 @@ def log(rotation: Array) -> Array:
     factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
     theta = np.asarray(axial * factor[..., None])
     flipped = small & (cosine.real < 0)
-    return _log_half_turn(theta, r, flipped) if flipped.any() else theta
+    return _log_half_rotation(theta, r, flipped) if flipped.any() else theta
 
 
-def _log_half_turn(theta: Array, rotation: Array, where: NDArray[np.bool_]) -> Array:
+def _log_half_rotation(theta: Array, rotation: Array, where: NDArray[np.bool_]) -> Array:
     """Replace the entries of `theta` whose rotation is a half turn: the axis is the column of (R + I)/2."""
     half = 0.5 * (rotation[where] + np.eye(3))
     column = np.argmax(np.diagonal(half, axis1=-2, axis2=-1), axis=-1)
@@ -105,6 +113,13 @@ def _log_half_turn(theta: Array, rotation: Array, where: NDArray[np.bool_]) -> A
     theta = theta.copy()
     theta[where] = np.pi * axis / np.sqrt(dot(axis, axis))[..., None]
     return theta
+
+
+def other_way_round(theta: Array) -> Array:
+    """Rotation vectors (..., 3) of the same rotations about the opposite axes; those of no rotation stay."""
+    angle = np.sqrt(dot(theta, theta))[..., None]
+    none = angle == 0
+    return np.where(none, theta, theta * (1 - 2 * np.pi / np.where(none, 1.0, angle)))
 
 
 def log_jacobian(theta: Array) -> Array:

@@ -1,8 +1,8 @@
 """Constant linear maps between arrays whose last axis runs over rows (machine configurations).
 
 Most of what the engine does between the elements' formulas is linear with constant, mostly zero coefficients: triads
-of ports out of rotations, links out of arms, forces and tangents out of the elements' ones. All of it is done for
-many rows at once by one product with a sparse matrix.
+of connection points out of rotations, links out of offset vectors, forces and tangents out of the elements' ones. All
+of it is done for many rows at once by one product with a sparse matrix.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 Index = NDArray[np.intp]
+_FEW = 2000  # products of entries that are added up without a sparse matrix: a cold start does not import it
 
 
 @dataclass(frozen=True)
 class SparseMap:
-    """y[target] += coefficient * x[source] for arrays x (columns, N) and y (height, N); repeated targets add up."""
+    """y[target] += factor * x[source] for arrays x (columns, N) and y (height, N); repeated targets add up."""
 
     height: int
     columns: int
     target: Index  # (nnz,)
     source: Index  # (nnz,)
-    coefficient: Array  # (nnz,)
+    factor: Array  # (nnz,)
 
     @cached_property
     def used(self) -> Index:
@@ -40,20 +41,22 @@ class SparseMap:
 
     @cached_property
     def _matrix(self) -> csr_array:
-        from scipy.sparse import csr_array  # imported late: a cold start does not need it
+        from scipy.sparse import csr_array
 
-        entries = (self.coefficient, (self.target, self.source))
+        entries = (self.factor, (self.target, self.source))
         return csr_array(entries, shape=(self.height, self.columns))
 
     def __call__(self, x: Array) -> Array:
-        """The image (height, N) of x (columns, N), real or complex."""
-        if x.shape[1] > 1:
+        """The image (height, N) of x (columns, N), real or complex; what is not finite spoils only its targets."""
+        rows = x.shape[1]
+        if rows > 1 and rows * len(self.factor) > _FEW:
             return np.asarray(self._matrix @ x)
-        weights = self.coefficient * x[self.source, 0]
-        out = np.bincount(self.target, weights.real, self.height).astype(float)
-        if np.iscomplexobj(weights):
-            out = out + 1j * np.bincount(self.target, weights.imag, self.height)
-        return np.asarray(out[:, None])
+        parts = self.factor[:, None] * x[self.source]  # (nnz, N)
+        place = (self.target[:, None] * rows + np.arange(rows)).ravel()
+        image = np.bincount(place, parts.real.ravel(), self.height * rows).astype(float)
+        if np.iscomplexobj(parts):
+            image = image + 1j * np.bincount(place, parts.imag.ravel(), self.height * rows)
+        return np.asarray(image.reshape(self.height, rows))
 
 
 @dataclass(frozen=True)
@@ -98,20 +101,20 @@ class Entries:
 
     target: list[Index]
     source: list[Index]
-    coefficient: list[Array]
+    factor: list[Array]
 
     @classmethod
     def none(cls) -> Entries:
         """No entries yet."""
         return cls([], [], [])
 
-    def add(self, target: Index, source: Index, coefficient: Array | float) -> None:
-        """Add entries, arrays that broadcast; those with a zero coefficient or a negative target do not count."""
-        t, s, c = np.broadcast_arrays(target, source, np.asarray(coefficient, dtype=float))
+    def add(self, target: Index, source: Index, factor: Array | float) -> None:
+        """Add entries, arrays that broadcast; those with a zero factor or a negative target do not count."""
+        t, s, c = np.broadcast_arrays(target, source, np.asarray(factor, dtype=float))
         used = np.nonzero((c != 0) & (t >= 0))
         self.target.append(t[used])
         self.source.append(s[used])
-        self.coefficient.append(c[used])
+        self.factor.append(c[used])
 
     def build(self, height: int, columns: int) -> SparseMap:
         """The map."""
@@ -119,8 +122,8 @@ class Entries:
             empty = np.zeros(0, dtype=np.intp)
             return SparseMap(height, columns, empty, empty, np.zeros(0))
         target, source = np.concatenate(self.target), np.concatenate(self.source)
-        coefficient = np.concatenate(self.coefficient)
-        return SparseMap(height, columns, target, source, coefficient)
+        factor = np.concatenate(self.factor)
+        return SparseMap(height, columns, target, source, factor)
 
 
 def rows_last(x: Array) -> Array:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import COVER
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import replicate_groups
-from pkmcal_cli.calibration.intervals import COVER, Intervals
+from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 
@@ -34,19 +35,26 @@ def bootstrap_intervals(
 
     gain: what steps of a robust fit are longer by, as its weights change.
     """
-    near, found = linearise(problem, fit.last), fit.found
+    near, directions = linearise(problem, fit.last), fit.directions
     label = _labels(problem, _blocks(problem, session), near.known)
     count = int(label.max(initial=-1)) + 1
-    seen = found.vectors[~found.held] * found.ranges  # (d, p)
+    seen = directions.vectors[~directions.held] * directions.ranges  # (d, p)
     q, upper = np.linalg.qr(near.jacobian @ seen.T)
     by_score = np.linalg.solve(upper, seen).T if len(seen) else np.zeros((len(index), 0))  # (p, d)
     roots = _roots(q, label, count)
-    rest = _times(roots, near.residual - q @ (q.T @ near.residual))
+    residual = _times(roots, near.residual - q @ (q.T @ near.residual))
     rng, drawn = np.random.default_rng(seed), label >= 0
     signs = rng.choice([-1.0, 1.0], size=(_REPEATS, count))
-    by_blocks = gain * (signs[:, label[drawn]] * rest[drawn]) @ q[drawn] @ by_score.T  # (R, p)
-    once = rng.normal(size=(_REPEATS, int((~drawn).sum()))) @ q[~drawn] @ by_score.T
-    held = rng.normal(size=(_REPEATS, int(found.held.sum()))) / 2.0 @ found.vectors[found.held] * found.ranges
+    by_blocks = gain * (signs[:, label[drawn]] * residual[drawn]) @ q[drawn] @ by_score.T  # (R, p)
+    size = np.where(np.arange(len(label)) < len(label) - near.known, 1.0, np.sqrt(directions.spread))  # of ranges
+    once = (rng.normal(size=(_REPEATS, int((~drawn).sum()))) * size[~drawn]) @ q[~drawn] @ by_score.T
+    held = (
+        rng.normal(size=(_REPEATS, int(directions.held.sum())))
+        / 2.0
+        @ directions.vectors[directions.held]
+        * directions.ranges
+        * np.sqrt(directions.spread)
+    )
     steps, data = by_blocks + once + held, by_blocks.std(axis=0)
     share = np.divide(steps.std(axis=0), data, out=np.full(len(data), np.inf), where=data > 0)
     return _from_steps(fit, index, steps, _freedom(q, roots, by_score) * share**4)
@@ -66,13 +74,13 @@ def _labels(problem: Problem, blocks: Index, known: int) -> Index:
 def _from_steps(fit: Fit, index: Array, steps: Array, freedom: Array) -> Intervals:
     """Standard uncertainties and intervals of drawn steps (R, p), of variances with degrees of freedom (p,)."""
     std = steps.std(axis=0)
-    std[fit.found.undetermined()] = np.nan
+    std[fit.directions.undetermined()] = np.nan
     factor = stdtrit(np.clip(freedom, 1.0, 1e6), 0.975) / COVER
     low, high = np.quantile(steps, [0.025, 0.975], axis=0)
     half = np.stack([low, high], axis=1) * factor[:, None]
     half[np.isnan(std)] = np.nan
     least = float(freedom[np.isfinite(std)].min(initial=np.inf))
-    remark = "" if least >= _FEWEST else f"few poses: the bootstrap is rough ({least:.0f} degrees of freedom)"
+    remark = "" if least >= _FEWEST else f"few poses: the bootstrap is approximate ({least:.0f} degrees of freedom)"
     return Intervals("bootstrap", fit.values[index][:, None] + half, std, remark)
 
 
@@ -88,18 +96,18 @@ def _roots(q: Array, label: Index, count: int) -> list[tuple[Index, Array]]:
     order = np.argsort(label, kind="stable")
     ends = np.searchsorted(label[order], np.arange(count + 1))
     for first, last in pairwise(ends):
-        mine = order[first:last]
-        value, vector = np.linalg.eigh(np.eye(len(mine)) - q[mine] @ q[mine].T)
+        members = order[first:last]
+        value, vector = np.linalg.eigh(np.eye(len(members)) - q[members] @ q[members].T)
         root = np.where(value > 1e-6, 1.0 / np.sqrt(np.maximum(value, 1e-6)), 0.0)
-        out.append((mine, vector * root @ vector.T))
+        out.append((members, vector * root @ vector.T))
     return out
 
 
 def _times(roots: list[tuple[Index, Array]], x: Array) -> Array:
     """Rows (n, ...) of every block times its root; others as they are."""
     out = x.copy()
-    for mine, root in roots:
-        out[mine] = root @ x[mine]
+    for members, root in roots:
+        out[members] = root @ x[members]
     return out
 
 
@@ -111,9 +119,9 @@ def _freedom(q: Array, roots: list[tuple[Index, Array]], by_score: Array) -> Arr
     """
     trace = square = np.zeros(len(by_score))
     cross = np.zeros((len(by_score), q.shape[1], q.shape[1]))
-    for mine, root in roots:
-        part = root @ q[mine] @ by_score.T  # A_g q_g a
-        own = q[mine].T @ part  # (d, p)
+    for members, root in roots:
+        part = root @ q[members] @ by_score.T  # A_g q_g a
+        own = q[members].T @ part  # (d, p)
         size, inside = (part**2).sum(axis=0), (own**2).sum(axis=0)
         trace = trace + size - inside
         square = square + size**2 - 2 * size * inside

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.special import pdtrc
 
@@ -17,18 +19,21 @@ def copies(problem: Problem) -> list[tuple[int, ...]]:
     """Groups of two or more rows that are the same in all drives, forces and readings, in order.
 
     Repetitions may agree by chance where the table is written coarsely: none then. Time and temperature are not
-    compared: an instrument that stands still writes the same readings at other times.
+    compared: an instrument that stands still writes the same readings at other times. Nor are touches, which all read
+    the same: their noise is in the commands, and coarse encoders repeat.
     """
-    read = np.where(problem.measured, problem.readings, np.nan)
-    rows = np.nonzero(problem.measured.any(axis=1))[0]
+    known = np.array([not math.isnan(c.known) for c in problem.model.channels])  # the same in every row
+    own = problem.measured & ~known
+    read = np.where(own, problem.readings, np.nan)
+    rows = np.nonzero(own.any(axis=1))[0]
     poses = np.hstack([problem.rows.readings, np.nan_to_num(problem.rows.forces)])[rows]
     pose = _labels(poses)
     whole = _labels(np.hstack([poses, np.nan_to_num(read[rows], nan=np.inf)]))
-    found = _pairs(whole)
-    if not found:
+    pairs = _pairs(whole)
+    if not pairs:
         return []
     expected = _pairs(pose) * _coincidence(problem, read)
-    if found < 1 or float(pdtrc(found - 1, expected)) > _CHANCE:
+    if pairs < 1 or float(pdtrc(pairs - 1, expected)) > _CHANCE:
         return []
     order = np.argsort(whole, kind="stable")
     groups = np.split(rows[order], np.nonzero(np.diff(whole[order]))[0] + 1)
@@ -53,10 +58,10 @@ def _coincidence(problem: Problem, read: Array) -> float:
     """
     out = 1.0
     for k, channel in enumerate(problem.model.channels):
-        known = problem.measured[:, k]
-        if known.sum() > 1:
-            sigma = float(np.median(problem.sigma[known, k]))
-            step = _resolution(read[known, k], parse_unit(channel.unit).scale)
+        some = ~np.isnan(read[:, k])
+        if some.sum() > 1:
+            sigma = float(np.median(problem.sigma[some, k]))
+            step = _resolution(read[some, k], parse_unit(channel.unit).scale)
             out *= min(1.0, step / (2 * sigma * np.sqrt(np.pi))) if sigma > 0 else 1.0
     return out
 

@@ -16,8 +16,16 @@ from pkmcal_cli.base.rotation import Array, log_jacobian, skew
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.model.model import Model
 
-_SPATIAL = ("scale", "turn about x", "turn about y", "turn about z", "shift along x", "shift along y", "shift along z")
-_PLANAR = ("scale", "turn about z", "shift along x", "shift along y")
+_SPATIAL = (
+    "scale",
+    "rotation about x",
+    "rotation about y",
+    "rotation about z",
+    "shift along x",
+    "shift along y",
+    "shift along z",
+)
+_PLANAR = ("scale", "rotation about z", "shift along x", "shift along y")
 _SAME = 1e-4  # of the largest singular value: fields agree
 _FELT = 1e-3  # of what the ranges do to the base: what moves it less does not move it
 _CLEARLY, _HARDLY = 0.3, 1e-3  # share of what holding a parameter fixes that others do not
@@ -35,13 +43,13 @@ class Gauge:
     directions: Array
 
 
-def gauge_of(model: Model, values: Array, found: Directions) -> Gauge:
+def gauge_of(model: Model, values: Array, directions: Directions) -> Gauge:
     """Gauge freedoms among the null directions of selected parameters, at parameter values (P,)."""
-    nothing = Gauge((), np.zeros((0, len(found.names))))
-    if not found.null.any() or not len(model.base):
+    nothing = Gauge((), np.zeros((0, len(directions.names))))
+    if not directions.null.any() or not len(model.base):
         return nothing
-    null = found.vectors[found.null]  # (k, p) in ranges
-    motion = _base_motion(model, values, found.names) * found.ranges  # (f, p)
+    null = directions.vectors[directions.null]  # (k, p) in ranges
+    motion = _base_motion(model, values, directions.names) * directions.ranges  # (f, p)
     moved = motion @ null.T  # (f, k)
     names, fields = _fields(model, values)
     size = float(np.abs(motion).max())
@@ -70,31 +78,31 @@ def _range_of(kernel: Array, count: int) -> Array:
 def _base_motion(model: Model, values: Array, names: tuple[str, ...]) -> Array:
     """Displacement (f, p) of the base by parameters, SI: of its places, then of the orientations of its frames."""
     numbers = model.by_name(values)
-    chain = model.layout.slots.jacobian(numbers, names)
-    slots = model.layout.slots.values(numbers)
+    chain = model.topology.coefficients.jacobian(numbers, names)
+    coefficients = model.topology.coefficients.values(numbers)
     places = chain[model.base].reshape(-1, len(names))
-    turns = [places]
-    for where in model.base_turns:
-        vector = slots[where]
-        turns.append(np.linalg.inv(log_jacobian(vector[None])[0]) @ chain[where])
-    return np.vstack(turns)
+    chained = [places]
+    for where in model.base_rotations:
+        vector = coefficients[where]
+        chained.append(np.linalg.inv(log_jacobian(vector[None])[0]) @ chain[where])
+    return np.vstack(chained)
 
 
 def _fields(model: Model, values: Array) -> tuple[tuple[str, ...], Array]:
     """Names of the generators, and what each does to the base (f, generators), lengths in sizes of the machine."""
-    slots = model.layout.slots.values(model.by_name(values))
-    places, length = slots[model.base], model.length
-    columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(model.base_turns))])]
-    planar = model.layout.planar
+    coefficients = model.topology.coefficients.values(model.by_name(values))
+    places, length = coefficients[model.base], model.length
+    columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(model.base_rotations))])]
+    planar = model.topology.planar
     for k in [2] if planar else range(3):
         axis = np.eye(3)[k]
-        turned = (skew(axis) @ places.T).T / length
-        columns.append(np.concatenate([turned.ravel(), np.tile(axis, len(model.base_turns)) / length]))
+        rotated = (skew(axis) @ places.T).T / length
+        columns.append(np.concatenate([rotated.ravel(), np.tile(axis, len(model.base_rotations)) / length]))
     for k in range(2 if planar else 3):
-        columns.append(np.concatenate([np.tile(np.eye(3)[k], len(places)), np.zeros(3 * len(model.base_turns))]))
+        columns.append(np.concatenate([np.tile(np.eye(3)[k], len(places)), np.zeros(3 * len(model.base_rotations))]))
     fields = np.stack(columns, axis=1)
-    told = _independent_columns(fields)  # a base that is one point has no turn and no scale
-    return tuple((_PLANAR if planar else _SPATIAL)[k] for k in told), fields[:, told]
+    independent = _independent_columns(fields)  # a base that is one point has no turn and no scale
+    return tuple((_PLANAR if planar else _SPATIAL)[k] for k in independent), fields[:, independent]
 
 
 def _independent_columns(fields: Array) -> list[int]:
@@ -143,20 +151,20 @@ class Datum:
     @property
     def text(self) -> str:
         """What is not seen, and what fixes it."""
-        what = f"the base is not seen by these data ({', '.join(self.gauge.motions)})"
-        return f"{what}: datum {', '.join(self.held)}, held" if self.held else what
+        what = f"the data do not fix the base ({', '.join(self.gauge.motions)})"
+        return f"{what}; held fixed as datum: {', '.join(self.held)}" if self.held else what
 
 
-def datum_of(model: Model, values: Array, found: Directions) -> Datum | None:
+def datum_of(model: Model, values: Array, directions: Directions) -> Datum | None:
     """The datum of a fit of some parameters at values (P,): of those declared, as many as are needed, in their order.
 
     None where nothing of the base is free.
     """
-    gauge = gauge_of(model, values, found)
+    gauge = gauge_of(model, values, directions)
     if not gauge.motions:
         return None
     size = np.abs(gauge.directions).max(axis=0, initial=0.0)
-    rows = {n: gauge.directions[:, k] for k, n in enumerate(found.names) if size[k] > 1e-6 * size.max()}
+    rows = {n: gauge.directions[:, k] for k, n in enumerate(directions.names) if size[k] > 1e-6 * size.max()}
     held = _independent({n: rows[n] for n in model.datum if n in rows})
     missing = len(gauge.motions) - len(held)
     ordered = sorted((n for n in rows if n not in held), key=lambda n: -float(np.abs(rows[n]).max()))

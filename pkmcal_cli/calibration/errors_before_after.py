@@ -1,4 +1,4 @@
-"""Error figures by kind of channel: RMS, largest, the paper's criterion; line lengths from the measured pose."""
+"""Error figures by kind of instrument: RMS, largest, the paper's criterion; line lengths from the measured pose."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from pkmcal_cli.calibration.residual import Evaluation
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import drive_travels
-from pkmcal_cli.prediction.inverse_kinematics import drive_positions
-
-KINDS = ("position", "orientation", "distance", "angle", "drive", "force", "bench", "length")
+from pkmcal_cli.units.measurands import Measurand
 
 
 @dataclass(frozen=True)
@@ -38,16 +36,12 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     """Figures of every kind that was measured, and of the drives' lengths where the pose was."""
     out: dict[str, ErrorFigures] = {}
     channels = problem.model.channels
-    for kind in ("position", "orientation"):
-        squares = _of_points(problem, evaluation, kind)
-        if len(squares):
-            out[kind] = _figures(kind, squares, "length" if kind == "position" else "angle")
-    for kind in ("distance", "angle", "drive", "force", "bench"):
-        columns = [k for k, c in enumerate(channels) if c.quantity == kind]
-        columns = [k for k in columns if channels[k].dimension == channels[columns[0]].dimension]
+    for name, columns in kinds_of(problem.model).items():
         on = problem.measured[:, columns]
         if on.any():
-            out[kind] = _figures(kind, evaluation.residual[:, columns][on] ** 2, channels[columns[0]].dimension)
+            whole = channels[columns[0]].measurand.of_pose
+            errors = _of_points(problem, evaluation, columns) if whole else evaluation.residual[:, columns][on] ** 2
+            out[name] = _figures(name, errors, channels[columns[0]].dimension)
     squares = length_residuals(problem, evaluation.values).ravel() ** 2 if lengths else np.zeros(0)
     squares = squares[~np.isnan(squares)]
     if len(squares):
@@ -55,16 +49,34 @@ def error_figures(problem: Problem, evaluation: Evaluation, lengths: bool = True
     return out
 
 
-def _of_points(problem: Problem, evaluation: Evaluation, kind: str) -> Array:
+def kinds_of(model: Model) -> dict[str, list[int]]:
+    """Channels by kind: positions, orientations, then each kind of instrument that reads numbers, and drives.
+
+    A kind whose readings have several dimensions has a figure for each.
+    """
+    kinds = {int(k): s.kind.keyword for s in model.sensors if not s.kind.reads_coordinates for k in s.channels}
+    numbers = sorted(range(len(model.channels)), key=lambda k: list(Measurand).index(model.channels[k].measurand))
+    dimensions: dict[str, dict[str, list[int]]] = {}
+    for k in numbers:
+        channel = model.channels[k]
+        kind = kinds.get(k, channel.measurand.label)
+        dimensions.setdefault(kind, {}).setdefault(channel.dimension, []).append(k)
+    return {
+        kind if len(some) == 1 else f"{kind} ({dimension})": columns
+        for kind, some in dimensions.items()
+        for dimension, columns in some.items()
+    }
+
+
+def _of_points(problem: Problem, evaluation: Evaluation, columns: list[int]) -> Array:
     """Squares of the errors (n,) of all points, or bodies, that were measured: each target of a sensor in each row."""
-    found: dict[int, list[int]] = {}
-    for k, c in enumerate(problem.model.channels):
-        if c.quantity == kind:
-            found.setdefault(c.index, []).append(k)
+    by_point: dict[int, list[int]] = {}
+    for k in columns:
+        by_point.setdefault(problem.model.channels[k].index, []).append(k)
     out = [np.zeros(0)]
-    for columns in found.values():
-        used = problem.measured[:, columns].any(axis=1)
-        out.append((evaluation.residual[used][:, columns] ** 2).sum(axis=1))
+    for own in by_point.values():
+        used = problem.measured[:, own].any(axis=1)
+        out.append((evaluation.residual[used][:, own] ** 2).sum(axis=1))
     return np.concatenate(out)
 
 
@@ -101,16 +113,16 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     The drives are strain-free at the measured pose; nan where the pose was not fully measured.
     """
     model = problem.model
-    drives = [a for a, drive in enumerate(model.layout.drives) if _sets_length(model, drive)]
-    poses, rows = measured_poses(problem, values)
+    drives = [a for a, drive in enumerate(model.topology.drives) if _sets_length(model, drive)]
+    found = measured_poses(problem, values)
     out = np.full((len(problem), len(drives)), np.nan)
-    if not drives or not len(rows):
+    if not drives or not len(found.rows):
         return out
-    found = drive_positions(model, poses, values)
-    slots = model.layout.slots.values(model.by_name(values))
-    gains = np.array([slots[model.actuators[a].gain_slot] for a in drives])
+    needed = found.drive_readings(values)
+    coefficients = model.topology.coefficients.values(model.by_name(values))
+    gains = np.array([coefficients[model.actuators[a].gain_coefficient] for a in drives])
     travels = drive_travels(model, values, _drive_readings(problem), problem.rows)
-    out[rows] = travels[rows][:, drives] - found.readings[:, drives] * gains
+    out[found.rows] = travels[found.rows][:, drives] - needed[:, drives] * gains
     return out
 
 
@@ -119,13 +131,13 @@ def _sets_length(model: Model, drive: Drive) -> bool:
     if drive.kind is not DriveKind.STRAIN:
         return False
     group, _, m = drive.target
-    return model.layout.groups[group].element.strains[m] == "elongation"
+    return model.topology.groups[group].element.strains[m] == "elongation"
 
 
 def _drive_readings(problem: Problem) -> Array:
     """Readings of all drives (N, A): inputs, or measured channels of force-controlled ones."""
     read = problem.rows.readings.copy()
     for k, channel in enumerate(problem.model.channels):
-        if channel.quantity == "drive":
+        if channel.measurand is Measurand.DRIVE:
             read[:, channel.index] = problem.readings[:, k]
     return read

@@ -19,14 +19,14 @@ _SIGNIFICANT = 0.01  # chance of a chi-square so large at which more is left tha
 class Fit:
     """Result of an identification.
 
-    values (P,): all parameters, SI; selected: names identified; found: directions at the solution; chi2 and dof of
+    values (P,): all parameters, SI; selected: names identified; directions: at the solution; chi2 and dof of
     the weighted residuals; status "converged", "not_converged" or "nothing_identifiable"; at_bound: names of
     selected parameters on a bound.
     """
 
     values: Array
     selected: tuple[str, ...]
-    found: Directions
+    directions: Directions
     before: Evaluation
     after: Evaluation
     chi2: float
@@ -36,10 +36,11 @@ class Fit:
     at_bound: tuple[str, ...]
     last: Evaluation  # with derivatives and the drives' errors, as the fit ended
     failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts had no part in it
+    kinked: tuple[int, ...] = ()  # rows in which a rope is between taut and slack, though used
     flat: bool = False  # whether chi-square had hardly changed for some steps when the fit ended
 
     @property
-    def settled(self) -> bool:
+    def usable(self) -> bool:
         """Whether the fit has converged, or chi-square at least: parameters that hardly matter may still wander."""
         return self.status == "converged" or (self.status == "not_converged" and self.flat)
 
@@ -51,7 +52,7 @@ class Fit:
     @property
     def covariance(self) -> Array:
         """Covariance (p, p) of the selected parameters, SI, nan where undetermined."""
-        return self.found.covariance()
+        return self.directions.covariance()
 
     @property
     def std(self) -> Array:
@@ -70,9 +71,6 @@ class Fit:
             return 1.0
         return max(self.chi2_per_dof, 1.0)
 
-    @property
-    def widened(self) -> Fit:
-        """The fit with its uncertainties widened as its residuals ask for (Birge ratio); else itself."""
-        if self.excess == 1.0:
-            return self
-        return replace(self, found=replace(self.found, spread=self.excess * self.found.spread))
+    def with_spread(self, spread: float) -> Fit:
+        """The fit with all its variances multiplied by a factor."""
+        return replace(self, directions=replace(self.directions, spread=spread))

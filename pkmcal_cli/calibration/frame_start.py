@@ -29,8 +29,8 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
         return model
     predicted = predict(model, nominal, rows).values
     for effect in fitted:
-        mine = rows.columns.get(f"session.{effect.session}")
-        seen = readings if mine is None else np.where(mine[:, None] > 0, readings, np.nan)
+        in_session = rows.columns.get(f"session.{effect.session}")
+        seen = readings if in_session is None else np.where(in_session[:, None] > 0, readings, np.nan)
         for name, value in _pose(model, effect, predicted, seen).items():
             nominal[model.names.index(name)] = value
     return model.with_nominal(nominal)
@@ -38,15 +38,15 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
 
 def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array) -> dict[str, float]:
     """Values of the frame's parameters by name; none where too little was measured."""
-    axes = 2 if model.layout.planar else 3
+    axes = 2 if model.topology.planar else 3
     pairs = [_places(sensor, axes, predicted, readings) for sensor in model.sensors if sensor.name == effect.at]
     here, there = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     if len(here) < _FEWEST:
         return {}
-    turn = best_rotation(here - here.mean(axis=0), there - there.mean(axis=0))
-    shift = there.mean(axis=0) - turn @ here.mean(axis=0)
+    rotation = best_rotation(here - here.mean(axis=0), there - there.mean(axis=0))
+    shift = there.mean(axis=0) - rotation @ here.mean(axis=0)
     full = np.eye(3)
-    full[:axes, :axes] = turn
+    full[:axes, :axes] = rotation
     vector = log(full[None])[0]
     given = {f"t{c}": float(v) for c, v in zip("xyz", shift, strict=False)}
     given |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}

@@ -14,9 +14,10 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
-from pkmcal_cli.calibration.same_poses import poses_alike
+from pkmcal_cli.calibration.same_poses import loads_of, poses_alike
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.measurands import Measurand
 
 Refit = Callable[[Problem, tuple[str, ...], Array], Fit]
 """A fit of some parameters from values (P,). Raises RowsFailed."""
@@ -52,22 +53,23 @@ def fold_labels(scheme: str, problem: Problem, measurements: Measurements) -> tu
     groups = problem.clusters.together(replicate_groups(problem))
     folds = int(scheme)
     if folds < 2 or folds > groups.max(initial=0) + 1:
-        raise ValueError(f"{folds} folds need at least two and at most as many as distinct poses")
+        raise ValueError(f"{folds} folds are not possible: at least 2, at most the number of distinct poses")
     return groups % folds, f"{folds} folds, repeated poses kept together"
 
 
 def replicate_groups(problem: Problem) -> NDArray[np.intp]:
-    """A number for each distinct set of drive readings (N,), in order of first appearance.
+    """A number for each distinct set of drive readings (N,), in order of first appearance; of loads without drives.
 
     Readings within one thousandth of their spread are the same pose, but in a scan as fine as that.
     """
     readings = problem.rows.readings
-    return poses_alike(readings[:, ~np.isnan(readings).any(axis=0)], _SAME)
+    readings = readings[:, ~np.isnan(readings).any(axis=0)]
+    return poses_alike(readings if readings.size else np.column_stack(loads_of(problem.rows)), _SAME)
 
 
 def _cells(problem: Problem) -> NDArray[np.intp]:
     """Cells of a regular partition of the measured (else commanded) space, (N,)."""
-    columns = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"]
+    columns = problem.model.measuring(Measurand.POSITION)
     place = problem.readings[:, columns]
     if not columns or np.isnan(place).any():
         place = problem.rows.readings[:, ~np.isnan(problem.rows.readings).any(axis=0)]
@@ -95,13 +97,13 @@ def cross_validate(
             continue
         own = _unknown_to(problem.take(outside), part)
         fitted_too |= dict.fromkeys(own)
-        found = _predicted(part, trained.values, own)
-        gone = lost_rows(part, found)
+        predicted = _predicted(part, trained.values, own)
+        gone = lost_rows(part, predicted)
         lost += len(gone)
         part = part.without(gone)
-        after.append(error_figures(part, predicted_part(part, found)[1]))
+        after.append(error_figures(part, predicted_part(part, predicted)[1]))
         before.append(error_figures(part, evaluate(part, fit.before.values)))
-    words = [scheme] + ([f"{', '.join(fitted_too)} fitted to them"] if fitted_too else [])
+    words = [scheme] + ([f"{', '.join(fitted_too)} fitted to the held-out rows"] if fitted_too else [])
     words += _lost_words(lost, len(problem))
     return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed)
 
@@ -112,15 +114,15 @@ def _lost_words(lost: int, rows: int) -> list[str]:
 
 def _refitted(problem: Problem, fit: Fit, again: Refit) -> Fit | None:
     """The fit without a fold, from where it began; where that leads nowhere, from where it ended."""
-    found: Fit | None = None
+    trained: Fit | None = None
     for start in (fit.before.values, fit.values):
         try:
-            found = again(problem, fit.selected, start)
+            trained = again(problem, fit.selected, start)
         except RowsFailed:
             continue
-        if found.status != "not_converged":
+        if trained.status != "not_converged":
             break
-    return found
+    return trained
 
 
 def _predicted(part: Problem, values: Array, own: tuple[str, ...]) -> Evaluation:
@@ -165,7 +167,7 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
     start = known(fit.before.values)
     before = identify(part, own, start).values if own else start
     figures = [error_figures(_without_bench(part), evaluate(part, values)) for values in (before, after.values)]
-    words = [scheme, *([f"{', '.join(own)} fitted to them"] if own else [])]
+    words = [scheme, *([f"{', '.join(own)} fitted to these rows"] if own else [])]
     return HeldOut(figures[0], figures[1], "; ".join([*words, *_lost_words(len(after.failed), len(problem))]), 1, 0)
 
 

@@ -30,8 +30,7 @@ _TRACE = 0.1  # and in one that is seen a little, this: smaller components add t
 class Directions:
     """Singular values (p,) of the scaled Jacobian and directions (p, p), rows; which are null or weak.
 
-    `spread`: what the variances of the data are widened by where the stated sigma does not explain the residuals;
-    `known` (k, p): rows, in ranges, that are no data but what is known besides.
+    `spread`: by what all variances are multiplied, ranges being those over its root: what is held depends on both.
     """
 
     names: tuple[str, ...]
@@ -41,7 +40,6 @@ class Directions:
     null: NDArray[np.bool_]
     weak: NDArray[np.bool_]
     spread: float = 1.0
-    known: Array | None = None
 
     @property
     def rank(self) -> int:
@@ -94,21 +92,16 @@ class Directions:
 
     def determined_covariance(self) -> Array:
         """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
-        data = self._variance(self.held)
-        variance = np.diag(np.where(self.held, WEAK**-2, self.spread * data))
-        if self.known is not None and self.spread != 1.0:  # data are widened, what is known is not
-            rows = self.known @ self.vectors.T * data
-            variance = variance + (1.0 - self.spread) * rows.T @ rows
-        return np.asarray((self.vectors.T @ variance @ self.vectors) * np.outer(self.ranges, self.ranges))
+        variance = self.spread * np.where(self.held, WEAK**-2, self._variance(self.held))
+        return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 
-def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, known: int = 0) -> Directions:
-    """Directions of a whitened Jacobian (n, p), SI, its last `known` rows being no data.
+def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, unseen: float = UNSEEN) -> Directions:
+    """Directions of a whitened Jacobian (n, p), SI; zero rows are added where there are fewer rows than parameters.
 
-    Zero rows are added where there are fewer rows than parameters.
+    unseen: singular value below which nothing is seen.
     """
     scaled = jacobian * ranges
-    besides = scaled[len(scaled) - known :] if known else None
     p = scaled.shape[1]
     if len(scaled) < p:
         scaled = np.vstack([scaled, np.zeros((p - len(scaled), p))])
@@ -125,12 +118,12 @@ def directions(jacobian: Array, names: tuple[str, ...], ranges: Array, known: in
     if len(scaled) > 4 * p:
         scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, s, vt = np.linalg.svd(scaled)
-    null = (s <= NULL * s[0]) | (s < UNSEEN)
+    null = (s <= NULL * s[0]) | (s < unseen)
     weak = ~null & (s < WEAK * (1 - 1e-9))  # what nothing but the ranges know is not weak
-    return Directions(names=names, ranges=ranges, singular_values=s, vectors=vt, null=null, weak=weak, known=besides)
+    return Directions(names=names, ranges=ranges, singular_values=s, vectors=vt, null=null, weak=weak)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Combination:
     """Parameters that data cannot tell apart, and the combinations of them that are determined.
 
@@ -145,39 +138,55 @@ class Combination:
     determined: Array  # (d, len(names)) SI coefficients, leading one 1
     std: float  # of a weak direction in ranges, inf for null
     hold: tuple[str, ...]
+    by_data: float = float("inf")  # of a weak one, what its strongest member is known to, SI,
+    with_range: float = float("inf")  # and the same with what the range says
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def texts(self) -> tuple[str, ...]:
         """Every motion in words, coefficients in units of the ranges."""
         return tuple(self._motion(row) for row in self.motions)
 
     def _motion(self, row: Array) -> str:
         terms = [(n, c) for n, c in zip(self.names, row, strict=True) if abs(c) >= _SHOWN]
         if len(terms) == 1:
-            return f"{terms[0][0]} {'has no influence' if self.kind == 'null' else 'is barely seen'}"
+            return (
+                f"{terms[0][0]} {'has no effect on these readings' if self.kind == 'null' else 'has hardly any effect'}"
+            )
         parts = ", ".join(f"{n} {c:+.2f}" for n, c in terms)
-        return f"{parts} {'apart they are not seen' if self.kind == 'null' else 'are barely told apart'}"
+        return f"{parts} {'cannot be separated' if self.kind == 'null' else 'can hardly be separated'}"
 
     @property
     def text(self) -> str:
         """All in words."""
-        return "; ".join(self.told)
+        return "; ".join(self.texts)
 
 
-def combinations(found: Directions) -> tuple[Combination, ...]:
+def combinations(spectrum: Directions) -> tuple[Combination, ...]:
     """Null directions in sparse form, grouped by the parameters they share; then the weak ones."""
     out = []
-    if found.null.any():
-        basis = found.null_vectors()
+    if spectrum.null.any():
+        basis = spectrum.null_vectors()
         for group in _connected(basis):
-            out.append(_null_combination(found, basis[group]))
-    for k in np.nonzero(found.weak)[0]:
-        vector = found.vectors[k] / found.vectors[k][np.argmax(np.abs(found.vectors[k]))]
+            out.append(_null_combination(spectrum, basis[group]))
+    for k in np.nonzero(spectrum.weak)[0]:
+        vector = spectrum.vectors[k] / spectrum.vectors[k][np.argmax(np.abs(spectrum.vectors[k]))]
         members = np.nonzero(np.abs(vector) > 0.1)[0]
-        names = tuple(found.names[m] for m in members)
-        std = float(1.0 / found.singular_values[k])
-        strongest = (found.names[int(np.argmax(np.abs(vector)))],)
-        out.append(Combination("weak", names, vector[members][None], np.zeros((0, len(names))), std, strongest))
+        names = tuple(spectrum.names[m] for m in members)
+        std = float(1.0 / spectrum.singular_values[k])
+        leading = int(np.argmax(np.abs(vector)))
+        size = float(np.abs(spectrum.vectors[k]).max() * spectrum.ranges[leading])
+        out.append(
+            Combination(
+                kind="weak",
+                names=names,
+                motions=vector[members][None],
+                determined=np.zeros((0, len(names))),
+                std=std,
+                hold=(spectrum.names[leading],),
+                by_data=size * std * float(np.sqrt(spectrum.spread)),
+                with_range=size / WEAK * float(np.sqrt(spectrum.spread)),
+            )
+        )
     return tuple(out)
 
 
@@ -218,15 +227,17 @@ def _connected(basis: Array) -> list[list[int]]:
     return [g[1] for g in groups]
 
 
-def _null_combination(found: Directions, basis: Array) -> Combination:
+def _null_combination(spectrum: Directions, basis: Array) -> Combination:
     members = np.nonzero(basis.any(axis=0))[0]
-    moved = basis[:, members] * found.ranges[members]  # SI motions that are not seen
+    moved = basis[:, members] * spectrum.ranges[members]  # SI motions that are not seen
     seen = null_space(moved).T  # (d, m) SI rows orthogonal to them
     if len(seen):
-        scaled = sparse_basis(seen * found.ranges[members]) / found.ranges[members]
-        lead = np.take_along_axis(scaled, np.argmax(np.abs(scaled) > 1e-9 / found.ranges[members], axis=1)[:, None], 1)
+        scaled = sparse_basis(seen * spectrum.ranges[members]) / spectrum.ranges[members]
+        lead = np.take_along_axis(
+            scaled, np.argmax(np.abs(scaled) > 1e-9 / spectrum.ranges[members], axis=1)[:, None], 1
+        )
         seen = scaled / lead
-    names = tuple(found.names[m] for m in members)
+    names = tuple(spectrum.names[m] for m in members)
     motions = basis[:, members]
     hold = tuple(names[k] for k in sorted(_pivot_order(motions)[: len(motions)].tolist()))
-    return Combination("null", names, motions, seen, float("inf"), hold)
+    return Combination(kind="null", names=names, motions=motions, determined=seen, std=float("inf"), hold=hold)

@@ -74,11 +74,11 @@ def _unspoilt(
 ) -> Fit:
     """The fit without rows in doubt, where these spoil it."""
     try:
-        rest = _identified(problem.without(doubt), fit.selected, start, iterations, progress, None)
+        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress, None)
     except RowsFailed:
         return fit
-    spoilt = rest.status == "converged" and fit.chi2_per_dof > _SPOILT * max(rest.chi2_per_dof, 1.0)
-    return replace(rest, before=fit.before, failed={**doubt, **rest.failed}) if spoilt else fit
+    spoilt = without.status == "converged" and fit.chi2_per_dof > _SPOILT * max(without.chi2_per_dof, 1.0)
+    return replace(without, before=fit.before, failed={**doubt, **without.failed}) if spoilt else fit
 
 
 def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None) -> Fit:
@@ -113,20 +113,27 @@ def _identified(
     fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
     lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first)
     failed = reasons(problem, lead)
-    kept, now = _kept(problem, first, lead, failed)
+    kept, evaluation = _kept(problem, first, lead, failed)
     if fixed:
-        return _finished(kept, selected, first, last=now, status="nothing_identifiable", count=0, failed=failed)
+        return _finished(kept, selected, first, last=evaluation, status="nothing_identifiable", count=0, failed=failed)
     damping, status, chi2 = 0.0, "", list[float]()
     while len(chi2) < iterations and not status:
-        near = linearise(kept, now)
+        near = linearise(kept, evaluation)
         chi2.append(near.chi2)
-        now, damping, status = advance(kept, scale, now, near, damping)
-        if status and not (again := evaluate(kept, now.values, None, now.state, now.shift)).solved:
+        evaluation, damping, status = advance(kept, scale, evaluation, near, damping)
+        if status and not (again := evaluate(kept, evaluation.values, None, evaluation.start, evaluation.shift)).solved:
             failed, status = failed | reasons(kept, again), ""  # a state that does not hold is none
-            kept, now = _kept(problem, first, evaluate(problem, now.values, selected, now.state, now.shift), failed)
+            kept, evaluation = _kept(
+                problem,
+                first,
+                evaluate(problem, evaluation.values, selected, evaluation.start, evaluation.shift),
+                failed,
+            )
         if progress is not None:
             progress(len(chi2), near.chi2)
-    fit = _finished(kept, selected, first, last=now, status=status or "not_converged", count=len(chi2), failed=failed)
+    fit = _finished(
+        kept, selected, first, last=evaluation, status=status or "not_converged", count=len(chi2), failed=failed
+    )
     return replace(fit, flat=_flat([*chi2, fit.chi2]))
 
 
@@ -136,18 +143,23 @@ def _flat(chi2: Sequence[float]) -> bool:
     return len(last) == _LAST and max(last) - min(last) < _LITTLE * min(last)
 
 
-def _kept(problem: Problem, first: Evaluation, now: Evaluation, failed: Collection[int]) -> tuple[Problem, Evaluation]:
+def _kept(
+    problem: Problem, first: Evaluation, evaluation: Evaluation, failed: Collection[int]
+) -> tuple[Problem, Evaluation]:
     """The problem without rows that failed, and the evaluation as it is for that.
 
     Raises RowsFailed with the start's evaluation, `first`, where half of the rows failed, or too few values are left.
     """
     if not failed:
-        return problem, now
-    kept, shift = problem.without(failed), now.shift.copy()
-    if 2 * len(failed) >= int(problem.measured.any(axis=1).sum()) or kept.count < len(now.parameters) <= problem.count:
+        return problem, evaluation
+    kept, shift = problem.without(failed), evaluation.shift.copy()
+    if (
+        2 * len(failed) >= int(problem.measured.any(axis=1).sum())
+        or kept.count < len(evaluation.parameters) <= problem.count
+    ):
         raise RowsFailed(first)
     shift[list(failed)] = 0.0
-    return kept, replace(now, shift=shift, residual=residuals(kept, now.prediction.values))
+    return kept, replace(evaluation, shift=shift, residual=residuals(kept, evaluation.prediction.values))
 
 
 def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
@@ -155,22 +167,22 @@ def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
 
     Where these do not lead to more and more rows, the evaluation that has fewest lost rows.
     """
-    now = _nearest(problem, scale, first)
-    while not now.solved:
-        rows = np.nonzero(now.prediction.solved)[0]
+    evaluation = _nearest(problem, scale, first)
+    while not evaluation.solved:
+        rows = np.nonzero(evaluation.prediction.solved)[0]
         if not len(rows):
             break
         part = problem.take(rows)
-        lead, damping, status = evaluate(part, now.values, scale.names, shift=now.shift[rows]), 0.0, ""
+        lead, damping, status = evaluate(part, evaluation.values, scale.names, shift=evaluation.shift[rows]), 0.0, ""
         for _ in range(_LEAD if lead.solved else 0):
             lead, damping, status = advance(part, scale, lead, linearise(part, lead), damping)
             if status:
                 break
         further = _nearest(problem, scale, evaluate(problem, lead.values, scale.names))
-        if len(lost_rows(problem, further)) >= len(lost_rows(problem, now)):
+        if len(lost_rows(problem, further)) >= len(lost_rows(problem, evaluation)):
             break
-        now = further
-    return now
+        evaluation = further
+    return evaluation
 
 
 def _nearest(problem: Problem, scale: Scaled, plain: Evaluation) -> Evaluation:
@@ -202,17 +214,17 @@ def _finished(
     scale = Scaled.of(problem, selected)
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
-    found = directions(near.jacobian, selected, scale.ranges, near.known)
-    if not len(selected) or found.held.all():
+    spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen)
+    if not len(selected) or spectrum.held.all():
         status = "nothing_identifiable"
-    moved = int((~found.held).sum()) - int(on_bound.sum())
+    moved = int((~spectrum.held).sum()) - int(on_bound.sum())
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)
     return Fit(
         values=last.values,
         selected=selected,
-        found=found,
+        directions=spectrum,
         before=first,
-        after=evaluate(problem, last.values, start=last.state) if last.shift.any() else last,
+        after=evaluate(problem, last.values, start=last.start) if last.shift.any() else last,
         chi2=near.chi2,
         dof=problem.count + near.known - max(moved, 0),
         status=status,

@@ -1,8 +1,8 @@
 """Intervals of 95 %: from the covariance, or from the profile of chi-square.
 
 Profile: a parameter is held at values further and further off, the others fitted again, until chi-square has grown by
-the square of 1.96 (times the excess of chi-square); both sides for themselves, so that a bent problem has lopsided
-intervals.
+the square of 1.96, times the budget's variance over that of the covariance; both sides for themselves, so that a bent
+problem has lopsided intervals.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import COVER, ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.prior import prior_of_held
@@ -20,7 +21,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 
 Method = Literal["linear", "profile", "bootstrap"]
-COVER = 1.959963985  # standard uncertainties of a 95 % interval
 _TRIALS = 12
 _NEAR = 1e-3  # of COVER
 
@@ -38,24 +38,34 @@ class Intervals:
     remark: str = ""
 
 
-def linear_intervals(fit: Fit, index: Array) -> Intervals:
+def linear_intervals(fit: Fit, budget: ErrorBudget, index: Array) -> Intervals:
     """Value and 1.96 standard uncertainties; index (p,) of the selected parameters among all."""
-    std = fit.std if len(fit.selected) else np.zeros(0)
+    std = np.where(fit.directions.undetermined(), np.nan, budget.std) if len(fit.selected) else np.zeros(0)
     values = fit.values[index]
     return Intervals("linear", np.stack([values - COVER * std, values + COVER * std], axis=1), std)
 
 
-def profile_intervals(problem: Problem, fit: Fit, index: Array) -> Intervals:
-    """Where chi-square has grown by 1.96 squared; directions that are held stay as their ranges say."""
+def with_held(intervals: Intervals, fit: Fit, budget: ErrorBudget, index: Array) -> Intervals:
+    """Intervals by the data with what parameters that are not identified add to them."""
+    more, values = budget.std_by_held[:, None], fit.values[index][:, None]
+    ends = values + np.array([-1.0, 1.0]) * np.hypot(intervals.low_high - values, COVER * more)
+    return replace(intervals, low_high=ends, std=np.hypot(intervals.std, more[:, 0]))
+
+
+def profile_intervals(problem: Problem, fit: Fit, budget: ErrorBudget, index: Array) -> Intervals:
+    """Where chi-square has grown by 1.96 squared, in proportion to the budget's uncertainty by data and ranges.
+
+    Directions that are held stay as their ranges say.
+    """
     given = problem
-    if problem.prior is None and fit.found.held.any():  # a prior of its own leaves no direction to be held
-        given = replace(problem, prior=prior_of_held(fit.found, fit.values[index]))
+    if problem.prior is None and fit.directions.held.any():  # a prior of its own leaves no direction to be held
+        given = replace(problem, prior=prior_of_held(fit.directions, fit.values[index]))
     low_high = np.full((len(fit.selected), 2), np.nan)
-    std, spread = fit.std, fit.found.spread
+    std = np.where(fit.directions.undetermined(), np.nan, budget.std_by_data)
+    wider = std / np.sqrt(np.diag(fit.with_spread(1.0).directions.determined_covariance()))
     if given is not problem:  # with what ranges say, the best fit lies elsewhere
         fit = identify(given, fit.selected, fit.values, shift=fit.shift)
-        fit = replace(fit, found=replace(fit.found, spread=spread))
-    best, wider = linearise(given, fit.last).chi2, _wider(fit)
+    best = linearise(given, fit.last).chi2
     for k, name in enumerate(fit.selected):
         if np.isfinite(std[k]):
             ends = [_cross(given, fit, name, sign * float(std[k]), best, wider[k]) for sign in (-1, 1)]
@@ -63,14 +73,8 @@ def profile_intervals(problem: Problem, fit: Fit, index: Array) -> Intervals:
     lost = [
         n for n, ends, s in zip(fit.selected, low_high, std, strict=True) if np.isfinite(s) and np.isnan(ends).any()
     ]
-    remark = f"no end of the profile was found for {', '.join(lost)}" if lost else ""
+    remark = f"profile interval: no end found for {', '.join(lost)}" if lost else ""
     return Intervals("profile", low_high, (low_high[:, 1] - low_high[:, 0]) / (2 * COVER), remark)
-
-
-def _wider(fit: Fit) -> Array:
-    """By how much intervals (p,) are wider than the growth of chi-square says: data are widened, priors are not."""
-    plain = replace(fit.found, spread=1.0).determined_covariance()
-    return np.asarray(np.sqrt(np.diag(fit.found.determined_covariance()) / np.diag(plain)))
 
 
 def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float, wider: float) -> float:

@@ -2,46 +2,60 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import in_machine_frame
-from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions, independent_coordinates
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.units.measurands import Measurand
 
 
-def poses_of(model: Model, readings: Array) -> Array:
-    """Poses (N, 6) in m and rad of channel readings (N, C), by the first sensor; nan where it does not read."""
-    poses = np.full((len(readings), 6), np.nan)
-    for k, channel in enumerate(model.channels):
-        first = {"position": model.tcp[0], "orientation": model.tcp[1]}.get(channel.quantity)
-        if first is not None and channel.index == first:
-            poses[:, channel.component + (3 if channel.quantity == "orientation" else 0)] = readings[:, k]
-    return poses
-
-
-def known_poses(model: Model, poses: Array) -> NDArray[np.intp]:
-    """Rows of poses (N, 6) whose independent coordinates are all known."""
-    needed = [DIRECTIONS.index(d) for d in independent_coordinates(model)]
-    return np.nonzero(~np.isnan(poses[:, needed]).any(axis=1))[0]
-
-
-def measured_poses(problem: Problem, values: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Poses (n, 6) of the rows whose independent coordinates were all measured by the first sensor, and these rows.
-
-    In the machine's frame, as instruments stand at parameter values (P,).
+@dataclass(frozen=True)
+class MeasuredPoses:
+    """Poses (n, 6), m and rad, where the first `tcp` sensor measures, of the rows (n,) in which they say where the
+    mechanism is: all coordinates `held` are known.
     """
-    seen = np.where(problem.measured, problem.readings, np.nan)
-    poses = poses_of(problem.model, in_machine_frame(problem.model, values, problem.rows, seen))
-    rows = known_poses(problem.model, poses)
-    return poses[rows], rows
+
+    problem: Problem
+    poses: Array
+    rows: NDArray[np.intp]
+    held: tuple[str, ...]
+
+    def drive_readings(self, values: Array) -> Array:
+        """What the drives should read there (n, A), at parameter values (P,), each row with those of its session."""
+        model, rows = self.problem.model, self.problem.rows.take(self.rows)
+        return drive_positions(model, self.poses, values, self.held, model.measured, rows).readings
 
 
-def loose_drives(problem: Problem) -> NDArray[np.bool_]:
+def measured_poses(problem: Problem, values: Array) -> MeasuredPoses:
+    """Poses that were measured, in the machine's frame, as instruments stand at parameter values (P,)."""
+    return poses_of(problem, values, np.where(problem.measured, problem.readings, np.nan))
+
+
+def poses_of(problem: Problem, values: Array, readings: Array) -> MeasuredPoses:
+    """Poses of channel readings (N, C), nan where not read; instruments stand as parameter values (P,) say."""
+    model, framed = problem.model, in_machine_frame(problem.model, values, problem.rows, readings)
+    poses = np.full((len(readings), len(DIRECTIONS)), np.nan)
+    for k, channel in enumerate(model.channels):
+        at = {Measurand.POSITION: model.measured.point, Measurand.ORIENTATION: model.measured.rotation}
+        if channel.index == at.get(channel.measurand, -1):
+            poses[:, channel.component + (3 if channel.measurand is Measurand.ORIENTATION else 0)] = framed[:, k]
+    motion, known = model.motion_of(model.measured), ~np.isnan(poses)
+    held = motion.out_of([c for c, some in zip(DIRECTIONS, known.any(axis=0), strict=True) if some])
+    if held is None or motion.shown < motion.freedoms:
+        return MeasuredPoses(problem, poses[:0], np.zeros(0, dtype=np.intp), ())
+    rows = np.nonzero(known[:, [DIRECTIONS.index(c) for c in held]].all(axis=1))[0]
+    return MeasuredPoses(problem, poses[rows], rows, held)
+
+
+def uncertain_drives(problem: Problem) -> NDArray[np.bool_]:
     """Drive readings (N, A) that place the mechanism and have errors."""
-    forced = np.array([d.force_controlled for d in problem.model.layout.drives], dtype=bool)
+    forced = np.array([d.force_controlled for d in problem.model.topology.drives], dtype=bool)
     return np.asarray((problem.drive_sigma > 0) & ~forced)
 
 
@@ -51,9 +65,9 @@ def errors_at_poses(problem: Problem, values: Array, readings: Array) -> Array:
     Nan for drives that have no errors and in rows whose pose is not known.
     """
     out = np.full(problem.rows.readings.shape, np.nan)
-    loose = loose_drives(problem)
-    poses = poses_of(problem.model, in_machine_frame(problem.model, values, problem.rows, readings))
-    rows = known_poses(problem.model, poses) if loose.any() else np.zeros(0, dtype=np.intp)
-    if len(rows):
-        out[rows] = drive_positions(problem.model, poses[rows], values).readings - problem.rows.readings[rows]
-    return np.where(loose, out, np.nan)
+    uncertain = uncertain_drives(problem)
+    if uncertain.any():
+        found = poses_of(problem, values, readings)
+        if len(found.rows):
+            out[found.rows] = found.drive_readings(values) - problem.rows.readings[found.rows]
+    return np.where(uncertain, out, np.nan)

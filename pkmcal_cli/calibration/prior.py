@@ -42,6 +42,6 @@ def prior_of_ranges(model: Model, names: tuple[str, ...]) -> Prior:
     return Prior(names, np.diag(2.0 / model.ranges[index]), model.nominal[index])
 
 
-def prior_of_held(found: Directions, centre: Array) -> Prior:
+def prior_of_held(directions: Directions, centre: Array) -> Prior:
     """Held directions stay about a centre (p,) as their ranges say."""
-    return Prior(found.names, WEAK * found.vectors[found.held] / found.ranges, centre)
+    return Prior(directions.names, WEAK * directions.vectors[directions.held] / directions.ranges, centre)

@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.identifiability import UNSEEN
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.whitening import Clusters
-from pkmcal_cli.model.model import Model, tcp_model
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.parts import Channel
+from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.units.measurands import Measurand
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +25,9 @@ class Problem:
     """A model and what was measured: readings (N, C), their sigma (N, C) and that of the drives as travel (N, A).
 
     `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses. `prior`: what is known
-    besides; `weight` (N, C): of the whitened readings, by a robust fit, None for 1; `copies`: groups of rows that are
-    the same to the last digit, of which the first alone is measured.
+    besides; `unseen`: singular value below which a direction is not seen; `weight` (N, C): of the whitened readings,
+    by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
+    is measured.
     """
 
     model: Model
@@ -32,6 +37,7 @@ class Problem:
     drive_sigma: Array
     measured: NDArray[np.bool_]
     prior: Prior | None = None
+    unseen: float = UNSEEN
     weight: Array | None = None
     copies: tuple[tuple[int, ...], ...] = ()
 
@@ -44,16 +50,16 @@ class Problem:
         return int(self.measured.sum())
 
     @cached_property
-    def nominal_poses(self) -> Array:
-        """TCP coordinates (N, d) that move independently, at nominal parameters; where these fail, drive readings."""
+    def nominal_poses(self) -> dict[str, Array]:
+        """TCP coordinates (N,) that move independently, at nominal parameters; where these fail, drive readings."""
         model = self.model
         bare = replace(tcp_model(model), effects=())
         names = [k for k, c in enumerate(bare.channels) if c.name in model.independent_coordinates]
-        found = predict(bare, model.nominal, self.rows)
-        if names and found.solved.all():
-            return np.asarray(found.values[:, names])
-        held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled and not d.redundant]
-        return np.asarray(self.rows.readings[:, held])
+        predicted = predict(bare, model.nominal, self.rows)
+        if names and predicted.solved.all():
+            return {bare.channels[k].name: predicted.values[:, k] for k in names}
+        held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled and not d.redundant]
+        return {model.actuators[a].name: self.rows.readings[:, a] for a in held}
 
     @property
     def reading_sigma(self) -> Array:
@@ -139,22 +145,29 @@ def usable(problem: Problem) -> Problem:
 def stated_sigma(model: Model, readings: Array) -> Array:
     """Standard uncertainties (N, C) of readings (N, C) by the machine file: nan where it states none.
 
-    sigma^2 + (sigma_per_length * distance)^2; the distance is that from the instrument's origin, or the length read.
+    (sigma + sigma_slope * distance)^2 + (sigma_per_length * distance)^2; the distance is that from the instrument's
+    origin, or the length read.
     """
     out = np.tile([c.sigma for c in model.channels], (len(readings), 1)).reshape(readings.shape)
     for sensor in model.sensors:
-        mine = [k for k in sensor.channels if model.channels[k].quantity != "orientation"]
-        growth = np.array([model.channels[k].sigma_per_length for k in mine])
-        if growth.any():
-            far = np.sqrt(np.nansum(readings[:, mine] ** 2, axis=1, keepdims=True))
-            out[:, mine] = np.hypot(out[:, mine], growth * far)
+        coordinates = [k for k in sensor.channels if model.channels[k].measurand is not Measurand.ORIENTATION]
+        slope, growth = np.array([_growth(model.channels[k]) for k in coordinates]).reshape(-1, 2).T
+        if slope.any() or growth.any():
+            far = np.sqrt(np.nansum(readings[:, coordinates] ** 2, axis=1, keepdims=True))
+            out[:, coordinates] = np.hypot(out[:, coordinates] + slope * far, growth * far)
     return out
+
+
+def _growth(channel: Channel) -> tuple[float, float]:
+    """Growth of sigma with distance, as a linear sum and in quadrature."""
+    return channel.sigma_slope, channel.sigma_per_length
 
 
 def design_problem(model: Model, rows: Rows, measured: NDArray[np.bool_] | None = None) -> Problem:
     """A plan without data: every channel with a sigma will be measured in every row, or those of `measured` (N, C)."""
     shape = (len(rows), len(model.channels))
-    far = predict(model, model.nominal, rows).values if any(c.sigma_per_length for c in model.channels) else None
+    grows = any(any(_growth(c)) for c in model.channels)
+    far = predict(model, model.nominal, rows).values if grows else None
     sigma = stated_sigma(model, np.full(shape, np.nan) if far is None else far)
     drives = np.tile(np.nan_to_num([a.sigma for a in model.actuators]), (len(rows), 1))
     on = ~np.isnan(sigma) if measured is None else measured & ~np.isnan(sigma)

@@ -16,8 +16,9 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.calibration.same_poses import poses_alike
-from pkmcal_cli.model.model import Channel
+from pkmcal_cli.calibration.same_poses import loads_of, poses_alike
+from pkmcal_cli.model.parts import Channel
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import parse_unit
 
 DOUBT = 0.01  # probability below which the stated sigma is not believed
@@ -54,7 +55,7 @@ class ReplicateNoise:
             "degrees_of_freedom": self.degrees_of_freedom,
             "std": self.std / scale,
             "sigma": self.sigma / scale,
-            "unit": self.unit,
+            "unit": parse_unit(self.unit).text,
             "p_value": self.p_value,
         }
 
@@ -66,14 +67,14 @@ def replicate_noise(problem: Problem, fit: Fit) -> tuple[ReplicateNoise, ...]:
         return ()
     residual, from_drives = _residual(problem, fit)
     joins = {int(k) for s in problem.model.sensors if s.kind.joins for k in s.channels}
-    found = []
+    scatter = []
     for k, channel in enumerate(problem.model.channels):
         if k not in joins and np.isnan(channel.once):
             rows = np.nonzero(problem.measured[:, k] & np.isfinite(residual[:, k]) & (groups >= 0))[0]
             sigma = problem.sigma[rows, k]
             spread = np.sqrt(sigma**2 + from_drives[rows, k])
-            found.append(_noise(channel, groups[rows], residual[rows, k], sigma, spread))
-    return tuple(noise for noise in found if noise is not None)
+            scatter.append(_noise(channel, groups[rows], residual[rows, k], sigma, spread))
+    return tuple(noise for noise in scatter if noise is not None)
 
 
 def _noise(
@@ -89,10 +90,10 @@ def _noise(
     if not freedom:
         return None
     mean = np.bincount(place, residual) / size
-    rest = (residual - mean[place])[many]
+    deviation = (residual - mean[place])[many]
     low, high = (_weighed(place[many], residual[many], s[many], len(numbers)) for s in (sigma, spread))
     p = 2 * min(float(chdtr(freedom, low)), float(chdtrc(freedom, high)))
-    std = float(np.sqrt((rest**2).sum() / freedom))
+    std = float(np.sqrt((deviation**2).sum() / freedom))
     return ReplicateNoise(
         channel=channel.name,
         n_groups=int((size > 1).sum()),
@@ -116,24 +117,24 @@ def _residual(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     """Measured less predicted (N, C) at the fitted values and the drives' own readings; variance by their errors."""
     if not problem.drive_sigma.any():
         return fit.after.residual, np.zeros(problem.readings.shape)
-    found = evaluate(problem, fit.values, (), fit.after.state)
-    slopes = found.prediction.by_drive
+    evaluation = evaluate(problem, fit.values, (), fit.after.start)
+    slopes = evaluation.prediction.by_drive
     assert slopes is not None
     error = np.nan_to_num(slopes) * problem.reading_sigma[:, None, :]
-    return found.residual, np.asarray((error**2).sum(axis=2))
+    return evaluation.residual, np.asarray((error**2).sum(axis=2))
 
 
 def repeated_poses(problem: Problem) -> NDArray[np.intp]:
     """Number (N,) of the repeated pose of each row within its session; -1 for poses that stand alone, and for copies.
 
+    The same drive readings under another load are another pose.
+
     Stricter than the groups that hold-outs keep together: neighbours on a fine grid are other poses.
     """
     sessions = [c for n, c in problem.rows.columns.items() if n.startswith("session.")]
-    read = {c.index for c in problem.model.channels if c.quantity == "drive"}
+    read = {c.index for c in problem.model.channels if c.measurand is Measurand.DRIVE}
     drives = problem.rows.readings[:, [a for a in range(len(problem.model.actuators)) if a not in read]]
-    columns = [*sessions, *drives[:, ~np.isnan(drives).any(axis=0)].T, *np.nan_to_num(problem.rows.forces).T]
-    if not columns:
-        return np.full(len(problem), -1, dtype=np.intp)
+    columns = [*sessions, *drives[:, ~np.isnan(drives).any(axis=0)].T, *loads_of(problem.rows)]
     out = poses_alike(np.column_stack(columns), _SAME)
     for group in problem.copies:
         out[list(group[1:])] = -1

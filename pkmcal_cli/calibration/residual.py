@@ -13,17 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.rotation import Array, other_way_round
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
-from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.prediction import Prediction, Request, predict
+from pkmcal_cli.prediction import Prediction, Request, WarmStart, predict
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Residuals (N, C) at parameter values (P,) and drive errors (N, A): zero where nothing was measured, nan where
-    what was measured is not predicted.
+    """Residuals (N, C) at values (P,) and drive errors (N, A): 0 where nothing was measured, nan where not
+    predicted.
     """
 
     values: Array
@@ -38,16 +37,16 @@ class Evaluation:
         return bool(np.isfinite(self.residual).all())
 
     @property
-    def state(self) -> State:
-        """States of all rows, a start for the next evaluation."""
-        return self.prediction.state
+    def start(self) -> WarmStart:
+        """States of all rows, where the next evaluation may start."""
+        return self.prediction.start
 
 
 def evaluate(
     problem: Problem,
     values: Array,
     parameters: tuple[str, ...] | None = None,
-    start: State | None = None,
+    start: WarmStart | None = None,
     shift: Array | None = None,
 ) -> Evaluation:
     """Residuals at `values`, with derivatives with respect to `parameters` and drives where these are asked.
@@ -56,7 +55,8 @@ def evaluate(
     """
     request = Request(parameters=parameters, by_drive=parameters is not None)
     shift = np.zeros_like(problem.rows.readings) if shift is None else shift
-    rows = problem.rows.moved(shift)
+    measured = np.where(problem.measured, problem.readings, np.nan)
+    rows = replace(problem.rows.moved(shift), measured=measured)
     prediction = predict(problem.model, values, rows, request, start)
     return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
 
@@ -87,28 +87,28 @@ def residuals(problem: Problem, predicted: Array) -> Array:
     """Measured minus predicted (N, C), zero where not measured, nan where not predicted; turns by the shorter way."""
     model, measured = problem.model, problem.readings.copy()
     for sensor in model.sensors:
-        turning = [channel for channel, _ in sensor.turns]
-        if len(turning) == 3:
-            measured[:, turning] = _nearest_turn(measured[:, turning], predicted[:, turning])
-        elif model.layout.planar:
-            measured[:, turning] = _nearest(measured[:, turning], predicted[:, turning], 2 * np.pi)
-        if sensor.kind.quantity == "angle":
-            scale = float(model.layout.slots.constants[sensor.given["scale"].slots[0]])  # rad per unit of the reading
-            mine = sensor.channels
-            measured[:, mine] = _nearest(measured[:, mine], predicted[:, mine], 2 * np.pi / scale)
+        rotating = [channel for channel, _ in sensor.rotates]
+        read, there = measured[:, rotating], predicted[:, rotating]
+        near = _nearest(read, there, 2 * np.pi)
+        if len(rotating) == 3:
+            near = np.where(np.isnan(read).any(axis=1, keepdims=True), near, _nearest_rotation(read, there))
+        measured[:, rotating] = near
+        if sensor.kind.measurand.periodic:
+            number = sensor.known["scale"].coefficients[0]
+            scale = float(model.topology.coefficients.constants[number])  # rad per unit of the reading
+            columns = sensor.channels
+            measured[:, columns] = _nearest(measured[:, columns], predicted[:, columns], 2 * np.pi / scale)
     return np.where(problem.measured, np.nan_to_num(measured) - predicted, 0.0)
 
 
-def _nearest(measured: Array, predicted: Array, turn: float) -> Array:
-    """Readings less as many turns as bring them nearest to the prediction."""
-    return np.asarray(measured - turn * np.round((measured - predicted) / turn))
+def _nearest(measured: Array, predicted: Array, period: float) -> Array:
+    """Readings less as many periods as bring them nearest to the prediction."""
+    return np.asarray(measured - period * np.round((measured - predicted) / period))
 
 
-def _nearest_turn(measured: Array, predicted: Array) -> Array:
+def _nearest_rotation(measured: Array, predicted: Array) -> Array:
     """Of the two rotation vectors of one rotation, that nearer to the prediction."""
-    angle = np.sqrt((measured**2).sum(axis=1, keepdims=True))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        other = np.where(angle > 0, measured * (1 - 2 * np.pi / angle), measured)
+    other = other_way_round(measured)
     near = ((other - predicted) ** 2).sum(axis=1) < ((measured - predicted) ** 2).sum(axis=1)
     return np.where(near[:, None], other, measured)
 
@@ -136,11 +136,12 @@ class Linearised:
         """Drive errors (N, A) after the parameter step (P',), SI."""
         out = self.kept.copy()
         count = len(self.residual) - self.known
-        rest = (self.residual - self.jacobian @ step)[:count].reshape(len(out), -1)
-        rest = rest if self.root is None else rest / self.root  # the drives' errors are those without weights
+        residual = (self.residual - self.jacobian @ step)[:count].reshape(len(out), -1)
+        if self.root is not None:  # the drives' errors are those without weights
+            residual = residual / self.root
         for cluster, drives in self.drives:
             m, k = cluster.shape
-            moved = drives @ rest[cluster].reshape(m, -1, 1)
+            moved = drives @ residual[cluster].reshape(m, -1, 1)
             out[cluster] += moved.reshape(m, k, -1)
         return out
 
@@ -157,12 +158,12 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     present errors.
     """
     problem, evaluation = predicted_part(problem, evaluation)
-    found = evaluation.prediction
-    assert found.by_drive is not None and found.jacobian is not None
+    prediction = evaluation.prediction
+    assert prediction.by_drive is not None and prediction.jacobian is not None
     free = 1.0 / (1.0 + damping)
     residual = np.zeros(problem.readings.shape)
-    jacobian = np.zeros(found.jacobian.shape)
-    moved = np.where(problem.measured[:, :, None], found.jacobian, 0.0)
+    jacobian = np.zeros(prediction.jacobian.shape)
+    moved = np.where(problem.measured[:, :, None], prediction.jacobian, 0.0)
     drives = []
     for part, rest in _whitened(problem, evaluation, free):
         residual[part.cluster] = rest
@@ -172,7 +173,7 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     if root is not None:
         residual *= root
         jacobian *= root[..., None]
-    flat = jacobian.reshape(problem.readings.size, found.jacobian.shape[2])
+    flat = jacobian.reshape(problem.readings.size, prediction.jacobian.shape[2])
     errors, columns = _known(problem, evaluation)
     return Linearised(
         residual=np.concatenate([residual.ravel(), errors]),
@@ -194,7 +195,7 @@ def _known(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array]:
     return problem.prior.errors(problem.model, evaluation.values), columns
 
 
-def linearise_at(problem: Problem, values: Array, parameters: tuple[str, ...], start: State | None) -> Linearised:
+def linearise_at(problem: Problem, values: Array, parameters: tuple[str, ...], start: WarmStart | None) -> Linearised:
     """The problem linearised at parameter values (P,), without drive errors."""
     return linearise(problem, evaluate(problem, values, parameters, start))
 
@@ -202,20 +203,20 @@ def linearise_at(problem: Problem, values: Array, parameters: tuple[str, ...], s
 def chi_square(problem: Problem, evaluation: Evaluation) -> float:
     """Sum of squares of reading errors, drive errors and errors of what is known, each in its standard uncertainty."""
     known = 0.0 if problem.prior is None else float((problem.prior.errors(problem.model, evaluation.values) ** 2).sum())
-    rest = evaluation.residual
+    residual = evaluation.residual
     if problem.weight is not None:
         return known + _weighted_chi_square(problem, evaluation)
     if problem.model.correlated:
-        white = np.linalg.solve(problem.noise, rest[..., None])[..., 0]
+        white = np.linalg.solve(problem.noise, residual[..., None])[..., 0]
     else:
-        white = np.where(problem.measured, rest / np.where(problem.measured, problem.sigma, 1.0) ** 2, 0.0)
-    return known + float((rest * white).sum()) + _drive_chi_square(problem, evaluation)
+        white = np.where(problem.measured, residual / np.where(problem.measured, problem.sigma, 1.0) ** 2, 0.0)
+    return known + float((residual * white).sum()) + _drive_chi_square(problem, evaluation)
 
 
 def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
     """Of whitened readings with weights; drive errors are those that suit them best."""
-    found = evaluation.prediction
-    if found.by_drive is None or not evaluation.solved:
+    prediction = evaluation.prediction
+    if prediction.by_drive is None or not evaluation.solved:
         return float("inf")
     white = whitened_residual(problem, evaluation)
     assert problem.weight is not None
@@ -225,8 +226,8 @@ def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
 def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     """Residuals (N, C) in standard uncertainties, of an evaluation with derivatives by drives; without weights."""
     out = np.zeros(problem.readings.shape)
-    for part, rest in _whitened(*predicted_part(problem, evaluation), 1.0):
-        out[part.cluster] = rest
+    for part, residual in _whitened(*predicted_part(problem, evaluation), 1.0):
+        out[part.cluster] = residual
     return out
 
 
@@ -241,29 +242,29 @@ def deletion_residuals(problem: Problem, evaluation: Evaluation) -> tuple[Array,
     assert jacobian is not None
     moved = np.where(problem.measured[:, :, None], jacobian, 0.0)
     off, unit, slopes = np.zeros(problem.readings.shape), np.ones(problem.readings.shape), np.zeros(moved.shape)
-    for part, rest in _whitened(problem, evaluation, 1.0):
+    for part, residual in _whitened(problem, evaluation, 1.0):
         m, k = part.cluster.shape
         size = np.sqrt((part.weights**2).sum(axis=1))  # (M, k C)
         size = np.where(size > 0, size, 1.0)
         unit[part.cluster] = 1.0 / size.reshape(m, k, -1)
-        turned = np.swapaxes(part.weights / size[:, None], 1, 2)
-        off[part.cluster] = (turned @ rest.reshape(m, -1, 1)).reshape(m, k, -1)
-        flat = part.apply(moved).reshape(m, turned.shape[1], -1)
-        slopes[part.cluster] = (turned @ flat).reshape(m, k, *moved.shape[1:])
+        rotated = np.swapaxes(part.weights / size[:, None], 1, 2)
+        off[part.cluster] = (rotated @ residual.reshape(m, -1, 1)).reshape(m, k, -1)
+        flat = part.apply(moved).reshape(m, rotated.shape[1], -1)
+        slopes[part.cluster] = (rotated @ flat).reshape(m, k, *moved.shape[1:])
     return off, slopes, unit
 
 
 def _whitened(problem: Problem, evaluation: Evaluation, free: float) -> Iterator[tuple[Whitened, Array]]:
     """Weights of all clusters of rows, and residuals W (r + G shift), (M, k, C); `free`: share of S_q that is left."""
-    found = evaluation.prediction
-    assert found.by_drive is not None
-    slopes = Slopes(np.nan_to_num(found.by_drive), found.by_partner, problem.rows.partner)
+    prediction = evaluation.prediction
+    assert prediction.by_drive is not None
+    slopes = Slopes(np.nan_to_num(prediction.by_drive), prediction.by_partner, problem.rows.partner)
     sigma = problem.reading_sigma * np.sqrt(free)  # (N, A)
     for part in whiten(problem.clusters, slopes, problem.noise, sigma, problem.measured):
         m, k = part.cluster.shape
         back = part.slopes @ (free * evaluation.shift)[part.cluster].reshape(m, -1, 1)
-        rest = evaluation.residual[part.cluster].reshape(m, -1, 1) + back
-        yield part, (part.weights @ rest).reshape(m, k, -1)
+        residual = evaluation.residual[part.cluster].reshape(m, -1, 1) + back
+        yield part, (part.weights @ residual).reshape(m, k, -1)
 
 
 def _drive_chi_square(problem: Problem, evaluation: Evaluation) -> float:

@@ -24,7 +24,7 @@ Loss = Literal["squares", "huber", "tukey"]
 _HUBER, _TUKEY = 1.345, 4.685  # 95 % efficiency with normal noise
 _NORMAL_VALUES = 2000
 _NORMAL = 1.4826  # standard deviations per median absolute deviation
-_SETTLED = 1e-3
+_STANDSTILL = 1e-3
 _ROUNDS = 30
 _OFF = 3.5  # standard uncertainties from which on a value is told as doubtful
 _LEAST = 1e-8  # weight of a value that is left out
@@ -66,8 +66,7 @@ class RobustFit:
 
 
 def plain_fit(problem: Problem, fit: Fit) -> RobustFit:
-    """A fit by least squares, with the values that are off by far, which would be weighed down; spread as chi2 asks."""
-    fit = fit.widened
+    """A fit by least squares, with the values that are off by far, which would be weighed down."""
     weighted = replace(problem, weight=np.ones_like(problem.readings))
     if fit.status != "converged":
         return RobustFit(fit, problem, (), np.ones(problem.readings.shape[1]))
@@ -97,16 +96,16 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
             failed |= fit.failed
             problem, weighted = problem.without(fit.failed), weighted.without(fit.failed)
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh
-            if change < _SETTLED:
+            if change < _STANDSTILL:
                 break
     white, _ = _deviations(problem, fit)
     spread, gain = _efficiency(loss, (white / scale)[problem.measured])
-    moved = int((~fit.found.held).sum())
+    moved = int((~fit.directions.held).sum())
     freedom = max(problem.count - moved, 1) / max(problem.count, 1)
     size = float((scale**2 * problem.measured.sum(axis=0)).sum() / max(problem.count, 1))
     least, _ = _efficiency(loss, ndtri((np.arange(_NORMAL_VALUES) + 0.5) / _NORMAL_VALUES))
     spread = size * max(spread / freedom, least)  # never narrower than the stated sigma says
-    fit = replace(fit, before=first.before, found=replace(fit.found, spread=spread), failed=failed)
+    fit = replace(fit, before=first.before, directions=replace(fit.directions, spread=spread), failed=failed)
     return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss, gain)
 
 
@@ -145,9 +144,9 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
     assert weighted.weight is not None
     off, slopes, unit = deletion_residuals(replace(weighted, weight=None), fit.last)
     deviation = np.where(weighted.measured, off / scale, 0.0)
-    covariance = replace(fit.found, spread=1.0).determined_covariance()
+    covariance = replace(fit.directions, spread=1.0).determined_covariance()
     once = np.array([not np.isnan(c.once) for c in weighted.model.channels])  # stands in a row, is none of it
-    found = []
+    doubtful = []
     for part in (~once, once):
         size = np.where(part, np.abs(deviation), 0.0)
         for row in np.nonzero((size > _OFF).any(axis=1))[0].tolist():
@@ -157,7 +156,7 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
             worst = int(np.argmax(np.abs(step))) if len(step) else 0
             moved = (fit.selected[worst], float(step[worst])) if len(step) else ("", 0.0)
             far = float(off[row, k] * unit[row, k])
-            found.append(
+            doubtful.append(
                 Doubtful(
                     row=row,
                     channel=k,
@@ -168,7 +167,7 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
                     moved=moved,
                 )
             )
-    return tuple(sorted(found, key=lambda d: -abs(d.deviation)))
+    return tuple(sorted(doubtful, key=lambda d: -abs(d.deviation)))
 
 
 def _influence(covariance: Array, slope: Array, off: float, weight: float) -> tuple[float, Array]:

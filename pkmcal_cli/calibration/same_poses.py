@@ -9,10 +9,16 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.prediction import Rows
 
 _CELL = 0.25  # of what values of one pose may differ by: rows nearer than that are taken together at once
 _CHAIN = 3.0  # times that: what merges to a group as wide is no pose but a scan of many
 _FINER = 3  # times that a finer scan is looked at ten times as closely
+
+
+def loads_of(rows: Rows) -> list[Array]:
+    """What loads the machine from row to row: columns (N,) of forces of drives, and the payload."""
+    return [*np.nan_to_num(rows.forces).T, np.nan_to_num(rows.columns.get("payload", np.zeros(len(rows))))]
 
 
 def poses_alike(table: Array, share: float) -> NDArray[np.intp]:
@@ -38,8 +44,8 @@ def _merged(scaled: Array, finer: int) -> NDArray[np.intp]:
     np.maximum.at(high, label, scaled)
     chained = (np.max(high - low, axis=1) > _CHAIN)[label]
     if chained.any():
-        rest = 10.0 * scaled[chained]
-        own = _merged(rest, finer - 1) if finer else np.unique(rest, axis=0, return_inverse=True)[1].ravel()
+        distance = 10.0 * scaled[chained]
+        own = _merged(distance, finer - 1) if finer else np.unique(distance, axis=0, return_inverse=True)[1].ravel()
         label[chained] = label.max() + 1 + own
     return label
 

@@ -15,27 +15,31 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
 
     A comma-separated list of names and patterns (`l*`); `auto`: all but those declared `identify: false`; `all`: every
     declared parameter, and numbers of effects as `auto`. `auto,R_low` adds to auto; a leading minus removes
-    (`auto,-gamma`). A number of an effect that is `identify: false` is freed by its own name only; where some numbers
-    of an effect are named, the others are left alone. Raises UsageError.
+    (`auto,-gamma`). One that is `fixed: true` is never chosen. A number of an effect that is `identify: false`
+    is freed by its own name only; where some numbers of an effect are named, the others are left alone. Raises
+    UsageError.
     """
     chosen: set[str] = set()
     asked: set[str] = set()  # by names and patterns
     for part in (p.strip() for p in text.split(",")):
         remove = part.startswith("-")
         pattern = part[1:] if remove else part
-        found = _matching(model, pattern, remove)
-        if found is None:
+        if not remove and any(p.fixed and pattern in (p.name, p.shared_name) for p in model.parameters):
+            what = f"{option}: `{pattern}` is declared `fixed: true`: its value is exact"
+            raise UsageError(what, hint="delete `fixed: true` in the machine file to identify it")
+        matching = _matching(model, pattern, remove)
+        if matching is None:
             raise UsageError(
                 f"{option}: the machine has no parameter `{pattern}`",
                 hint=did_you_mean(pattern, [*model.names, "auto", "all"]),
             )
-        chosen = chosen - found if remove else chosen | found
+        chosen = chosen - matching if remove else chosen | matching
         if not remove and pattern not in _WORDS:
-            asked |= found
+            asked |= matching
     for effect in model.effects:
-        mine = set(effect.parameters)
-        if mine & asked:
-            chosen -= mine - asked
+        of_effect = set(effect.parameters)
+        if of_effect & asked:
+            chosen -= of_effect - asked
     return tuple(n for n in model.names if n in chosen)
 
 
@@ -47,10 +51,12 @@ def named(model: Model, text: str) -> frozenset[str]:
 def _matching(model: Model, pattern: str, remove: bool) -> set[str] | None:
     """Parameters that a word, a name or a pattern means; None where there is no such parameter."""
     held = {n for e in model.effects for n in e.parameters} & {p.name for p in model.parameters if not p.identify}
+    free = [p for p in model.parameters if not p.fixed]
     if pattern in _WORDS:
-        return {p.name for p in model.parameters if p.identify or (pattern == "all" and p.name not in held)}
-    by_name = {p.name for p in model.parameters if pattern in (p.name, p.shared_name)}
-    by_pattern = {p.name for p in model.parameters if any(fnmatchcase(n, pattern) for n in (p.name, p.shared_name))}
-    if not by_name | by_pattern:
+        return {p.name for p in free if p.identify or (pattern == "all" and p.name not in held)}
+    by_name = {p.name for p in free if pattern in (p.name, p.shared_name)}
+    by_pattern = {p.name for p in free if any(fnmatchcase(n, pattern) for n in (p.name, p.shared_name))}
+    exact = [n for p in model.parameters if p.fixed for n in (p.name, p.shared_name)]
+    if not by_name | by_pattern and not any(fnmatchcase(n, pattern) for n in exact):
         return None
     return by_name | (by_pattern if remove else by_pattern - held)

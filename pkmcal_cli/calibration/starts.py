@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior
@@ -41,11 +42,12 @@ class Agreement:
     def text(self) -> str:
         """In words."""
         if not self.agree:
-            return f"none of {self.starts} starts ends in a fit"
-        parts = [f"{self.agree} of {self.starts} starts end in the best fit (within {self.spread:.2g} std)"]
-        parts += [f"{self.rivals} in another one as good: these data do not say which is right"] if self.rivals else []
-        parts += [f"{self.worse} in a worse one"] if self.worse else []
-        parts += [f"{self.failed} in none"] if self.failed else []
+            return f"starts: none of {self.starts} converges"
+        parts = [f"starts: {self.agree} of {self.starts} reach the best fit (within {self.spread:.2g} std)"]
+        if self.rivals:
+            parts.append(f"{self.rivals} another fit that is equally good (the data cannot separate them)")
+        parts += [f"{self.worse} a worse fit"] if self.worse else []
+        parts += [f"{self.failed} no fit"] if self.failed else []
         return ", ".join(parts)
 
 
@@ -65,13 +67,15 @@ def identify_from(
     failure: RowsFailed | None = None
     try:
         first = _centred(problem, selected, start, identify(problem, selected, start))
+        if first.before.prediction.slack:
+            first = _by_taut_ropes(problem, selected, start, first)
     except RowsFailed as error:
         failure = error
     if first is not None and (count == 1 or (count == 0 and not _doubtful(first))):
         return first, None
     if not count and tell is not None:
-        what = "explains little" if first is not None and first.status == "converged" else "fails"
-        tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts are tried")
+        what = "leaves large residuals" if first is not None and first.status == "converged" else "fails"
+        tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts follow")
     best, agreement = best_of_starts(problem, selected, start, first, count, seed)
     if best is None:
         assert failure is not None
@@ -93,6 +97,22 @@ def best_of_starts(
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)
+
+
+def _by_taut_ropes(problem: Problem, selected: tuple[str, ...], start: Array, first: Fit) -> Fit:
+    """The better one of a fit and of that from where ropes that push too lead.
+
+    A rope that is slack at the start tells nothing of where it is held, so that the fit cannot make it taut.
+    """
+    taut = replace(problem, model=problem.model.with_taut_ropes())
+    try:
+        values = identify(taut, selected, start, iterations=_STEPS).values
+    except RowsFailed:
+        return first
+    other = _tried(problem, selected, start, values)
+    ends = [e for e in (first, other) if e is not None]
+    best = min(ends, key=lambda e: (e.status != "converged", len(e.failed), e.chi2))
+    return replace(best, before=first.before)
 
 
 def _doubtful(fit: Fit) -> bool:
@@ -172,18 +192,12 @@ def _centred(problem: Problem, selected: tuple[str, ...], start: Array, fit: Fit
 
     What the data hardly see is what the ranges say; and ends could not be compared otherwise.
     """
-    model, held = problem.model, fit.found.held
+    model, held = problem.model, fit.directions.held
     index = [model.names.index(n) for n in selected]
     nominal = model.nominal[index]
     if fit.status != "converged" or not held.any() or (fit.before.values[index] == nominal).all():
         return fit
-    way = (
-        np.where(fit.found.weak[:, None], nominal - fit.values[index], (start - fit.values)[index])
-        / model.ranges[index]
-    )
-    unseen = fit.found.vectors[held]  # (k, p)
-    values = fit.values.copy()
-    values[index] += unseen.T @ (unseen * way[held]).sum(axis=1) * model.ranges[index]
+    values = centred(problem, fit.values, start, fit.directions)
     try:
         return replace(identify(problem, selected, values, iterations=_STEPS), before=fit.before)
     except RowsFailed:

@@ -13,9 +13,10 @@ from scipy.linalg import solve_triangular
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.measured_pose import errors_at_poses, loose_drives
+from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, linearise
+from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
@@ -46,24 +47,28 @@ class Scaled:
 
 
 def advance(
-    problem: Problem, scale: Scaled, now: Evaluation, near: Linearised, damping: float
+    problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, damping: float
 ) -> tuple[Evaluation, float, str]:
     """One accepted step; returns the new evaluation, the damping for the next and the status, "" to go on."""
-    full = _step(scale, now.values[scale.index], near, near, 0.0)
+    full = _step(scale, evaluation.values[scale.index], near, near, 0.0)
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges)
     if (len(full) and np.abs(full).max() < _STEP) or hoped <= max(_GAIN * near.chi2, blur):
-        last = _moved(problem, scale, now, near, full)
-        return (last if last.solved else now), 0.0, "converged"
+        last = _moved(problem, scale, evaluation, near, full)
+        return (last if last.solved else evaluation), 0.0, "converged"
     light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max(initial=0.0))
     while True:
         damped, step = near, full
         if damping > 0.0:
-            damped = linearise(problem, now, damping)
-            step = _step(scale, now.values[scale.index], near, damped, damping * light)
+            damped = linearise(problem, evaluation, damping)
+            step = _step(scale, evaluation.values[scale.index], near, damped, damping * light)
         if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
-            return now, damping, "not_converged"  # no step of any length lowers chi-square: the prediction fails here
-        trial = _moved(problem, scale, now, damped, step)
+            return (
+                evaluation,
+                damping,
+                "not_converged",
+            )  # no step of any length lowers chi-square: the prediction fails here
+        trial = _moved(problem, scale, evaluation, damped, step)
         if trial.solved:
             gained = near.chi2 - chi_square(problem, trial)
             if gained >= -blur:
@@ -75,32 +80,34 @@ def advance(
 
 def _blur(problem: Problem, chi2: float) -> float:
     """Change of chi-square by rounding of the predicted readings."""
-    size = np.array([problem.model.length if c.quantity == "position" else 0.0 for c in problem.model.channels])
+    size = np.array(
+        [problem.model.length if c.measurand is Measurand.POSITION else 0.0 for c in problem.model.channels]
+    )
     size = np.maximum(size, np.abs(np.where(problem.measured, problem.readings, 0.0)).max(axis=0, initial=0.0))
     share = _ROUNDING * np.where(problem.measured, size / problem.sigma, 0.0)
     return float(2.0 * np.sqrt(chi2) * share.max(initial=0.0) + (share**2).sum())
 
 
-def _moved(problem: Problem, scale: Scaled, now: Evaluation, near: Linearised, step: Array) -> Evaluation:
+def _moved(problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, step: Array) -> Evaluation:
     """The evaluation after a step (p,) in range units, drive errors following.
 
     Rows that cannot be solved there (the drives' ends of reach are near) go to the pose that the linear step aims at,
     or only part of the way, with the drive errors that this pose asks for.
     """
-    values = now.values.copy()
+    values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
-    trial = evaluate(problem, values, scale.names, now.state, shift)
-    if trial.solved or not loose_drives(problem).any():
+    trial = evaluate(problem, values, scale.names, evaluation.start, shift)
+    if trial.solved or not uncertain_drives(problem).any():
         return trial
-    by_step, by_drive = now.prediction.jacobian, now.prediction.by_drive
+    by_step, by_drive = evaluation.prediction.jacobian, evaluation.prediction.by_drive
     assert by_step is not None and by_drive is not None
-    way = by_step @ (step * scale.ranges) + (by_drive @ (shift - now.shift)[..., None])[..., 0]
+    way = by_step @ (step * scale.ranges) + (by_drive @ (shift - evaluation.shift)[..., None])[..., 0]
     for part in _PARTS:
         lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
-        posed = errors_at_poses(problem, values, now.prediction.values + part * way)
+        posed = errors_at_poses(problem, values, evaluation.prediction.values + part * way)
         shift = np.where(lost & ~np.isnan(posed), posed, shift)
-        trial = evaluate(problem, values, scale.names, now.state, shift)
+        trial = evaluate(problem, values, scale.names, evaluation.start, shift)
         if trial.solved:
             break
     return trial
@@ -116,10 +123,10 @@ def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, da
     room_up = (scale.high - values) / scale.ranges
     free = np.ones(p, dtype=bool)
     for _ in range(p + 1):
-        rest = r - jacobian[:, ~free] @ step[~free]
-        found = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
-        vectors = found.vectors[~found.held]
-        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, rest, damping)
+        residual = r - jacobian[:, ~free] @ step[~free]
+        spectrum = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
+        vectors = spectrum.vectors[~spectrum.held]
+        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual, damping)
         over = free & ((step < room_down - 1e-12) | (step > room_up + 1e-12))
         if not over.any():
             break

@@ -69,8 +69,8 @@ class Slopes:
         if k > 1 and self.partners is not None and self.partner is not None:
             for i in range(k):
                 for j in range(k):
-                    mine = np.nonzero(self.partner[cluster[:, i]] == cluster[:, j])[0]
-                    out[mine, i, :, j] += self.partners[cluster[mine, i]]
+                    joined = np.nonzero(self.partner[cluster[:, i]] == cluster[:, j])[0]
+                    out[joined, i, :, j] += self.partners[cluster[joined, i]]
         return out.reshape(m, k * c, k * a)
 
 
@@ -86,8 +86,8 @@ class Whitened:
     def apply(self, x: Array) -> Array:
         """W x of an array (N, C, ...), as (M, k, C, ...)."""
         m, k = self.cluster.shape
-        mine = x[self.cluster]
-        flat = mine.reshape(m, k * x.shape[1], -1)
+        of_clusters = x[self.cluster]
+        flat = of_clusters.reshape(m, k * x.shape[1], -1)
         return np.asarray((self.weights @ flat).reshape(m, k, *x.shape[1:]))
 
 

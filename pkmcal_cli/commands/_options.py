@@ -24,35 +24,42 @@ PosesFile = Annotated[
 Grid = Annotated[
     str | None,
     typer.Option(
-        "--grid", metavar="SPEC", help='Instead of a file: "x=0:950:3,y=160:390:77", start:stop:count, both included.'
+        "--grid", metavar="SPEC", help='Instead of a file: "x=0:950:3,y=160:390:77" (start:stop:count, ends included).'
     ),
 ]
 Parameters = Annotated[
-    str | None, typer.Option("-p", "--parameters", metavar="PARAMS.yaml", help="Parameter values; default nominal.")
+    str | None, typer.Option("-p", "--parameters", metavar="PARAMS.yaml", help="Parameter values; default: nominal.")
 ]
 Select = Annotated[
-    str, typer.Option("--select", metavar="NAMES", help="auto, all, names, patterns: auto,R_low,-g*,drift@grid.lag.")
+    str,
+    typer.Option(
+        "--select", metavar="NAMES", help="Parameters: auto, all, names, patterns, e.g. auto,R_low,-g*,drift@grid.lag."
+    ),
 ]
+Alpha = Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")]
 Offset = Annotated[
     list[str] | None,
     typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Result as JSON on stdout.")]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Nothing on stderr but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Write the result to stdout as JSON.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Write only errors to stderr.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output file.")]
+Accept = Annotated[bool, typer.Option("--accept", help="Take an implausible result; what is odd is recorded.")]
+FailOn = Annotated[
+    str | None,
+    typer.Option("--fail-on", metavar="LIST", help="Results that end with exit code 1; none: never."),
+]
 Loss = Annotated[
-    str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber, tukey: bad rows do not bend the fit.")
+    str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber and tukey down-weight outliers.")
 ]
 Prior = Annotated[
-    str, typer.Option("--prior", metavar="none|ranges", help="ranges: parameters are known to half their ranges.")
+    str, typer.Option("--prior", metavar="none|ranges", help="ranges: prior standard uncertainty of half a range.")
 ]
 Uncertainty = Annotated[
-    str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="How 95 % intervals are found.")
+    str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="Method for the 95 % intervals.")
 ]
 Starts = Annotated[
     int,
-    typer.Option(
-        "--starts", min=0, max=200, help="Fits from so many starts within the ranges; 0: one, more where it fails."
-    ),
+    typer.Option("--starts", min=0, max=200, help="Number of starts within the ranges; 0: one, more if it fails."),
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap and of starts.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap and of the starts.")]

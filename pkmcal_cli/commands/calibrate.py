@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from pkmcal_cli.commands._options import (
+    Accept,
     Force,
     Json,
     Loss,
@@ -33,7 +34,7 @@ def calibrate(
     select: Select = "auto",
     holdout: Annotated[
         str | None,
-        typer.Option("--holdout", metavar="K|session|cells|FILE.csv|none", help="Held-out error; default 5 folds."),
+        typer.Option("--holdout", metavar="K|session|cells|FILE.csv|none", help="Data to hold out; default: 5 folds."),
     ] = None,
     parameters: Parameters = None,
     loss: Loss = "squares",
@@ -43,19 +44,20 @@ def calibrate(
     seed: Seed = 0,
     max_rms: Annotated[
         str | None,
-        typer.Option("--max-rms", metavar="VALUE", help="Exit 1 if the (held-out) position rms is above."),
+        typer.Option("--max-rms", metavar="VALUE", help="Exit with 1 if the (held-out) position rms is larger."),
     ] = None,
+    accept: Accept = False,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Which true dimensions explain what was measured, and how sure are they?
+    """Which dimensions explain the measurements, and how uncertain are they?
 
     Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
     """
     options = locals()
-    from pkmcal_cli.calibration.fitted import Treatment
+    from pkmcal_cli.calibration.complete_fit import FitOptions
     from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
-    how = as_request(Treatment, options)
-    raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, how=how)))
+    fit_options = as_request(FitOptions, options)
+    raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, fit_options=fit_options)))

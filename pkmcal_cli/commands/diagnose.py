@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Json, MachineFile, Quiet, Select, as_request
+from pkmcal_cli.commands._options import Alpha, FailOn, Json, MachineFile, Quiet, Select, as_request
 
 
 def diagnose(
@@ -15,16 +15,17 @@ def diagnose(
         list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
     ],
     select: Select = "auto",
-    alpha: Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")] = 0.005,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    alpha: Alpha = 0.005,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     plots: Annotated[
         str | None,
         typer.Option("--plots", metavar="DIR", help="Folder for pictures (SVG); - draws them on the terminal."),
     ] = None,
+    fail_on: FailOn = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """What is left after calibration, and which physical effect explains it?
+    """Which physical effect explains the residuals that remain after calibration?
 
     Example: pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv
     """

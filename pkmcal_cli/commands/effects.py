@@ -6,18 +6,29 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Json, Quiet
+from pkmcal_cli.commands._options import Grid, Json, Parameters, PosesFile, Quiet, Select, as_request
 
 
 def effects(
-    machine: Annotated[str | None, typer.Argument(metavar="[M.yaml]", help="List where each can sit on it.")] = None,
+    machine: Annotated[
+        str | None, typer.Argument(metavar="[M.yaml]", help="Machine file: list the places of each effect.")
+    ] = None,
+    poses: PosesFile = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Show what each effect of plausible size does to the readings.")
+    ] = False,
+    grid: Grid = None,
+    parameters: Parameters = None,
+    select: Select = "auto",
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Which physical effects can be declared, and looked for by `diagnose`?
+    """Which physical effects can a machine file declare and `diagnose` find, and what would each do to the readings?
 
-    Example: pkmcal effects machines/scissors.yaml
+    Example: pkmcal effects machines/scissors.yaml --simulate
     """
+    options = locals()
     from pkmcal_cli.workflow.effects import run_effects
+    from pkmcal_cli.workflow.effects_request import EffectsRequest
 
-    raise typer.Exit(run_effects(machine, as_json, quiet))
+    raise typer.Exit(run_effects(as_request(EffectsRequest, options)))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Json, MachineFile, Quiet, Select, as_request
+from pkmcal_cli.commands._options import Accept, Alpha, FailOn, Force, Json, MachineFile, Quiet, Select, as_request
 
 
 def improve(
@@ -15,19 +15,21 @@ def improve(
         list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
     ],
     validation: Annotated[
-        str | None, typer.Option("--validation", metavar="VAL.csv", help="Rows that only report.")
+        str | None, typer.Option("--validation", metavar="VAL.csv", help="Rows used only for reporting.")
     ] = None,
     output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="M-improved.yaml", help="Improved machine to write.")
+        str | None, typer.Option("-o", "--output", metavar="M-improved.yaml", help="Improved machine file to write.")
     ] = None,
     select: Select = "auto",
-    alpha: Annotated[float, typer.Option("--alpha", help="False-alarm rate of the diagnosis.")] = 0.005,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    alpha: Alpha = 0.005,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
+    accept: Accept = False,
+    fail_on: FailOn = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Which effect must be added to the machine, and what is gained on points that had no part in it?
+    """Which effects does the machine file lack, and how much do they improve held-out points?
 
     Example: pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv -o improved.yaml
     """

@@ -27,7 +27,7 @@ def observability(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """What will these positions determine, how well, and what will they not tell apart?
+    """What will these positions determine, how well, and what can they not separate?
 
     Example: pkmcal observability machines/triglide-nonredundant.yaml --grid "x=0:950:3,y=160:390:77"
     """

@@ -11,19 +11,19 @@ from pkmcal_cli.commands._options import Force
 
 def schema(
     output: Annotated[
-        str, typer.Option("-o", "--output", metavar="FILE.json", help="Where to write it; default stdout.")
+        str, typer.Option("-o", "--output", metavar="FILE.json", help="File to write; default: stdout.")
     ] = "-",
-    overlay: Annotated[bool, typer.Option("--overlay", help="For files with `extends`.")] = False,
+    overlay: Annotated[bool, typer.Option("--overlay", help="Schema for files with `extends`.")] = False,
     force: Force = False,
 ) -> None:
-    """Which keys may a machine file have? (JSON Schema for editors)
+    """Which keys can a machine file have? (JSON Schema for editors)
 
     Example: pkmcal schema -o machine.schema.json
     """
     import json
 
     from pkmcal_cli.base.outputs import write_text
-    from pkmcal_cli.language.schema import machine_schema
+    from pkmcal_cli.language.json_schema import machine_schema
 
     with write_text(output, (), force=force) as file:
         file.write(json.dumps(machine_schema(overlay), indent=2) + "\n")

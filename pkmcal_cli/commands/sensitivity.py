@@ -16,7 +16,7 @@ def sensitivity(
     parameters: Parameters = None,
     select: Annotated[
         str | None,
-        typer.Option("--select", metavar="NAMES", help="auto, all, or names and patterns; default every parameter."),
+        typer.Option("--select", metavar="NAMES", help="Parameters: auto, all, names, patterns; default: all."),
     ] = None,
     offset: Offset = None,
     as_json: Json = False,

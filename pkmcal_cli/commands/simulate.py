@@ -19,10 +19,10 @@ def simulate(
     seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
     forces: Annotated[bool, typer.Option("--forces", help="Add drive forces and strain energy.")] = False,
     uncertainty: Annotated[
-        bool, typer.Option("--uncertainty", help="Add how sure the TCP is after the calibration of -p (u.x, u.y ...).")
+        bool, typer.Option("--uncertainty", help="Add the TCP uncertainty from the calibration of -p (u.x, u.y ...).")
     ] = False,
     output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="OUT.csv", help="Table to write; default stdout.")
+        str | None, typer.Option("-o", "--output", metavar="OUT.csv", help="Table to write; default: stdout.")
     ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -30,8 +30,8 @@ def simulate(
 ) -> None:
     """What would the instruments read at these positions?
 
-    Rows of TCP coordinates are driven with the set values of the nominal machine. The table is one that `calibrate`
-    reads.
+    Rows of TCP coordinates use the set values of the nominal machine. `calibrate` can read the table. A machine without
+    actuators needs no positions.
 
     Example: pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
     """

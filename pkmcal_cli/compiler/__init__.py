@@ -1,4 +1,4 @@
-"""The compiler: a machine file's declarations become the index arrays and slots of the engine."""
+"""The compiler: a machine file's declarations become the index arrays and coefficients of the engine."""
 
 from pkmcal_cli.compiler.build import Compiled, compile_machine
 

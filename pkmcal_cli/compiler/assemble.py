@@ -1,4 +1,4 @@
-"""The drawing made to close: the unstressed shape from which rest lengths and triads are taken."""
+"""The reference configuration made to close: the unstressed shape from which rest lengths and triads are taken."""
 
 from __future__ import annotations
 
@@ -7,39 +7,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.compiler.structure import Drawing
-from pkmcal_cli.elements import Load
-from pkmcal_cli.equilibrium.kinematics import State, advance, arm_vectors, drawn_state, input_jacobian
+from pkmcal_cli.compiler.reference import ReferenceConfiguration
+from pkmcal_cli.elements import LoadElement
+from pkmcal_cli.equilibrium.kinematics import State, advance, input_jacobian, offset_vectors_at, reference_state
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.mobility import StrainRows, null_space, pivots, rank, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
-from pkmcal_cli.mechanism.topology import DriveKind, Layout
+from pkmcal_cli.mechanism.topology import DriveKind, Topology
 
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size
-_CHEAP = 1e6  # a drive moves this much more readily than anything else when the drawing is assembled
+_CHEAP = 1e6  # a drive moves this much more readily than anything else when the reference configuration is assembled
 
 
-class BadDrawing(ValueError):
-    """An element has no direction in the drawing: its ends lie in one point."""
+class BadConfiguration(ValueError):
+    """An element cannot be where the reference configuration has it; by default because its ends lie in one point."""
 
-    def __init__(self, element: str) -> None:
-        super().__init__(f"the ends of `{element}` lie in one point of the drawing")
-        self.element = element
+    def __init__(self, element: str, what: str = "", hint: str = "give its ends different positions") -> None:
+        super().__init__(what or f"the ends of `{element}` coincide in the reference configuration")
+        self.element, self.hint = element, hint
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A strain (m or rad) that the assembled drawing still has."""
+    """A strain (m or rad) that the assembled reference configuration still has."""
 
     element: str
     strain: str
     value: float
+    lengthwise: bool
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mobility:
-    """What the ranks at the drawing say."""
+    """What the ranks at the reference configuration say."""
 
     unknowns: int
     degrees_of_freedom: int
@@ -51,91 +52,91 @@ class Mobility:
     undetermined: int  # motions that the drives not marked redundant leave free
     overdetermined: int  # drives not marked redundant that are too many
     rigid_loops: tuple[str, ...]  # elements of closed loops in which nothing yields
-    nearby: int  # degrees of freedom near the drawing; another number means a special position
+    nearby: int  # degrees of freedom near the reference configuration; another number means a special position
 
 
-def all_drives(layout: Layout, state: DriveState, loaded: bool = False) -> System:
+def all_drives(topology: Topology, state: DriveState, loaded: bool = False) -> System:
     """The system with every drive in one state."""
-    return build_system(layout, (state,) * len(layout.drives), loaded)
+    return build_system(topology, (state,) * len(topology.drives), loaded)
 
 
-def assemble(layout: Layout, length: float) -> tuple[State, list[Gap]]:
-    """Close the drawing with all drives released, moving as little as possible, drives most readily.
+def assemble(topology: Topology, length: float) -> tuple[State, list[Gap]]:
+    """Close the reference configuration with all drives released, moving as little as possible, drives most readily.
 
     Raises BadDrawing.
     """
-    system = all_drives(layout, DriveState.RELEASED)
-    slots = layout.slots.constants[None]
-    state = drawn_state(layout, slots, 1, system.constraints)
-    driven = {d.target[0] for d in layout.drives if d.kind is DriveKind.TRAVEL}
+    system = all_drives(topology, DriveState.RELEASED)
+    coefficients = topology.coefficients.constants[None]
+    state = reference_state(topology, coefficients, 1, system.constraints)
+    driven = {d.target[0] for d in topology.drives if d.kind is DriveKind.TRAVEL}
     ease = np.array([_CHEAP if int(k) in driven else 1.0 for k in system.free])
-    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
-    rows = _strains(system, slots, state, length)
+    unit = np.where(system.free < len(topology.travel_coefficients), length, 1.0)
+    rows = _strains(system, coefficients, state, length)
     for _ in range(50):
         if not len(rows.values):
             break
         step = -np.linalg.lstsq(rows.jacobian * ease, rows.values, rcond=1e-13)[0] * ease
         step *= min(1.0, 0.3 / max(float(np.abs(step).max(initial=0.0)), 1e-300))
-        moved = _closer(system, slots, state, rows, step * unit, length)
+        moved = _closer(system, coefficients, state, rows, step * unit, length)
         if moved is None:
             break
         state, rows = moved
     gaps = [
-        Gap(element, strain, float(v) * (length if strain in ("elongation", "x", "y", "z") else 1.0))
-        for (element, strain), v in zip(rows.names, rows.values, strict=True)
+        Gap(element, strain, float(v) * (length if lengthwise else 1.0), bool(lengthwise))
+        for (element, strain), v, lengthwise in zip(rows.names, rows.values, rows.lengthwise, strict=True)
         if abs(v) > 1e-9
     ]
     return state, sorted(gaps, key=lambda g: -abs(g.value))
 
 
-def _strains(system: System, slots: Array, state: State, length: float) -> StrainRows:
+def _strains(system: System, coefficients: Array, state: State, length: float) -> StrainRows:
     """Strains at a state and their gradient. Raises BadDrawing where an element has no direction."""
-    rows = strain_rows(system, slots, state, length)
+    rows = strain_rows(system, coefficients, state, length)
     lost = np.nonzero(~np.isfinite(rows.jacobian).all(axis=1))[0]
     if len(lost):
-        raise BadDrawing(rows.names[lost[0]][0])
+        raise BadConfiguration(rows.names[lost[0]][0])
     return rows
 
 
 def _closer(
-    system: System, slots: Array, state: State, rows: StrainRows, step: Array, length: float
+    system: System, coefficients: Array, state: State, rows: StrainRows, step: Array, length: float
 ) -> tuple[State, StrainRows] | None:
     """The state after the step (n,), halved until the strains shrink; None when they do not any more."""
     full = np.concatenate([step, np.zeros(system.constraints)])[None]
     for halvings in range(12):
         trial = advance(system, state, full * 0.5**halvings, 1.0)
-        now = strain_rows(system, slots, trial, length)
-        if now.values @ now.values < rows.values @ rows.values:
-            return trial, now
+        trial_rows = strain_rows(system, coefficients, trial, length)
+        if trial_rows.values @ trial_rows.values < rows.values @ rows.values:
+            return trial, trial_rows
     return None
 
 
-def drawing_of(layout: Layout, state: State) -> Drawing:
+def reference_configuration(topology: Topology, state: State) -> ReferenceConfiguration:
     """The assembled travels and orientations by name."""
-    travels = dict(zip(layout.travel_names, state.travel[0].tolist(), strict=True))
-    orientations = dict(zip(layout.rotations.names, state.rotation[0], strict=True))
-    return Drawing(travels, orientations)
+    travels = dict(zip(topology.travel_names, state.travel[0].tolist(), strict=True))
+    orientations = dict(zip(topology.rotations.names, state.rotation[0], strict=True))
+    return ReferenceConfiguration(travels, orientations)
 
 
-def free_motions(layout: Layout, length: float) -> tuple[Array, System]:
+def free_motions(topology: Topology, length: float) -> tuple[Array, System]:
     """Basis (n, k) of motions that nothing holds with all drives engaged, and that system. Raises BadDrawing."""
-    system = all_drives(layout, DriveState.ENGAGED)
-    slots = layout.slots.constants[None]
-    state = drawn_state(layout, slots, 1, system.constraints)
-    return null_space(_strains(system, slots, state, length).jacobian), system
+    system = all_drives(topology, DriveState.ENGAGED)
+    coefficients = topology.coefficients.constants[None]
+    state = reference_state(topology, coefficients, 1, system.constraints)
+    return null_space(_strains(system, coefficients, state, length).jacobian), system
 
 
-def coordinate_name(layout: Layout, coordinate: int) -> str:
+def coordinate_name(topology: Topology, coordinate: int) -> str:
     """What a coordinate is, in words."""
-    if coordinate < len(layout.travel_slots):
-        return f"travel of {layout.travel_names[coordinate]}"
-    dofs = layout.rotation_dofs
+    if coordinate < len(topology.travel_coefficients):
+        return f"travel of {topology.travel_names[coordinate]}"
+    dofs = np.where(topology.rotations.carrier < 0, topology.rotation_dofs, -1)
     r = max(int(k) for k in np.nonzero((dofs >= 0) & (dofs <= coordinate))[0])
-    return f"rotation of {layout.rotations.names[r]}"
+    return f"rotation of {topology.rotations.names[r]}"
 
 
 def split_motions(
-    layout: Layout, basis: Array, system: System, length: float, read: tuple[int, ...] = ()
+    topology: Topology, basis: Array, system: System, length: float, read: tuple[int, ...] = ()
 ) -> tuple[Array, Array]:
     """Of free motions (n, k): those that move nothing measured or loaded, and the others.
 
@@ -143,15 +144,15 @@ def split_motions(
     """
     if basis.shape[1] == 0:
         return basis, basis
-    slots = layout.slots.constants[None]
-    state = drawn_state(layout, slots, 1, system.constraints)
-    arms = arm_vectors(layout, slots, state)
-    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
-    loads = [g.map for g in system.groups if isinstance(g.group.element, Load)]
-    rows = [_moved(layout, links, system, state, arms) * unit / length for links in (system.points, *loads)]
-    turned = [r for r in read if layout.rotation_dofs[r] >= 0]
-    dofs = [int(layout.rotation_dofs[r]) + k for r in turned for k in range((0, 3, 1)[layout.rotations.kind[r]])]
-    places = [int(system.place[dof]) for dof in (*dofs, *layout.force_dofs)]
+    coefficients = topology.coefficients.constants[None]
+    state = reference_state(topology, coefficients, 1, system.constraints)
+    offset_vectors = offset_vectors_at(topology, coefficients, state)
+    unit = np.where(system.free < len(topology.travel_coefficients), length, 1.0)
+    loads = [g.map for g in system.groups if isinstance(g.group.element, LoadElement)]
+    rows = [_moved(topology, links, system, state, offset_vectors) * unit / length for links in (system.points, *loads)]
+    rotated = [r for r in read if topology.rotation_dofs[r] >= 0]
+    dofs = [int(topology.rotation_dofs[r]) + k for r in rotated for k in range((0, 3, 1)[topology.rotations.kind[r]])]
+    places = [int(system.place[dof]) for dof in (*dofs, *topology.force_dofs)]
     rows.append(np.eye(system.unknowns)[[place for place in places if place >= 0]])
     felt = np.concatenate(rows) @ basis
     _, s, vt = np.linalg.svd(felt)
@@ -159,22 +160,22 @@ def split_motions(
     return basis @ vt[loud:].T, basis @ vt[:loud].T
 
 
-def _moved(layout: Layout, links: LinkMap, system: System, state: State, arms: Array) -> Array:
+def _moved(topology: Topology, links: LinkMap, system: System, state: State, offset_vectors: Array) -> Array:
     """How the unknowns move the points of links from the base, (3 or 2 times links, n), m per unit."""
-    jacobian, _ = input_jacobian(layout, links, state, arms)
+    jacobian, _ = input_jacobian(topology, links, state, offset_vectors)
     out = np.zeros((jacobian.shape[1], system.unknowns, jacobian.shape[-1]))
     for p, where in enumerate(links.unknowns):
         np.add.at(out[p], where[where >= 0], jacobian[0, p][where >= 0])
     return np.swapaxes(out, 1, 2).reshape(-1, system.unknowns)
 
 
-def near_drawing(layout: Layout, length: float) -> int:
+def near_reference(topology: Topology, length: float) -> int:
     """Degrees of freedom at a pose a little way along the mechanism's own motion."""
-    system = all_drives(layout, DriveState.RELEASED)
-    slots = layout.slots.constants[None]
-    state = drawn_state(layout, slots, 1, system.constraints)
-    unit = np.where(system.free < len(layout.travel_slots), length, 1.0)
-    basis = null_space(_strains(system, slots, state, length).jacobian)
+    system = all_drives(topology, DriveState.RELEASED)
+    coefficients = topology.coefficients.constants[None]
+    state = reference_state(topology, coefficients, 1, system.constraints)
+    unit = np.where(system.free < len(topology.travel_coefficients), length, 1.0)
+    basis = null_space(_strains(system, coefficients, state, length).jacobian)
     if basis.shape[1] == 0:
         return 0
     way = basis @ np.cos(np.arange(basis.shape[1]))  # all of them at once, none like another
@@ -182,45 +183,48 @@ def near_drawing(layout: Layout, length: float) -> int:
     for _ in range(30):
         full = np.concatenate([step * unit, np.zeros(system.constraints)])
         state = advance(system, state, full[None], 1.0)
-        rows = _strains(system, slots, state, length)
+        rows = _strains(system, coefficients, state, length)
         step = -np.linalg.lstsq(rows.jacobian, rows.values, rcond=1e-9)[0] if len(rows.values) else 0.0 * step
         if np.abs(step).max(initial=0.0) < 1e-14:
             break
-    return system.unknowns - rank(_strains(system, slots, state, length).jacobian)
+    return system.unknowns - rank(_strains(system, coefficients, state, length).jacobian)
 
 
-def mobility(layout: Layout, length: float, held: tuple[str, ...], loud: tuple[str, ...]) -> Mobility:
-    """Counts by rank at the drawing, free motions already held."""
-    slots = layout.slots.constants[None]
+def mobility(topology: Topology, length: float, held: tuple[str, ...], loud: tuple[str, ...]) -> Mobility:
+    """Counts by rank at the reference configuration, free motions already held."""
+    coefficients = topology.coefficients.constants[None]
 
     def at(system: System) -> tuple[Array, np.ndarray]:  # type: ignore[type-arg]
-        rows = _strains(system, slots, drawn_state(layout, slots, 1, system.constraints), length)
+        rows = _strains(system, coefficients, reference_state(topology, coefficients, 1, system.constraints), length)
         return rows.jacobian, rows.rigid
 
-    released_system = all_drives(layout, DriveState.RELEASED)
+    released_system = all_drives(topology, DriveState.RELEASED)
     released, _ = at(released_system)
     r = rank(released)
     freedom = released.shape[1] - r
     own_stress = released.shape[0] - r
     states = tuple(
-        DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED for d in layout.drives
+        DriveState.RELEASED if d.redundant or d.force_controlled else DriveState.ENGAGED for d in topology.drives
     )
-    substructure, _ = at(build_system(layout, states, False))
+    substructure, _ = at(build_system(topology, states, False))
     rs = rank(substructure)
-    engaged_system = all_drives(layout, DriveState.ENGAGED)
-    engaged = _strains(engaged_system, slots, drawn_state(layout, slots, 1, engaged_system.constraints), length)
+    holding = tuple(DriveState.RELEASED if d.force_controlled else DriveState.ENGAGED for d in topology.drives)
+    engaged_system = build_system(topology, holding, False)  # a drive in force control opens a loop
+    engaged = _strains(
+        engaged_system, coefficients, reference_state(topology, coefficients, 1, engaged_system.constraints), length
+    )
     return Mobility(
         unknowns=released.shape[1],
         degrees_of_freedom=freedom,
-        actuators=len(layout.drives),
-        redundancy=len(layout.drives) - freedom,
+        actuators=len(topology.drives),
+        redundancy=len(topology.drives) - freedom,
         self_stress=own_stress,
         free_motions=held,
         uncontrolled=loud,
         undetermined=substructure.shape[1] - rs,
         overdetermined=substructure.shape[0] - rs - own_stress,
         rigid_loops=_rigid_loops(engaged.names, engaged.jacobian[engaged.rigid], engaged.rigid),
-        nearby=near_drawing(layout, length),
+        nearby=near_reference(topology, length),
     )
 
 
@@ -239,9 +243,9 @@ __all__ = [
     "Mobility",
     "assemble",
     "coordinate_name",
-    "drawing_of",
     "free_motions",
     "mobility",
     "pivots",
+    "reference_configuration",
     "split_motions",
 ]

@@ -1,4 +1,4 @@
-"""From a machine to a model: structure, members, drives and sensors, twice - for the drawing, then assembled."""
+"""From a machine to a model: structure, members, drives, sensors; once to close the machine, once closed."""
 
 from __future__ import annotations
 
@@ -7,30 +7,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput
-from pkmcal_cli.base.rotation import Array, log
+from pkmcal_cli.base.errors import BadInput, Fault
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
-from pkmcal_cli.compiler.bars import add_bars
-from pkmcal_cli.compiler.beams import add_beams
-from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, leg_lengths
-from pkmcal_cli.compiler.effects import declared_effects
-from pkmcal_cli.compiler.joints import add_guides, add_joints
+from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
+from pkmcal_cli.compiler.members import add_members
+from pkmcal_cli.compiler.parameters import model_parameters
 from pkmcal_cli.compiler.physical import number_faults
-from pkmcal_cli.compiler.sensors import SensorTable
-from pkmcal_cli.compiler.sockets import LOAD, sockets_of
-from pkmcal_cli.compiler.structure import Drawing, Structure
+from pkmcal_cli.compiler.placed_effects import declared_effects
+from pkmcal_cli.compiler.reference import ReferenceConfiguration
+from pkmcal_cli.compiler.rope_faults import drawn_faults
+from pkmcal_cli.compiler.ropes import cables
+from pkmcal_cli.compiler.sensor_table import PlacedPoint, SensorTable
+from pkmcal_cli.compiler.site_coefficients import LOAD, effect_sites_of
+from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.compiler.weights import add_loads
-from pkmcal_cli.elements import Joint, Load
-from pkmcal_cli.equilibrium.kinematics import drawn_state
+from pkmcal_cli.compiler.workspaces import workspace_of
+from pkmcal_cli.elements import JointElement, LoadElement, OrientationElement
+from pkmcal_cli.equilibrium.kinematics import point_poses, reference_state
 from pkmcal_cli.equilibrium.mobility import pivots, strain_rows
 from pkmcal_cli.equilibrium.system import DriveState
-from pkmcal_cli.language.channels import kind_of_sensor
 from pkmcal_cli.language.fingerprint import fingerprint_of
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.mechanism.builder import LayoutBuilder
-from pkmcal_cli.mechanism.connection_points import Point, Port
-from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Layout, Turn
-from pkmcal_cli.model.model import Actuator, Channel, Model, ModelParameter
+from pkmcal_cli.mechanism.builder import TopologyBuilder
+from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Point
+from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Topology
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.parts import Actuator, Channel, LeastTension
+from pkmcal_cli.model.tool_motion import AimedPoint
+from pkmcal_cli.units.measurands import Measurand
 
 _SMALLEST = 1e-3  # m; the size of a machine drawn in one point
 
@@ -42,6 +47,7 @@ class Compiled:
     model: Model
     mobility: asm.Mobility
     gaps: tuple[asm.Gap, ...]
+    doubts: tuple[Fault, ...]  # warnings of what the reference configuration looks like
 
 
 def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
@@ -49,214 +55,236 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
 
     Raises BadInput where it has numbers that cannot be, or effects at places that it does not have.
 
-    `receptive`: effects can enter (they have slots of their own); so it is where the machine declares effects.
+    `receptive`: effects can enter (they have coefficients of their own); so it is where the machine declares effects.
     """
     fitted = frozenset(n for n, s in machine.sensors.items() if s.frame not in (None, "machine"))
     receptive = receptive or bool(machine.effects) or bool(fitted)
-    first = _draft(machine, Drawing(), receptive)
-    if wrong := number_faults(machine, first.layout, first.drives):
+    first = _draft(machine, ReferenceConfiguration(), receptive)
+    _raise_errors(drawn_faults(first.structure))
+    if wrong := number_faults(machine, first.topology, first.drives):
         raise BadInput(wrong)
     length = first.length
-    state, gaps = asm.assemble(first.layout, length)
-    made = _draft(machine, asm.drawing_of(first.layout, state), receptive)
-    layout, drives, sensors = made.layout, made.drives, made.sensors
+    state, gaps = asm.assemble(first.topology, length)
+    made = _draft(machine, asm.reference_configuration(first.topology, state), receptive)
+    doubts = _raise_errors(drawn_faults(made.structure))
+    topology, drives, sensors = made.topology, made.drives, made.sensors
     held_names: tuple[str, ...] = ()
-    basis, system = asm.free_motions(layout, length)
-    read = tuple(v.index for v in sensors.views if v.quantity == "orientation")
-    quiet, loud = asm.split_motions(layout, basis, system, length, read)
+    basis, system = asm.free_motions(topology, length)
+    read = tuple(v.index for v in sensors.observed if v.measurand is Measurand.ORIENTATION)
+    quiet, loud = asm.split_motions(topology, basis, system, length, read)
     held = tuple(int(system.free[k]) for k in pivots(quiet))
-    held_names = tuple(asm.coordinate_name(layout, k) for k in held)
-    loud_names = tuple(asm.coordinate_name(layout, int(system.free[k])) for k in pivots(loud))
-    layout = replace(layout, held=held)
-    found = asm.mobility(layout, length, held_names, loud_names)
-    model = _model(machine, layout, drives, sensors, length)
-    base, turns = _base_slots(made.structure, machine)
-    model = replace(model, base=base, base_turns=turns, datum=machine.datum, fingerprint=fingerprint_of(machine))
+    held_names = tuple(asm.coordinate_name(topology, k) for k in held)
+    loud_names = tuple(asm.coordinate_name(topology, int(system.free[k])) for k in pivots(loud))
+    topology = replace(topology, parked=held)
+    mobility = asm.mobility(topology, length, held_names, loud_names)
+    model = _model(machine, made, topology, length)
+    base, turns = _base_coefficients(made.structure, machine)
+    model = replace(model, base=base, base_rotations=turns, datum=machine.datum, fingerprint=fingerprint_of(machine))
     if receptive:
-        sockets = sockets_of(made.structure, layout, drives, model.sensors, model.drawn_slots[0])
-        model = replace(model, sockets=sockets)
+        sites = effect_sites_of(
+            made.structure, topology, drives, model.sensors, model.reference_coefficients[0], made.payload
+        )
+        model = replace(model, sites=sites)
         model = replace(model, fitted_frames=fitted)
-        model = model.with_effects(*declared_effects(machine, model.sockets, model.length))
-    return Compiled(model, found, tuple(gaps))
+        model = model.with_effects(*declared_effects(machine, model.sites, model.length))
+    return Compiled(model, mobility, tuple(gaps), doubts)
 
 
-def _base_slots(structure: Structure, machine: Machine) -> tuple[Index, Index]:
-    """Slots of the places of everything fixed to the base (B, 3), and of the turns of its frames (F, 3)."""
+def _raise_errors(faults: list[Fault]) -> tuple[Fault, ...]:
+    """The warnings among faults. Raises BadInput with the errors."""
+    if wrong := [fault for fault in faults if fault.severity == "error"]:
+        raise BadInput(wrong)
+    return tuple(faults)
+
+
+def _base_coefficients(structure: Structure, machine: Machine) -> tuple[Index, Index]:
+    """Coefficients of the places of everything fixed to the base (B, 3), and of the turns of its frames (F, 3)."""
     builder = structure.builder
-    inner = {name for name, guide in machine.guides.items() if guide.frame is not None}
+    inner = {name for name, guide in machine.guides.items() if not guide.on_base}
     fixed = ("ground", "frame", "fixed")
     places = [
         builder.offsets[index]
         for (kind, name), index in structure.anchors.items()
         if kind in fixed or (kind == "guide" and name not in inner)
     ]
-    turns = [builder.rotations[rotation][3] for _, rotation in structure.frames.values()]
+    standing = [name for name, frame in machine.frames.items() if frame.body is None]
+    turns = [builder.rotations[structure.rails.frames[name][1]][3] for name in standing]
     return np.array(places, dtype=np.intp).reshape(-1, 3), np.array(turns, dtype=np.intp).reshape(-1, 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Draft:
-    """One pass over a machine; `length`: its size, m."""
+    """One pass over a machine; `length`: its size, m; `payload`: name of the place where a payload is."""
 
-    layout: Layout
+    topology: Topology
     drives: list[PlacedDrive]
     sensors: SensorTable
     length: float
     structure: Structure
+    payload: str
+    tool: AimedPoint
+    measured: AimedPoint
 
 
-def _draft(machine: Machine, drawing: Drawing, receptive: bool) -> _Draft:
+def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: bool) -> _Draft:
     """One pass over the machine."""
-    builder = LayoutBuilder(planar=machine.space == "planar", nominal=machine.nominal_values())
-    structure = Structure(machine=machine, drawing=drawing, builder=builder, receptive=receptive)
+    builder = TopologyBuilder(planar=machine.space == "planar", nominal=machine.nominal_values())
+    structure = Structure(machine=machine, configuration=configuration, builder=builder, receptive=receptive)
     structure.prepare()
     for name in [*machine.bodies, *machine.nodes, *structure.owner]:
         structure.point(name)
-    weights = add_beams(structure)
-    weights += add_bars(structure, leg_lengths(structure))
-    add_joints(structure)
-    add_guides(structure)
+    weights = add_members(structure)
     drives = [add_drive(structure, name, actuator) for name, actuator in machine.actuators.items()]
     add_loads(structure, weights)
     sensors = SensorTable(structure)
-    if not any(kind_of_sensor(s).sees_tool for s in machine.sensors.values()):
-        last = next(reversed([*machine.bodies, *machine.nodes]))
-        builder.reading_point("tcp", structure.port(last))
     sensors.place_all(machine)
+    base, tool = ConnectionPoint(Point(), GROUND), sensors.tool(machine)
     if receptive:
-        base, tcp = Port(Point(), GROUND), builder.points[0].ports[1]
-        builder.link(Load(), LOAD, (base, tcp), rest=[0.0] * 3, stiffness=[], rigid=[False] * 3)
-    _aim_at_tcp(structure, sensors.tcp)
-    layout = builder.build([(d.drive, d.element, d.strain) for d in drives])
-    return _Draft(layout, drives, sensors, _size(structure), structure)
+        builder.link(LoadElement(), LOAD, (base, tool.at), rest=[0.0] * 3, stiffness=[], rigid=[False] * 3)
+    points = (tool, sensors.measured(machine) or tool)
+    aims = {p.point: _aim_at(structure, p.at) for p in points}
+    topology = builder.build([(d.drive, d.element, d.strain) for d in drives])
+    poses = {p.point: _reference_pose(topology, p) for p in points}
+    aimed = [AimedPoint(p.point, p.at.rotation, aims[p.point], poses[p.point]) for p in points]
+    return _Draft(
+        topology=topology,
+        drives=drives,
+        sensors=sensors,
+        length=_size(structure),
+        structure=structure,
+        payload=tool.name,
+        tool=aimed[0],
+        measured=aimed[1],
+    )
 
 
 def _size(structure: Structure) -> float:
-    """Size of the machine, wherever it stands: diagonal of the box around its points in the drawing, m."""
+    """Size of the machine, wherever it stands: diagonal of the box around its points as filed, m."""
     places = np.array([structure.position(point) for point in structure.points.values()])
     diagonal = np.ptp(places, axis=0)
     return max(float(np.sqrt(diagonal @ diagonal)), _SMALLEST)
 
 
-def _aim_at_tcp(structure: Structure, rotation: int) -> None:
-    """Constraints by which inverse positions put the TCP at a pose: place, and orientation where it has one."""
-    builder = structure.builder
-    port = builder.points[0].ports[1]
-    base = Port(Point(), GROUND)
-    builder.aim(Joint("fixed", ("x", "y") if structure.planar else ("x", "y", "z")), "tcp.place", (base, port))
-    if rotation != GROUND:
-        drawn = structure.orientation(port.rotation)
-        filed = builder.filed.get(port.rotation, drawn)
-        slots = [builder.slot(float(v), f"tcp.turn.{c}") for v, c in zip(log(drawn @ filed.T), "xyz", strict=True)]
-        aim = builder.rotation(Turn.FIXED, "tcp.aim", drawn=filed, slots=slots)
-        turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
-        builder.aim(Joint("fixed", turns), "tcp.turn", (Port(Point(), aim), port))
+def _aim_at(structure: Structure, at: ConnectionPoint) -> tuple[int, ...]:
+    """Constraints by which inverse positions hold a point: its place, and its orientation where it has one."""
+    builder, base = structure.builder, ConnectionPoint(Point(), GROUND)
+    axes = ("x", "y") if structure.planar else ("x", "y", "z")
+    place = builder.aim(JointElement("fixed", axes), "aim.place", (base, at))
+    if at.rotation == GROUND:
+        return (place,)
+    filed = builder.filed.get(at.rotation, structure.orientation(at.rotation))
+    turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
+    return place, builder.aim(OrientationElement(turns), "aim.turn", (base, at), triad=filed.T)
 
 
-def _model(machine: Machine, layout: Layout, drives: list[PlacedDrive], sensors: SensorTable, length: float) -> Model:
-    parameters = tuple(
-        ModelParameter(
-            name=name,
-            nominal=p.nominal,
-            range=p.range,
-            bounds=p.bounds if p.bounds is not None else (-math.inf, math.inf),
-            unit=p.unit,
-            dimension=p.dimension.name,
-            identify=p.identify,
-            per_session=p.per == "session",
-        )
-        for name, p in machine.parameters.items()
-    )
-    actuators = tuple(_actuator(machine, layout, d) for d in drives)
+def _model(machine: Machine, draft: _Draft, topology: Topology, length: float) -> Model:
+    parameters = model_parameters(machine)
+    sensors = draft.sensors
+    actuators = tuple(_actuator(machine, topology, d) for d in draft.drives)
     channels = sensors.channels(machine)
-    for channel in _drive_channels(layout, actuators):
-        sensors.direct.append((len(channels), sensors.view("drive", channel.index)))
+    for channel in _drive_channels(topology, actuators):
+        sensors.direct.append((len(channels), sensors.quantity(Measurand.DRIVE, channel.index)))
         channels.append(channel)
-    readings = _drawn_readings(layout, actuators)
+    readings = _reference_readings(topology, actuators)
     return Model(
         name=machine.files[0][0] if machine.files else "machine",
-        layout=layout,
+        topology=topology,
         parameters=parameters,
         actuators=actuators,
         channels=tuple(channels),
         length=length,
-        drawn_readings=readings,
-        tcp=(0, sensors.tcp),
-        tcp_drawn=_tcp_drawn(layout, 0, sensors.tcp),
-        views=tuple(sensors.views),
+        reference_readings=readings,
+        tool=draft.tool,
+        measured=draft.measured,
+        workspace=workspace_of(machine, actuators),
+        observed=tuple(sensors.observed),
         direct=tuple(sensors.direct),
         sensors=tuple(sensors.sensors),
         correlated=sensors.correlated(machine),
+        least_tensions=_least_tensions(machine, topology),
     )
 
 
-def _actuator(machine: Machine, layout: Layout, placed: PlacedDrive) -> Actuator:
+def _least_tensions(machine: Machine, topology: Topology) -> tuple[LeastTension, ...]:
+    """Ropes that have to be taut."""
+    nominal = machine.nominal_values()
+    places = {n: (g, e) for g, group in enumerate(topology.groups) for e, n in enumerate(group.names) if group.rope[e]}
+    return tuple(
+        LeastTension(name, places[cable.name], cable.weights[name], rope.t_min.number(nominal))
+        for cable in cables(machine).values()
+        for name, rope in cable.ropes.items()
+        if rope.t_min is not None
+    )
+
+
+def _actuator(machine: Machine, topology: Topology, placed: PlacedDrive) -> Actuator:
     spec = machine.actuators[placed.drive.name]
     nominal = machine.nominal_values()
     low, high = (-math.inf, math.inf)
     if spec.limits is not None:
         low, high = (q.number(nominal) for q in spec.limits)
-    sigma = math.nan if spec.sigma is None else spec.sigma.number(nominal)
+    sigma = math.nan if spec.sigma is None else as_travel(spec.sigma, spec, nominal)
     dimension = spec.reading_dimension
     unit = spec.unit or machine.file_units.unit(dimension).text
     return Actuator(
         name=placed.drive.name,
-        gain_slot=placed.gain_slot,
+        gain_coefficient=placed.gain_coefficient,
         limits=(low, high),
+        force_limit=math.inf if spec.force_limit is None else spec.force_limit.number(nominal),
         sigma=sigma,
         unit=unit,
         dimension=dimension.name,
-        force_slot=placed.force_slot,
+        force_coefficient=placed.force_coefficient,
+        sigma_is=spec.sigma_is,
     )
 
 
-def _drive_channels(layout: Layout, actuators: tuple[Actuator, ...]) -> list[Channel]:
+def _drive_channels(topology: Topology, actuators: tuple[Actuator, ...]) -> list[Channel]:
     """Readings of the drives that do not hold their position."""
     out = []
-    for a, (drive, actuator) in enumerate(zip(layout.drives, actuators, strict=True)):
+    for a, (drive, actuator) in enumerate(zip(topology.drives, actuators, strict=True)):
         if drive.force_controlled:
-            gain = abs(float(layout.slots.constants[actuator.gain_slot]))
+            gain = abs(float(topology.coefficients.constants[actuator.gain_coefficient]))
             out.append(
                 Channel(
                     name=drive.name,
-                    quantity="drive",
+                    measurand=Measurand.DRIVE,
                     index=a,
                     component=0,
                     sigma=actuator.sigma / gain,
                     unit=actuator.unit,
                     dimension=actuator.dimension,
+                    instrument=actuator.name,
+                    sigma_is=actuator.sigma_is,
                 )
             )
     return out
 
 
-def _drawn_readings(layout: Layout, actuators: tuple[Actuator, ...]) -> Array:
-    """Readings of all drives at the assembled drawing, (A,)."""
-    slots = layout.slots.constants[None]
-    engaged = asm.all_drives(layout, DriveState.ENGAGED)
-    state = drawn_state(layout, slots, 1, engaged.constraints)
-    rows = strain_rows(engaged, slots, state, 1.0)
+def _reference_readings(topology: Topology, actuators: tuple[Actuator, ...]) -> Array:
+    """Readings of all drives at the assembled reference configuration, (A,)."""
+    coefficients = topology.coefficients.constants[None]
+    engaged = asm.all_drives(topology, DriveState.ENGAGED)
+    state = reference_state(topology, coefficients, 1, engaged.constraints)
+    rows = strain_rows(engaged, coefficients, state, 1.0)
     strains = dict(zip(rows.names, rows.values.tolist(), strict=True))
     out = []
-    for drive, actuator in zip(layout.drives, actuators, strict=True):
-        gain, base = slots[0, actuator.gain_slot], slots[0, drive.slot]
+    for drive, actuator in zip(topology.drives, actuators, strict=True):
+        gain, base = coefficients[0, actuator.gain_coefficient], coefficients[0, drive.coefficient]
         if drive.kind is DriveKind.TRAVEL:
             moved = state.travel[0, drive.target[0]] - base
         elif drive.kind is DriveKind.ROTATION:
             moved = -base
         else:
             g, e, m = drive.target
-            group = layout.groups[g]
+            group = topology.groups[g]
             moved = strains[group.names[e], group.element.strains[m]]
         out.append(moved / gain)
     return np.array(out)
 
 
-def _tcp_drawn(layout: Layout, point: int, rotation: int) -> Array:
-    from pkmcal_cli.equilibrium.kinematics import arm_vectors, link_vectors
-
-    slots = layout.slots.constants[None]
-    state = drawn_state(layout, slots, 1, 0)
-    links = link_vectors(layout, arm_vectors(layout, slots, state))
-    turn = log(layout.rotations.drawn[rotation] @ layout.rotations.filed[rotation].T)
-    return np.concatenate([links[0, layout.points[point]], turn])
+def _reference_pose(topology: Topology, placed: PlacedPoint) -> Array:
+    """Pose (6,) of a point at the assembled reference configuration."""
+    coefficients = topology.coefficients.constants[None]
+    state = reference_state(topology, coefficients, 1, 0)
+    return np.asarray(point_poses(topology, coefficients, state, placed.point, placed.at.rotation)[0])

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from operator import neg
+
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.compiler.numbers import constant_vector, number, triad_about, triad_along, unit
+from pkmcal_cli.compiler.axes import CONSTANT, Turns, carried, cosine, joint_turns, nominal_axis
+from pkmcal_cli.compiler.coefficient_values import combined, number, triad_about, triad_along, unit
 from pkmcal_cli.compiler.structure import Structure
-from pkmcal_cli.elements import JOINTS, Joint
-from pkmcal_cli.language.machine import End, Stiffness, axis_vector
-from pkmcal_cli.language.machine import Joint as JointSpec
-from pkmcal_cli.mechanism.connection_points import Number, Port
-from pkmcal_cli.mechanism.topology import Turn
+from pkmcal_cli.elements import JOINTS, JointElement
+from pkmcal_cli.language.machine import End, Joint, Stiffness
+from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Number
+from pkmcal_cli.mechanism.topology import RotationKind
 
 _PLANAR_ROWS = ("x", "y", "rz", "angle")
 
@@ -32,51 +35,56 @@ def add_joints(structure: Structure) -> None:
             if driven[0].stiffness is not None:
                 extra = {"x": number(driven[0].stiffness)}
         if rows:
-            turning = any(r not in "xyz" for r in rows)
-            ports = (structure.port(joint.between[0], turning), structure.port(joint.between[1], turning))
-            chord = structure.position(ports[1].point) - structure.position(ports[0].point)
+            rotating = any(r not in "xyz" for r in rows)
+            connections = (
+                structure.connection(joint.between[0], rotating),
+                structure.connection(joint.between[1], rotating),
+            )
+            chord = structure.position(connections[1].point) - structure.position(connections[0].point)
             triad = joint_triad(structure, joint, chord if chord.any() else np.array([0.0, 0.0, 1.0]))
             add_joint_link(
                 structure,
                 name,
                 joint.type,
                 rows=rows,
-                ports=ports,
+                connections=connections,
                 triad=triad,
                 stiffness=joint.stiffness,
-                rest=None,
+                rest=rest_of(structure, joint),
                 extra=extra,
+                turns=turns_of(structure, joint),
             )
 
 
 def _axis_built_in(structure: Structure, name: str) -> bool:
     """Whether a placed body turns about one fixed axis: its revolute joint needs no constraint."""
     child = next(c for c, (joint, _) in structure.placed_by.items() if joint == name)
-    return structure.builder.rotations[structure.rotation(child)][0] == Turn.AXIS
+    return structure.builder.rotations[structure.rotation(child)][0] == RotationKind.AXIS
 
 
 def add_guides(structure: Structure) -> None:
     """Elastic guidance of carriages: the paper's 1-node beam (eq. 8) where lateral and tilt are coupled."""
     for name, body in structure.machine.bodies.items():
-        if body.on is None:
+        if body.guide is None:
             continue
-        elastic = structure.elastic_directions(body.on)
+        elastic = structure.rails.elastic_directions(body.guide)
         if not elastic:
             continue
-        rail = structure.rails[body.on]
-        turns = any(d[0] == "r" for d in elastic)
-        all_turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
-        rows = tuple(d for d in elastic if d in "xyz") + (all_turns if turns else ())
-        ports = (Port(structure.rail_at(name), rail.rotation), structure.port(name))
+        rail = structure.rails.of(name)
+        rotates = any(d[0] == "r" for d in elastic)
+        all_rotations = ("rz",) if structure.planar else ("rx", "ry", "rz")
+        rows = tuple(d for d in elastic if d in "xyz") + (all_rotations if rotates else ())
+        connections = (ConnectionPoint(structure.rails.at(name), rail.rotation), structure.connection(name))
         triad = structure.orientation(rail.rotation)
         add_joint_link(
             structure,
             f"{name}.guidance",
             "fixed",
             rows=rows,
-            ports=ports,
+            connections=connections,
             triad=triad,
-            stiffness=structure.machine.guides[body.on].stiffness,
+            stiffness=structure.machine.guides[body.guide].stiffness,
+            turns=(rail.turn, rail.turn),
         )
 
 
@@ -106,24 +114,47 @@ def free_springs(stiffness: Stiffness | None, kind: str, planar: bool) -> tuple[
     return (drive,) if drive is not None and getattr(stiffness, drive) is not None else ()
 
 
-def joint_triad(structure: Structure, joint: End | JointSpec, chord: Array) -> Array:
-    """The joint's own triad in the drawing, base axes (columns)."""
+def joint_triad(structure: Structure, joint: End | Joint, chord: Array) -> Array:
+    """The joint's own triad in the reference configuration, base axes (columns)."""
     kind = joint.joint if isinstance(joint, End) else joint.type
     if kind == "universal":
         return _universal_triad(structure, joint, chord)
     if not isinstance(joint, End) and kind in ("prismatic", "cylindrical"):
-        axis = structure.sliding_axis(joint)
+        axis = sliding_axis(structure, joint)
         return triad_along(axis) if kind == "prismatic" else triad_about(axis)
     if joint.axis is None:
         return np.eye(3)
-    axis = constant_vector(axis_vector(joint.axis, 3), structure.nominal)
+    axis = nominal_axis(joint.axis, structure.nominal)
     return triad_along(axis) if kind == "prismatic" else triad_about(axis)
 
 
-def _universal_triad(structure: Structure, joint: End | JointSpec, chord: Array) -> Array:
+def sliding_axis(structure: Structure, joint: Joint) -> Array:
+    """Axis of a sliding joint in the assembled reference configuration, base axes, towards its second point."""
+    first, second = joint.between
+    axis = structure.slide_axis(joint, structure.filed_place(second) - structure.filed_place(first))
+    return np.asarray(_assembled(structure, first) @ axis)
+
+
+def turns_of(structure: Structure, joint: End | Joint) -> Turns:
+    """How far parameters turn the axes of a joint, base axes, in the assembled reference configuration."""
+    turns = joint_turns(joint, structure.nominal)
+    if isinstance(joint, End) or joint.type not in ("prismatic", "cylindrical"):
+        return turns
+    turned = _assembled(structure, joint.between[0])
+    first, second = (None if turn is None else carried(turn, turned) for turn in turns)
+    return first, second
+
+
+def _assembled(structure: Structure, name: str) -> Array:
+    """How the assembled reference configuration turns a body or node from where it is filed, (3, 3)."""
+    rotation = structure.rotation(name)
+    return np.asarray(structure.orientation(rotation) @ structure.filed_orientation(rotation).T)
+
+
+def _universal_triad(structure: Structure, joint: End | Joint, chord: Array) -> Array:
     """x: axis of the first member, by default horizontal across the leg; y: of the second, across both."""
     if joint.axes is not None:
-        first, second = (unit(constant_vector(axis_vector(a, 3), structure.nominal)) for a in joint.axes)
+        first, second = (nominal_axis(a, structure.nominal) for a in joint.axes)
         return np.column_stack([first, second, np.cross(first, second)])
     leg = unit(chord)
     across = np.cross([0.0, 0.0, 1.0], leg)
@@ -132,29 +163,40 @@ def _universal_triad(structure: Structure, joint: End | JointSpec, chord: Array)
     return np.column_stack([first, second, np.cross(first, second)])
 
 
+def rest_of(structure: Structure, joint: End | Joint) -> dict[str, Number]:
+    """What the strains of a joint measure at rest where that is not 0: the angle of the axes of a universal joint."""
+    return {} if joint.axes is None else {"rz": combined(neg, cosine(*joint.axes, structure.nominal))}
+
+
 def add_joint_link(
     structure: Structure,
     name: str,
     kind: str,
     rows: tuple[str, ...],
-    ports: tuple[Port, Port],
+    connections: tuple[ConnectionPoint, ConnectionPoint],
     triad: Array,
     stiffness: Stiffness | None,
     rest: dict[str, Number] | None = None,
     extra: dict[str, Number] | None = None,
+    turns: Turns = CONSTANT,
 ) -> None:
-    """A joint element in the given directions: elastic where there is a stiffness, else rigid."""
-    element = Joint(kind, rows)
+    """A joint element in the given directions: elastic where there is a stiffness, else rigid.
+
+    `turns`: how far parameters turn its axes on each side, base axes, in the reference configuration.
+    """
+    element = JointElement(kind, rows)
     numbers = [_direction_stiffness(stiffness, r, extra or {}) for r in rows]
     couplings = [_coupling(stiffness, a, b) for i, a in enumerate(rows) for b in rows[i + 1 :]]
-    triads = tuple(structure.orientation(p.rotation).T @ triad for p in ports)
+    triads = tuple(structure.orientation(p.rotation).T @ triad for p in connections)
     rests = rest or {}
-    if kind == "universal" and "rz" in rows:
-        rests = {"rz": -float(triad[:, 0] @ triad[:, 1]), **rests}
+    first, second = (
+        replace(at, rotation=structure.tilted(at.rotation, turn, f"{name}.{side}.axis"))
+        for at, turn, side in zip(connections, turns, "ij", strict=True)
+    )
     structure.builder.link(
         element,
         name,
-        ports,
+        (first, second),
         rest=[rests.get(r, 0.0) for r in rows],
         stiffness=[n or 0.0 for n in numbers] + couplings,
         rigid=[n is None for n in numbers],

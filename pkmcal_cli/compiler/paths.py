@@ -10,8 +10,8 @@ _OTHERS = ("actuators", "bodies", "nodes", "loads", "sensors", "frames", "guides
 
 
 def path_of(machine: Machine, element: str) -> Path:
-    """The entry that an element (NAME, NAME.i, NAME.drive, ...), a body's point or a slot's label belongs to."""
-    name = element.split(".")[0]
+    """The entry that an element (NAME, NAME.i, ROPE+ROPE, ...), a body's point or a coefficient's label belongs to."""
+    name = element.split(".")[0].split("+")[0]
     for section in (*sections_with("between"), *_OTHERS):
         if name in getattr(machine, section):
             return (section, name)

@@ -10,17 +10,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.compiler.cross_sections import section_properties
 from pkmcal_cli.compiler.drives import PlacedDrive
 from pkmcal_cli.compiler.paths import path_of
-from pkmcal_cli.compiler.sections import section_properties
 from pkmcal_cli.language.machine import Machine, Material, Section
 from pkmcal_cli.mechanism.coefficients import Formula
-from pkmcal_cli.mechanism.topology import Group, Layout
+from pkmcal_cli.mechanism.topology import Group, Topology
 from pkmcal_cli.units.limits import HINT, LARGEST, beyond
 from pkmcal_cli.yaml_source.tree import Path
 
 _NU = (-1.0, 0.5)  # Poisson's ratio of an isotropic material that is stable
-_PARTS = "check the lengths, sections and stiffnesses that it is made of"
+_PARTS = "check its lengths, sections and stiffnesses"
 
 
 def section_faults(machine: Machine) -> list[Fault]:
@@ -37,8 +37,11 @@ def _section(machine: Machine, name: str, section: Section) -> Iterator[Fault]:
         outer, inner = (q.number(nominal) for q in section.tube)
         if inner >= outer:
             sizes = f"outer diameter {units.format(outer)}, inner diameter {units.format(inner)}"
-            hint = "tube: [outer, inner]" + ("; exchange them" if inner > outer else "; a solid one is `round`")
-            yield machine.source.fault("value", f"tube `{name}` has no wall: {sizes}", ("sections", name, "tube"), hint)
+            remedy = "exchange the two diameters" if inner > outer else "use `round` for a solid section"
+            hint = f"write `tube: [outer, inner]`; {remedy}"
+            yield machine.source.fault(
+                "value", f"tube `{name}` has no wall thickness: {sizes}", ("sections", name, "tube"), hint
+            )
             return
     form = next(f for f in ("square", "rectangle", "round", "tube", "area") if getattr(section, f) is not None)
     for key, of in section_properties(section).items():
@@ -51,35 +54,37 @@ def _section(machine: Machine, name: str, section: Section) -> Iterator[Fault]:
 def _material(machine: Machine, name: str, material: Material) -> Iterator[Fault]:
     nu = 0.0 if material.nu is None else material.nu.number(machine.nominal_values())
     if not _NU[0] < nu <= _NU[1]:
-        what = f"Poisson's ratio of `{name}` is {nu:g}: no isotropic material has it"
-        yield machine.source.fault("value", what, ("materials", name, "nu"), "above -1 and up to 0.5; steel has 0.3")
+        what = f"Poisson's ratio of `{name}` is {nu:g}, which no isotropic material can have"
+        yield machine.source.fault(
+            "value", what, ("materials", name, "nu"), "use a value above -1 and up to 0.5 (steel: 0.3)"
+        )
 
 
-def number_faults(machine: Machine, layout: Layout, drives: list[PlacedDrive]) -> list[Fault]:
+def number_faults(machine: Machine, topology: Topology, drives: list[PlacedDrive]) -> list[Fault]:
     """Faults of what the compiled machine computes with, at nominal parameters."""
-    found = [*_gains(machine, layout, drives), *_stiffnesses(machine, layout)]
-    return found or list(_others(machine, layout))
+    checked = [*_gains(machine, topology, drives), *_stiffnesses(machine, topology)]
+    return checked or list(_others(machine, topology))
 
 
-def _gains(machine: Machine, layout: Layout, drives: list[PlacedDrive]) -> Iterator[Fault]:
+def _gains(machine: Machine, topology: Topology, drives: list[PlacedDrive]) -> Iterator[Fault]:
     """Drives whose reading moves nothing, or everything."""
     for placed in drives:
-        wrong = _size(float(layout.slots.constants[placed.gain_slot]))
+        wrong = _size(float(topology.coefficients.constants[placed.gain_coefficient]))
         if wrong is not None:
             what = f"travel per reading of `{placed.drive.name}` {wrong}"
             path = ("actuators", placed.drive.name)
-            yield machine.source.fault("value", what, path, "check scale, ratio and radius", at_key=True)
+            yield machine.source.fault("value", what, path, "check `scale`, `ratio` and `radius`", at_key=True)
 
 
-def _stiffnesses(machine: Machine, layout: Layout) -> Iterator[Fault]:
+def _stiffnesses(machine: Machine, topology: Topology) -> Iterator[Fault]:
     """Elements whose stiffness is not positive where they yield, each told once."""
     seen: set[Path] = set()
-    for group in layout.groups:
-        numbers = layout.slots.constants[group.stiffness].reshape(len(group.names), -1)
+    for group in topology.groups:
+        numbers = topology.coefficients.constants[group.stiffness].reshape(len(group.names), -1)
         for p, strains in _own_patterns(group):
             for e in np.nonzero(~group.rigid[:, strains].all(axis=1))[0]:
                 value = float(numbers[e, p])
-                wrong = _size(value) or (f"comes out as {value:.3g}: it must be positive" if value < 0 else None)
+                wrong = _size(value) or (f"is {value:.3g}, but must be positive" if value < 0 else None)
                 path = path_of(machine, name := group.names[e])
                 if wrong is not None and path not in seen:
                     seen.add(path)
@@ -95,17 +100,17 @@ def _own_patterns(group: Group) -> Iterator[tuple[int, list[int]]]:
             yield p, strains
 
 
-def _others(machine: Machine, layout: Layout) -> Iterator[Fault]:
+def _others(machine: Machine, topology: Topology) -> Iterator[Fault]:
     """Anything else that is computed and cannot be computed with: weights, places, forces."""
-    for label, value in zip(layout.slots.labels, layout.slots.constants.tolist(), strict=True):
+    for label, value in zip(topology.coefficients.labels, topology.coefficients.constants.tolist(), strict=True):
         if not abs(value) <= LARGEST:
-            what = f"{label} comes out as {value:.3g} in SI units"
+            what = f"{label} is out of range: {value:.3g} in SI units"
             yield machine.source.fault("value", what, path_of(machine, label), HINT, at_key=True)
 
 
 def _size(value: float) -> str | None:
     """What is wrong with a number that must not be zero."""
     if value == 0 or not np.isfinite(value):
-        return f"comes out as {value:g}"
+        return f"is {value:g}"
     wrong = beyond(value)
-    return None if wrong is None else f"comes out as {value:.3g} in SI units, {wrong}"
+    return None if wrong is None else f"is {value:.3g} in SI units, {wrong}"

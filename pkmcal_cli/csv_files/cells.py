@@ -86,13 +86,13 @@ def _number_hint(cell: str, decimal: str, column: str) -> str | None:
         mark = thousands[1]
         return f"write numbers without thousands separators: `{cell.replace(mark, '')}`"
     if is_number(cell, "," if decimal == "." else "."):
-        return f"the numbers of this file have a {DECIMAL_NAMES[decimal]}; write all with the same mark"
+        return f"write all numbers with the same decimal mark; this file has a {DECIMAL_NAMES[decimal]}"
     if cell[:1] in _MINUS and is_number(cell[1:], decimal):
         return f"write the minus sign as `-`: `-{cell[1:]}`"
     if cell.startswith("#"):
-        return "comments stand before the header only"
+        return "write comments only before the header"
     if is_time(cell):
-        return "only column `time` holds dates, and then in all rows"
+        return "use dates only in column `time`, and there in all rows"
     return _unit_hint(cell, column)
 
 
@@ -103,15 +103,15 @@ def _unit_hint(cell: str, column: str) -> str | None:
         parse_unit(unit)
     except UnitError:
         return None
-    return f"the unit stands in the header: `{column} [{unit}]`"
+    return f"write the unit in the header: `{column} [{unit}]`"
 
 
 def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Flaw:
     """The flaw of a cell that should be an ISO 8601 time like the others of its column."""
     if is_time(cell):
         what = f"`{_short(cell)}` in column `{column}` {'lacks the' if zone else 'has an'} offset from UTC"
-        return Flaw("csv-time", what, "write all times of a column with it or none", *place)
-    hint = 'as in the first row, like "2021-12-16T10:30:00"'
+        return Flaw("csv-time", what, "write all times of the column with the offset, or all without", *place)
+    hint = 'write times as in the first row, for example "2021-12-16T10:30:00"'
     return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *place)
 
 
@@ -119,16 +119,16 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     """The flaw of a row that has not one cell for every name of the header, or does not end as the others do."""
     names = [cell.name for cell in form.header]
     more = len(cells) - len(names)
-    what = f"the row has {count(len(cells), 'cell')}, the header names {len(names)}"
+    what = f"the row has {count(len(cells), 'cell')}, the header has {len(names)}"
     if more < 0:
-        after = " and after" if more < -1 else ""
-        hint = f"nothing for `{names[more]}`{after}; a cell that is empty still has its separator"
+        after = " and the columns after it" if more < -1 else ""
+        hint = f"add a cell for `{names[more]}`{after}; an empty cell still needs its separator"
         return Flaw("csv-width", what, hint, line)
     if not any(cells[len(names) :]):
         return _end_flaw(more, form, line)
-    hint = f"the cell after `{names[-1]}` belongs to no column"
+    hint = f"remove the cell after `{names[-1]}`, which belongs to no column"
     if form.separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
-        hint += "; is it a decimal comma or a thousands separator?"
+        hint += "; check for decimal commas and thousands separators"
     return Flaw("csv-width", what, hint, line, len(names))
 
 
@@ -136,9 +136,9 @@ def _end_flaw(more: int, form: Format, line: int) -> Flaw:
     """The flaw of a row that ends with more or fewer empty cells than the others; the odd one may be any."""
     names = len(form.header)
     others = f"the other rows have {names + form.trailing}"
-    what = f"the row has {count(names + more, 'cell')}, {others if form.trailing else f'the header names {names}'}"
-    odd, remedy = ("many", "take it out") if more > form.trailing else ("few", "put it in")
-    hint = f"a separator too {odd} moves the cells after it into other columns: {remedy}, or end all rows alike"
+    what = f"the row has {count(names + more, 'cell')}, {others if form.trailing else f'the header has {names}'}"
+    remedy = "remove the extra" if more > form.trailing else "add the missing"
+    hint = f"{remedy} separator (cells after it are in the wrong columns), or end all rows alike"
     return Flaw("csv-width", what, hint, line)
 
 

@@ -26,7 +26,7 @@ _NUMBER = {
 }
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
-QUOTE_HINT = "close the quote; a cell may not run over the end of its line"
+QUOTE_HINT = "close the quote on the same line"
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,11 @@ class Format:
         return _fits(cells, len(self.header), self.trailing)
 
     def describe(self) -> str:
-        """What to announce: "separated by semicolons, decimal comma"; empty for the plain form."""
+        """What to announce: "separator: semicolon, decimal comma"; empty for the plain form."""
         if (self.separator, self.decimal) == (",", "."):
             return ""
         mark = f", {DECIMAL_NAMES[self.decimal]}" if self.decimal_seen else ""
-        return f"cells separated by {SEPARATOR_NAMES[self.separator]}{mark}"
+        return f"separator: {SEPARATOR_NAMES[self.separator]}{mark}"
 
 
 def split_line(line: str, separator: str) -> list[str] | None:
@@ -102,7 +102,7 @@ def find_encoding(head: bytes, is_utf8: bool) -> tuple[str, str]:
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16", "encoded as UTF-16"
     if head.startswith(codecs.BOM_UTF8):
-        return "utf-8-sig", "begins with a byte order mark"
+        return "utf-8-sig", "starts with a byte order mark"
     if is_utf8:
         return "utf-8", ""
     return "cp1252", "not UTF-8, read as Windows-1252"
@@ -118,9 +118,9 @@ def find_binary(head: bytes) -> Flaw | None:
     }
     for magic, (kind, hint) in kinds.items():
         if head.startswith(magic):
-            return Flaw("csv-binary", f"this is {kind}, not a table in text form", hint)
+            return Flaw("csv-binary", f"this is {kind}, not a text table", hint)
     if b"\0" in head and not head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return Flaw("csv-binary", "this is a binary file, not a table in text form", "save it as CSV in UTF-8")
+        return Flaw("csv-binary", "this is a binary file, not a text table", "save it as CSV in UTF-8")
     return None
 
 
@@ -138,8 +138,8 @@ def find_format(lines: Sequence[str]) -> Format | Flaw:
             return _decide(number, lines, separators, comments)
     return Flaw(
         "csv-empty",
-        "there is no table in this file",
-        "a first line names the columns, then one line for each pose",
+        "this file contains no table",
+        "write a header with the column names, then one line per pose",
     )
 
 
@@ -242,10 +242,10 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
     rows = [line for line in lines[number:] if line.strip()]
     trial = _choose(lines[number - 1], rows, separators)
     if trial is None:
-        return Flaw("csv-quote", "a quote is opened and not closed in the header", QUOTE_HINT, number)
+        return Flaw("csv-quote", "a quote in the header is not closed", QUOTE_HINT, number)
     if all(is_number(name, trial.decimal) for name in trial.header):
-        hint = "the first line names the columns, with units: `q1 [mm]`"
-        return Flaw("csv-header", "the first line holds numbers, no names of columns", hint, number)
+        hint = "name the columns in the first line, with units: `q1 [mm]`"
+        return Flaw("csv-header", "the first line contains numbers instead of column names", hint, number)
     if rows and not trial.fitting:
         return _misfit(trial, number, 1 + lines.index(rows[0], number))
     if trial.nameless not in (0, trial.trailing):
@@ -266,17 +266,15 @@ def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     """No row has as many cells as the header: one flaw for all of them."""
     names, widths = len(trial.header), sorted(set(trial.widths))
     cells = count(widths[0], "cell") if len(widths) == 1 else f"{widths[0]} to {widths[-1]} cells"
-    hint = f"line {header_line} is read as the header; lines before the header begin with `#`"
+    hint = f"line {header_line} is read as the header; begin lines before the header with `#`"
     if trial.separator == "," and widths == [2 * names]:
-        hint = "a decimal comma cannot be told from the separator: export with `;`, or with decimal points"
-    what = f"the header names {count(names, 'column')}, the rows have {cells}"
+        hint = "export with `;` as separator or with decimal points: a decimal comma looks like the separator"
+    what = f"the header has {count(names, 'column')}, the rows have {cells}"
     return Flaw("csv-width", what, hint, line)
 
 
 def _header_end(trial: _Trial, line: int) -> Flaw:
     """The header ends with empty cells, but not with as many as the rows."""
-    what = (
-        f"the header ends with {count(trial.nameless, 'cell')} without a name, the rows with {trial.trailing or 'none'}"
-    )
+    what = f"the header ends with {count(trial.nameless, 'unnamed cell')}, the rows with {trial.trailing or 'none'}"
     hint = "end all lines with the same number of separators, or the header with none"
     return Flaw("csv-width", what, hint, line, len(trial.header))

@@ -18,9 +18,10 @@ from typing import BinaryIO
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.base.files import input_name, open_input
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.csv_files.cell_values import Chunk, ColumnRules, FaultLog, Parser
 from pkmcal_cli.csv_files.cells import has_zone
 from pkmcal_cli.csv_files.dialect import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
-from pkmcal_cli.csv_files.parse import Chunk, FaultLog, Parser, Plan
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 """Names of the columns that hold text in every measurement table."""
@@ -42,12 +43,12 @@ class TableReader:
         head = file.read(HEAD)
         self._encoding, self._encoding_note = find_encoding(head, is_utf8)
         self._head: Sequence[str] = ()  # the lines at the beginning
-        found = find_binary(head) or self._find_format()
-        if isinstance(found, Flaw):
+        form = find_binary(head) or self._find_format()
+        if isinstance(form, Flaw):
             log = FaultLog(name)
-            log.add(found, self._source(found.line))
+            log.add(form, self._source(form.line))
             raise BadInput(log.faults)
-        self.format: Format = found
+        self.format: Format = form
         self.blank_lines = 0
 
     @property
@@ -58,8 +59,8 @@ class TableReader:
     @property
     def notes(self) -> tuple[str, ...]:
         """What to announce of the way the file is written; complete when all of it has been read."""
-        trailing = "separators at the ends of rows ignored" if self.format.trailing else ""
-        blank = f"{self.blank_lines} empty lines skipped" if self.blank_lines else ""
+        trailing = "trailing separators ignored" if self.format.trailing else ""
+        blank = f"{count(self.blank_lines, 'empty line')} skipped" if self.blank_lines else ""
         return tuple(note for note in (self.format.describe(), self._encoding_note, trailing, blank) if note)
 
     def header_source(self) -> str:
@@ -74,11 +75,11 @@ class TableReader:
                 return cells[index]
         return ""
 
-    def chunks(self, plan: Plan, log: FaultLog) -> Iterator[Chunk]:
+    def chunks(self, column_rules: ColumnRules, log: FaultLog) -> Iterator[Chunk]:
         """The rows, block by block. Faults go to `log`; a block with faults is not given out."""
         log.separator = self.format.separator
-        zones = {i: has_zone(self.first_cell(i)) for i, kind in enumerate(plan.kinds) if kind == "time"}
-        parser = Parser(self.format, plan, zones, self.size >= _LARGE)
+        zones = {i: has_zone(self.first_cell(i)) for i, kind in enumerate(column_rules.kinds) if kind == "time"}
+        parser = Parser(self.format, column_rules, zones, self.size >= _LARGE)
         line = 1
         for block in self._blocks(_BLOCK):
             lines, before = block.count("\n"), log.total
@@ -116,9 +117,9 @@ class TableReader:
         names = self._head[: first.header_line]
         for block in blocks:
             lines = [line for line in block.split("\n") if "." in line or "," in line]
-            found = find_format([*names, *lines[:50]])
-            if isinstance(found, Format) and found.decimal_seen and len(found.header) == len(first.header):
-                return replace(found, trailing=first.trailing)
+            form = find_format([*names, *lines[:50]])
+            if isinstance(form, Format) and form.decimal_seen and len(form.header) == len(first.header):
+                return replace(form, trailing=first.trailing)
         return first
 
 
@@ -138,7 +139,7 @@ def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]
             what = f"column {index + 1} has no name"
             log.add(Flaw("csv-header", what, "name it in the header", line, index), source)
         elif name is not None and name in first:
-            what = f"column `{name}` is there twice, as columns {first[name] + 1} and {index + 1}"
+            what = f"duplicate column `{name}` (columns {first[name] + 1} and {index + 1})"
             log.add(Flaw("csv-duplicate", what, "rename or remove one of them", line, index), source)
         elif name is not None:
             first[name] = index
@@ -146,8 +147,8 @@ def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]
 
 def no_rows(reader: TableReader) -> Flaw:
     """The flaw of a table that has a header and nothing below."""
-    hint = "one line for each pose follows the header"
-    return Flaw("csv-empty", "there are no rows below the header", hint, reader.format.header_line)
+    hint = "add one line per pose below the header"
+    return Flaw("csv-empty", "the table has no rows below the header", hint, reader.format.header_line)
 
 
 def _survey(file: BinaryIO) -> tuple[int, str, bool]:

@@ -8,16 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, predicted_part
 from pkmcal_cli.diagnosis.groups import pose_axes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.search import Search
+from pkmcal_cli.diagnosis.scoring import Search, nulled
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.units.measurands import Measurand
 
 FOLDS = 6
 _CELLS = 4
+_FEW = 40  # rows below which each pose is held out by itself
 _EDGE = 1e-6  # of a cell: a pose on the edge of two is in the upper one, whatever its rounding
 
 
@@ -39,17 +42,25 @@ class HeldOutGain:
         """Whether the gain is more than its standard error."""
         return self.gain > self.error
 
+    @property
+    def contradicts(self) -> bool:
+        """Whether rows that were not used to fit are predicted worse: then the effect is no cause."""
+        return not self.gain > 0.0
 
-def held_out_gain(now: Search, hypothesis: Hypothesis) -> HeldOutGain:
-    """What one accepted effect gains on rows that were not used to fit."""
-    labels, scheme = blocks(now.problem, hypothesis)
-    selected = now.selected
-    rest = tuple(n for n in selected if n not in hypothesis.parameters)
-    raw_with, white_with, on = _held_out(now, selected, (), labels)
-    raw_without, white_without, _ = _held_out(now, rest, hypothesis.parameters, labels)
-    folds = np.unique(labels)
-    gains = np.array([(white_without[labels == f] ** 2 - white_with[labels == f] ** 2).mean() for f in folds])
-    kind = shown_channels(now.problem)
+
+def held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
+    """What one accepted effect gains on rows that were not used to fit.
+
+    Without it the problem is linearised where it is null: what acts through it, as a stiffness through a load, is then
+    no substitute.
+    """
+    labels, scheme = blocks(search.problem, hypothesis)
+    raw_with, white_with, on = _held_out(search, search.fit.values, search.selected, labels)
+    raw_without, white_without, there = _held_out(search, *nulled(search, [hypothesis]), labels)
+    folds, on = np.unique(labels), on & there
+    squares = np.where(on, white_without**2 - white_with**2, 0.0)
+    gains = np.array([squares[labels == f].sum() / max(on[labels == f].sum(), 1) for f in folds])
+    kind = shown_channels(search.problem)
     measured = on[:, kind]
     return HeldOutGain(
         float(np.sqrt((raw_with[:, kind][measured] ** 2).mean())),
@@ -64,62 +75,76 @@ def shown_channels(problem: Problem) -> list[int]:
     """Channels of which errors are told as one figure: measured positions, else all measured ones of one dimension."""
     used = [k for k in range(len(problem.model.channels)) if problem.measured[:, k].any()]
     channels = problem.model.channels
-    positions = [k for k in used if channels[k].quantity == "position"]
+    positions = [k for k in used if channels[k].measurand is Measurand.POSITION]
     return positions or [k for k in used if channels[k].dimension == channels[used[0]].dimension]
 
 
 def _held_out(
-    now: Search, selected: tuple[str, ...], nulled: tuple[str, ...], labels: NDArray[np.intp]
+    search: Search, values: Array, selected: tuple[str, ...], labels: NDArray[np.intp]
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Residuals (N, C) of rows held out by blocks, SI and whitened, with `nulled` parameters at null; what takes part.
+    """Residuals (N, C) of rows held out by blocks, SI and whitened, linear at parameter values (P,); what takes part.
 
     That is what was measured and is predicted.
     """
-    model, names = now.problem.model, (*selected, *nulled)
-    there = evaluate(now.problem, now.fit.values, names, now.fit.after.state)
-    problem, evaluation = predicted_part(now.problem, there)
+    model = search.problem.model
+    there = evaluate(search.problem, values, selected, search.fit.after.start)
+    problem, evaluation = predicted_part(search.problem, there)
     near = linearise(problem, evaluation)
-    index = [model.names.index(n) for n in names]
-    ranges = 0.5 * model.ranges[index]
-    moved = np.zeros(len(names))
-    moved[len(selected) :] = -(now.fit.values - model.nominal)[index][len(selected) :] / ranges[len(selected) :]
+    ranges = 0.5 * model.ranges[[model.names.index(n) for n in selected]]
     shape = problem.readings.shape
-    white = (near.residual - near.jacobian @ (ranges * moved)).reshape(shape)
+    white, raw = near.residual.reshape(shape), evaluation.residual
     assert evaluation.prediction.jacobian is not None
     by_step = np.where(problem.measured[..., None], evaluation.prediction.jacobian, 0.0) * ranges
-    raw = evaluation.residual - by_step @ moved
-    scaled_columns = (near.jacobian * ranges)[:, : len(selected)]
-    found = directions(scaled_columns, selected, np.full(len(selected), 2.0))
+    scaled_columns = near.jacobian * ranges
+    spectrum = directions(scaled_columns, selected, np.full(len(selected), 2.0))
     columns = scaled_columns.reshape(*shape, -1)
-    prior = found.vectors.T @ np.diag(np.where(found.held, 1.0, 1e-6)) @ found.vectors  # held ones stay near
+    prior = spectrum.vectors.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.vectors  # held ones stay near
     out_raw, out_white = raw.copy(), white.copy()
     for fold in np.unique(labels):
         train, test = labels != fold, labels == fold
         a = columns[train].reshape(-1, len(selected))
         step = np.linalg.solve(a.T @ a + prior, a.T @ white[train].ravel())
-        out_raw[test] = raw[test] - by_step[test][..., : len(selected)] @ step
+        out_raw[test] = raw[test] - by_step[test] @ step
         out_white[test] = white[test] - columns[test] @ step
     return out_raw, out_white, problem.measured
 
 
 def blocks(problem: Problem, hypothesis: Hypothesis) -> tuple[NDArray[np.intp], str]:
-    """Fold (N,) of each row: stretches of time for what depends on time, mixed rows for directions, else cells."""
+    """Fold (N,) of each row, repeated poses together: each pose by itself in small tables, else by the effect.
+
+    That is: stretches of time for what depends on time, mixed poses for directions, else cells of the workspace.
+    """
     effect = catalogue().get(hypothesis.effect)
     needs = effect.needs if effect is not None else ()
     time = problem.rows.columns.get("time")
+    if len(problem) < _FEW:
+        return _poses(problem), "each pose in turn"
     if time is not None and {"time", "temperature"} & set(needs):
         rank = np.argsort(np.argsort(time, kind="stable"))
-        return np.asarray(rank * FOLDS * 2 // len(rank) % FOLDS, dtype=np.intp), "stretches of time"
-    if {"direction", "session", "payload", "spindle"} & set(needs):
-        return np.random.default_rng(0).permutation(len(problem)) % FOLDS, "rows at random"
-    return cells(problem), "cells of the workspace"
+        return np.asarray(rank * FOLDS * 2 // len(rank) % FOLDS, dtype=np.intp), "blocks of time"
+    if hypothesis.session or {"direction", "session", "payload", "spindle"} & set(needs):
+        poses = _poses(problem)
+        return np.random.default_rng(0).permutation(int(poses.max()) + 1)[poses] % FOLDS, "random poses"
+    return cells(problem), "workspace cells"
+
+
+def _poses(problem: Problem) -> NDArray[np.intp]:
+    """A number (N,) for each distinct pose, rows that hang together counted as one; by rows where all are one."""
+    poses = problem.clusters.together(replicate_groups(problem))
+    return poses if poses.any() else np.arange(len(problem))
 
 
 def cells(problem: Problem, folds: int = FOLDS) -> NDArray[np.intp]:
-    """Fold (N,) by cells of the workspace, neighbouring cells in different folds."""
+    """Fold (N,) by cells of the workspace, neighbours in different folds; by rows where all lie in one cell.
+
+    Repeated poses lie in the cell of the first of them.
+    """
     code = np.zeros(len(problem), dtype=np.intp)
     for u in pose_axes(problem):
         code = code * _CELLS + np.minimum(((u + 1) / 2 * _CELLS + _EDGE).astype(np.intp), _CELLS - 1)
-    _, inverse = np.unique(code, return_inverse=True)
+    _, first, same = np.unique(replicate_groups(problem), return_index=True, return_inverse=True)
+    _, inverse = np.unique(code[first][same.ravel()], return_inverse=True)
+    if not inverse.any():
+        inverse = np.arange(len(problem))
     order = np.random.default_rng(0).permutation(int(inverse.max()) + 1)
     return np.asarray(order[inverse.ravel()] % folds, dtype=np.intp)

@@ -8,15 +8,16 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
+from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Score
-from pkmcal_cli.diagnosis.refine import Rival, credible_set, settled_evidence
-from pkmcal_cli.diagnosis.residue import own_residues, own_shape
-from pkmcal_cli.diagnosis.search import Scored, Search, linear_without, refit, score_without
+from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
+from pkmcal_cli.diagnosis.refine import Rival, set_of
+from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without, refit
+from pkmcal_cli.diagnosis.selection_bias import SelectedSize
 from pkmcal_cli.diagnosis.stability import STABLE, stability
+from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
 _LINEAR = 0.2  # by which the fall of chi-square may differ from the score
-_KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,7 @@ class Finding:
     nonlinear: float  # likelihood ratio over score statistic; 1 where it acts in proportion to its size
     beyond: bool  # larger than twice what is plausible
     provisional: bool
+    selected: SelectedSize | None  # its size where being found made it larger
 
     @property
     def ambiguous(self) -> bool:
@@ -42,101 +44,95 @@ class Finding:
         return any(r.hypothesis != self.hypothesis for r in self.rivals)
 
 
-@dataclass(frozen=True)
-class Detectable:
-    """What these data show of a hypothesis: minimal detectable and plausible size, SI; what absorbs it; whether it was
-    tested, having a direction that can be seen within its plausible range."""
-
-    hypothesis: Hypothesis
-    parameter: str
-    mdb: float
-    plausible: float
-    absorbed_by: tuple[str, ...]
-    tested: bool
-
-
-def findings_of(now: Search, last: Scored, doubt: bool, seed: int) -> tuple[Finding, ...]:
+def findings_of(search: Search, last: Scored, doubt: bool, seed: int) -> tuple[Finding, ...]:
     """What is told of accepted effects, by what they gain. `last`: scored at the end; `doubt`: something is unknown."""
-    if not now.accepted:
+    if not search.accepted:
         return ()
-    every = linear_without(now, now.accepted, ()).chi2 - now.fit.chi2  # what all of them explain
-    found = [_finding(now, h, last, every, doubt, seed) for h in now.accepted]
-    return tuple(sorted(found, key=lambda f: -f.held_out.gain))
+    every = linear_without(search, search.accepted, ()).chi2 - search.fit.chi2  # what all of them explain
+    findings = [_finding(search, h, last, every, doubt, seed) for h in search.accepted]
+    return tuple(sorted(findings, key=lambda f: -f.held_out.gain))
 
 
-def _finding(now: Search, hypothesis: Hypothesis, last: Scored, every: float, doubt: bool, seed: int) -> Finding:
-    names = now.problem.model.names
+def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float, doubt: bool, seed: int) -> Finding:
+    names = search.problem.model.names
     index = [names.index(n) for n in hypothesis.parameters]
-    places = {n: k for k, n in enumerate(now.fit.selected)}
-    spread = np.array([now.fit.std[places[n]] for n in hypothesis.parameters]) * np.sqrt(last.scale.variance)
-    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(now, hypothesis, last)))
-    estimate = tuple(float(v) for v in now.fit.values[index])
-    nominal, ranges = now.problem.model.nominal[index], now.problem.model.ranges[index]
-    beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges).any())
-    gain = held_out_gain(now, hypothesis)
-    fall = _likelihood_ratio(now, hypothesis)
+    places = {n: k for k, n in enumerate(search.fit.selected)}
+    stds = [search.fit.std[places[n]] if n in places else 0.0 for n in hypothesis.parameters]  # 0: known
+    spread = np.array(stds) * np.sqrt(last.scale.variance)
+    std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(search, hypothesis, last)))
+    estimate = tuple(float(v) for v in search.fit.values[index])
+    nominal, ranges = search.problem.model.nominal[index], search.problem.model.ranges[index]
+    part = np.array([n not in hypothesis.free for n in hypothesis.parameters])
+    beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges)[part].any())
+    gain = held_out_gain(search, hypothesis)
+    fall = _likelihood_ratio(search, hypothesis)
     share = min(fall / every, 1.0) if every > 0 and np.isfinite(fall) else float("nan")
-    without = score_without(now, [hypothesis], (hypothesis, *now.open))
-    evidence = settled_evidence(now, hypothesis, without)
-    rivals = credible_set(without, evidence)
-    alike = [r.hypothesis for r in rivals]
+    near = set_of(search, hypothesis)
+    without = near.without
     ratio = fall / max(without.scores[0].statistic, 1e-9)
     linear = abs(ratio - 1.0) < _LINEAR  # else resampled scores say nothing of refits
-    stable = stability(without, evidence, now.problem, hypothesis, alike, seed) if linear else float("nan")
+    stable = (
+        stability(without, near.evidence, search.problem, hypothesis, near.members, seed) if linear else float("nan")
+    )
     return Finding(
         hypothesis=hypothesis,
         estimate=estimate,
         std=std,
-        evidence=now.evidence[hypothesis.name],
-        p_value=now.p_values[hypothesis.name],
+        evidence=search.evidence[hypothesis.name],
+        p_value=search.p_values[hypothesis.name],
         share=max(share, 0.0),
-        rivals=rivals,
+        rivals=near.rivals,
         held_out=gain,
         stable=stable,
         nonlinear=ratio,
         beyond=beyond,
         provisional=doubt or beyond or not gain.confirmed or stable < STABLE,
+        selected=_selected(search, hypothesis, np.array(estimate) - nominal, np.array(std), without, seed)
+        if linear
+        else None,
     )
 
 
-def _likelihood_ratio(now: Search, hypothesis: Hypothesis) -> float:
+def _selected(
+    search: Search, hypothesis: Hypothesis, estimate: Array, std: Array, without: Scored, seed: int
+) -> SelectedSize | None:
+    """The size of an effect (k,), SI, corrected for being found, by what the procedure detects in its direction.
+
+    `without`: scored without it, the effect first.
+    """
+    score, j = without.scores[0], without.scores[0].leading
+    deviation = np.where(score.length2 > 0, estimate / without.linear.scale_of(hypothesis.parameters), 0.0)
+    length = float(np.linalg.norm(deviation))
+    size = float(np.sqrt(np.maximum(deviation @ score.whole @ deviation, 0.0) / without.scale.variance))  # in std
+    if not score.count or not size > 0 or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
+        return None
+    detection = Detection(without.linear, search.problem, [hypothesis], [score], seed)
+    told = detection.acceptance(0, deviation / length, Procedure(search.critical, without.scale))
+    corrected = told.corrected(size)
+    return None if corrected is None else corrected.widened(size * std[j] / abs(estimate[j]))
+
+
+def _likelihood_ratio(search: Search, hypothesis: Hypothesis) -> float:
     """Fall of chi-square by the effect, calibrated with and without it; nan where it cannot be without."""
-    rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
-    fit = refit(rest, {})
-    return float("nan") if fit is None else fit.chi2 - now.fit.chi2
+    others = replace(search, accepted=tuple(h for h in search.accepted if h != hypothesis))
+    fit = refit(others, {})
+    return float("nan") if fit is None else fit.chi2 - search.fit.chi2
 
 
-def _by_shape(now: Search, hypothesis: Hypothesis, last: Scored) -> Array:
-    """Variance (k,), SI, that an effect's own shape adds to its parameters, where the data speak for one."""
-    linear = linear_without(now, [hypothesis], [hypothesis]).prewhitened(last.linear.memory)
-    residues = own_residues(now.problem, now.fit, [hypothesis])
-    if hypothesis.name not in residues:
+def _by_shape(search: Search, hypothesis: Hypothesis, last: Scored) -> Array:
+    """Variance (k,), SI, that an effect's own discrepancy adds to its parameters, where the data speak for one."""
+    linear = linear_without(search, [hypothesis], [hypothesis]).prewhitened(last.linear.memory)
+    discrepancies = own_discrepancies(search.problem, search.fit, [hypothesis])
+    if hypothesis.name not in discrepancies:
         return np.zeros(len(hypothesis.parameters))
-    shape = own_shape(linear, last.scale, linear.of(hypothesis.parameters), linear.whitened(residues[hypothesis.name]))
+    columns, free = linear.tested(hypothesis), linear.whitened(discrepancies[hypothesis.name])
+    shape = own_discrepancy(linear.beside(hypothesis), last.scale, columns, free)
     return np.asarray(np.diag(shape.covariance) * linear.scale_of(hypothesis.parameters) ** 2)
 
 
-def sizes_seen(scored: Scored, now: Search) -> tuple[Detectable, ...]:
-    """Minimal detectable sizes of all hypotheses that are not accepted."""
-    out = []
-    for h, s in zip(scored.hypotheses, scored.scores, strict=True):
-        if h in now.accepted:
-            continue
-        scale = scored.linear.scale_of(h.parameters)
-        k = s.leading
-        by = absorbing(scored.linear, h, s)
-        size = s.mdb * float(scale[k]) * float(np.sqrt(scored.scale.variance))
-        out.append(Detectable(h, h.parameters[k], size, 2 * float(scale[k]), by, s.count > 0))
-    return tuple(out)
-
-
-def absorbing(linear: Linear, hypothesis: Hypothesis, score: Score) -> tuple[str, ...]:
-    """Declared parameters that could move instead of a hypothesis, largest first; none where enough of it is left."""
-    a, k = linear.of(linear.projected), score.leading
-    if not a.shape[1] or not score.kept < _KEPT or not score.length2[k] > 0:
-        return ()
-    column = linear.of(hypothesis.parameters)[:, k]
-    coefficients = np.linalg.lstsq(a, column, rcond=1e-9)[0]
-    size = np.abs(coefficients) * np.sqrt((a**2).sum(axis=0))
-    order = np.argsort(-size)[:4]
-    return tuple(linear.projected[j] for j in order if size[j] > 0.2 * size.max())
+def sizes_seen(scored: Scored, search: Search, seed: int) -> tuple[VisibleSizes, ...]:
+    """How large hypotheses that are not accepted would have to be."""
+    kept = [k for k, h in enumerate(scored.hypotheses) if h not in search.accepted]
+    hypotheses, scores = [scored.hypotheses[k] for k in kept], [scored.scores[k] for k in kept]
+    procedure = Procedure(search.critical, scored.scale)
+    return visible_sizes(scored.linear, search.problem, hypotheses, scores, procedure, seed)

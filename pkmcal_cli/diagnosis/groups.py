@@ -33,18 +33,18 @@ def by_channel(problem: Problem, shapes: Array) -> Array:
 
 def _shapes(problem: Problem) -> Mapping[str, Array]:
     columns = problem.rows.columns
-    found = {POSE: pose_shapes(problem)}
+    shapes = {POSE: pose_shapes(problem)}
     if _varies(columns.get("time")):
-        found[TIME] = legvander(scaled(columns["time"]), _TIME_DEGREE)[:, 1:]
+        shapes[TIME] = legvander(scaled(columns["time"]), _TIME_DEGREE)[:, 1:]
     warm = [values for name, values in columns.items() if (name == "T" or name.startswith("T.")) and _varies(values)]
     if warm:
-        found[TEMPERATURE] = np.hstack([legvander(scaled(v), _WARM_DEGREE)[:, 1:] for v in warm])
+        shapes[TEMPERATURE] = np.hstack([legvander(scaled(v), _WARM_DEGREE)[:, 1:] for v in warm])
     directions = [values for name, values in columns.items() if name.startswith("dir.") and _varies(values)]
     if directions:
-        found[DIRECTION] = np.stack(directions, axis=1)
+        shapes[DIRECTION] = np.stack(directions, axis=1)
     if _varies(columns.get("payload")):
-        found[LOAD] = legvander(scaled(columns["payload"]), 2)[:, 1:]
-    return found
+        shapes[LOAD] = legvander(scaled(columns["payload"]), 2)[:, 1:]
+    return shapes
 
 
 def _varies(values: Array | None) -> bool:
@@ -63,9 +63,14 @@ def pose_axes(problem: Problem) -> list[Array]:
     Not the measured positions: their noise would be in the shapes, which would explain themselves with it. Those that
     vary by rounding only are none.
     """
-    poses = problem.nominal_poses
-    spread = np.ptp(poses, axis=0)
-    return [scaled(c) for c in poses.T[spread > _CONSTANT * spread.max(initial=0.0)]]
+    return list(varying_axes(problem).values())
+
+
+def varying_axes(problem: Problem) -> dict[str, Array]:
+    """The same by the names of the coordinates."""
+    spread = {name: float(np.ptp(axis)) for name, axis in problem.nominal_poses.items()}
+    least = _CONSTANT * max(spread.values(), default=0.0)
+    return {name: scaled(axis) for name, axis in problem.nominal_poses.items() if spread[name] > least}
 
 
 def pose_shapes(problem: Problem, degree: int | None = None) -> Array:

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.compiler.effects import placed_effect, possible_effects
+from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
 from pkmcal_cli.effects import Column, Effect, catalogue
+from pkmcal_cli.effects.effect import EffectParameter
 from pkmcal_cli.loading.covariates import with_covariates
-from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
-from pkmcal_cli.model.model import Model, ModelParameter
+from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect, parameters_at, place_and_session
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.parts import ModelParameter
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.tables.measurement_set import Measurements
 
 RELEASE = "release"
+_DECLARED = 2.0  # log odds of a parameter that a machine file names and holds, before any single effect
 _WORDS: dict[Column, str] = {
     "time": "column `time`",
     "temperature": "column `T` or `T.PART` (temperature)",
-    "direction": "columns `dir.ACTUATOR` (direction of approach)",
+    "direction": "columns `dir.ACTUATOR` (approach direction)",
     "payload": "column `payload`",
     "session": "at least two sessions",
-    "spindle": "column `spindle` (angle of the spindle)",
+    "spindle": "column `spindle` (spindle angle)",
 }
 
 
@@ -34,6 +37,24 @@ class Hypothesis:
     at: str
     parameters: tuple[str, ...]
     measurement: bool = False  # a fault of the measurement, not of the machine
+    free: tuple[str, ...] = ()  # of its parameters, those that are fitted with it but no evidence for it
+    known: tuple[tuple[str, float], ...] = ()  # of its parameters, those that have a value (SI) where it is accepted
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Its parameters that a fit finds."""
+        known = dict(self.known)
+        return tuple(n for n in self.parameters if n not in known)
+
+    @property
+    def preference(self) -> float:
+        """Log evidence by which it goes before others: a declared parameter, before effects that imitate it."""
+        return _DECLARED if self.effect == RELEASE else 0.0
+
+    @property
+    def session(self) -> str:
+        """The session of its place in which alone it acts; "" without one."""
+        return place_and_session(self.at)[1]
 
     @property
     def name(self) -> str:
@@ -43,11 +64,15 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Candidates:
-    """A model with all testable effects at null, the hypotheses, and effects that the table cannot show."""
+    """A model with all testable effects at null, the hypotheses, and effects that the table cannot show.
+
+    `lacking`: the same by keyword and place, of every place, and what it needs.
+    """
 
     model: Model
     hypotheses: tuple[Hypothesis, ...]
     not_testable: tuple[tuple[str, str], ...]  # (keyword, what it needs)
+    lacking: tuple[tuple[str, str, str], ...] = ()
 
 
 def candidates(model: Model, selected: tuple[str, ...], measurements: Measurements) -> Candidates:
@@ -57,38 +82,53 @@ def candidates(model: Model, selected: tuple[str, ...], measurements: Measuremen
 
 def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candidates:
     """Hypotheses for a model that takes effects, of which `selected` parameters are identified anyway."""
-    planar = model.layout.planar
+    planar = model.topology.planar
     names = [name.removeprefix("session.") for name in rows.columns if name.startswith("session.")]
     sessions = tuple(names) if len(names) > 2 else tuple(names[1:])  # of two, the first is the datum
     declared = {(e.effect.keyword, e.at) for e in model.effects}
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []
-    found: list[Hypothesis] = []
-    lacking: dict[str, str] = {}
-    for effect, at, sockets in possible_effects(model, sessions):
+    hypotheses: list[Hypothesis] = []
+    lacking: list[tuple[str, str, str]] = []
+    for effect, at, sites in possible_effects(model, sessions):
         if (effect.keyword, at) in declared:
             continue
-        missing = list(_missing(effect, sockets, rows))
+        missing = list(_missing(effect, sites, rows))
         if missing:
-            lacking.setdefault(effect.keyword, missing[0])
+            lacking.append((effect.keyword, at, missing[0]))
             continue
-        placed, mine = placed_effect(effect, at, sockets, planar)
+        placed, own_parameters = placed_effect(effect, at, sites, planar)
         effects.append(placed)
-        parameters += mine
-        found.append(Hypothesis(effect.keyword, at, placed.parameters, effect.measurement))
+        parameters += own_parameters
+        hypotheses.append(_hypothesis(placed, parameters_at(effect, sites, planar)))
     if not sessions:
-        lacking |= {e.keyword: _WORDS["session"] for e in catalogue().values() if e.places == "session"}
-    held = [p.name for p in model.parameters if p.name not in selected]
-    found += [Hypothesis(RELEASE, name, (name,)) for name in held]
-    tested = {h.effect for h in found}
-    not_testable = tuple((k, why) for k, why in sorted(lacking.items()) if k not in tested)
-    return Candidates(model.with_effects(tuple(effects), tuple(parameters)), tuple(found), not_testable)
+        of_sessions = [e.keyword for e in catalogue().values() if e.places == "session" and model.sites.get(e.enters)]
+        lacking += [(keyword, "", _WORDS["session"]) for keyword in of_sessions]
+    held = [p.name for p in model.parameters if p.name not in selected and not p.fixed]
+    hypotheses += [Hypothesis(RELEASE, name, (name,)) for name in held]
+    tested = {h.effect for h in hypotheses}
+    first = {keyword: why for keyword, _, why in reversed(lacking)}
+    not_testable = tuple((k, why) for k, why in sorted(first.items()) if k not in tested)
+    full = model.with_effects(tuple(effects), tuple(parameters))
+    return Candidates(full, tuple(hypotheses), not_testable, tuple(lacking))
 
 
-def _missing(effect: Effect, sockets: tuple[Socket, ...], rows: Rows) -> Iterator[str]:
-    """What the table or the machine file lacks for an effect at these sockets."""
+def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypothesis:
+    by_name = dict(zip(placed.parameters, specs, strict=True))
+    return Hypothesis(
+        placed.effect.keyword,
+        placed.at,
+        placed.parameters,
+        placed.effect.measurement,
+        free=tuple(n for n, spec in by_name.items() if spec.free),
+        known=tuple((n, spec.known) for n, spec in by_name.items() if spec.known is not None),
+    )
+
+
+def _missing(effect: Effect, sites: tuple[EffectSite, ...], rows: Rows) -> Iterator[str]:
+    """What the table or the machine file lacks for an effect at these effect sites."""
     columns = {name: bool(np.isfinite(values).all()) for name, values in rows.columns.items()}
-    parts = {s.part for s in sockets}
+    parts = {s.part for s in sites}
     for need in effect.needs:
         if need == "temperature":
             if not columns.get("T") and not all(columns.get(f"T.{part}") for part in parts):
@@ -96,5 +136,5 @@ def _missing(effect: Effect, sockets: tuple[Socket, ...], rows: Rows) -> Iterato
         elif need in ("time", "payload", "spindle") and not columns.get(need):
             yield _WORDS[need]
     for option in effect.options:
-        if option.name == "period" and any(np.isnan(s.period) for s in sockets):
+        if option.name == "period" and any(np.isnan(s.period) for s in sites):
             yield "`period` of the actuator in the machine file"

@@ -17,13 +17,14 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtri, fdtrc
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.identifiability import Directions, directions
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
-from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.score import NONCENTRALITY, Score
+from pkmcal_cli.prediction import WarmStart
 
-NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Baarda)
 _KEPT = 1e-4  # share of a column's squared length that must remain after projection
 PLAUSIBLE = 2.0  # standard deviations of the prior: what cannot be seen within its range is no candidate
 _CERTAIN = 0.01
@@ -32,10 +33,16 @@ _MANY = 1e9  # degrees of freedom of a sigma that is known
 
 @dataclass(frozen=True)
 class Scale:
-    """Square of the factor on the stated sigma, and its degrees of freedom."""
+    """Square of the factor on the stated sigma, and its degrees of freedom.
+
+    checked: degrees of freedom of the estimate that the statement was compared with; `whole`: whether what effects do
+    counts as noise in it.
+    """
 
     variance: float = 1.0
     dof: float = _MANY
+    checked: float = _MANY
+    whole: bool = False
 
     @property
     def doubted(self) -> bool:
@@ -45,6 +52,10 @@ class Scale:
     def p_value(self, statistic: Array, count: Array) -> Array:
         """Of statistics T with so many degrees of freedom each: chi-square, or F where sigma is estimated."""
         return np.asarray(fdtrc(count, self.dof, statistic / (self.variance * count)))
+
+    def p_of(self, score: Score) -> float:
+        """Of one score; 1 where nothing of it can be seen."""
+        return float(self.p_value(np.array(score.statistic), np.array(score.count))) if score.count else 1.0
 
 
 def log_evidence(statistic: Array, count: Array) -> Array:
@@ -92,12 +103,16 @@ class Linear:
         return np.ones(shape, dtype=bool) if self.measured is None else self.measured
 
     @cached_property
+    def spectrum(self) -> Directions:
+        """What data say of the projected parameters."""
+        return directions(self.of(self.projected), self.projected, np.full(len(self.projected), 2.0))  # in ranges
+
+    @cached_property
     def fixed(self) -> tuple[Array, Array]:
         """Directions (n, d) that are projected out, and the weight (d,) of their priors: 1 where they are held."""
-        a = self.columns[:, [self._index[n] for n in self.projected]]
-        found = directions(a, self.projected, np.full(len(self.projected), 2.0))  # in ranges, as a fit
-        a = a @ found.vectors.T
-        prior = np.where(found.held, 1.0, 0.0)
+        spectrum = self.spectrum
+        a = self.of(self.projected) @ spectrum.vectors.T
+        prior = np.where(spectrum.held, 1.0, 0.0)
         if self.extra is not None:
             own = 1e-6 * (self.extra**2).sum(axis=0) + 1e-12
             a, prior = np.hstack([a, self.extra]), np.append(prior, own)
@@ -120,7 +135,7 @@ class Linear:
         return x - a @ cho_solve(factor, a.T @ x) if a.shape[1] else x
 
     @cached_property
-    def rest(self) -> Array:
+    def unexplained(self) -> Array:
         """V^-1 r (n,)."""
         return self.free(self.residual)
 
@@ -134,7 +149,7 @@ class Linear:
     @cached_property
     def chi2(self) -> float:
         """r^T V^-1 r."""
-        return float(self.residual @ self.rest)
+        return float(self.residual @ self.unexplained)
 
     @property
     def dof(self) -> int:
@@ -154,6 +169,18 @@ class Linear:
         extra = None if extra is None else self._taking_part(extra)
         return replace(self, projected=names, extra=extra, residual=self.residual if residual is None else residual)
 
+    def without_rows(self, rows: Sequence[int]) -> Linear:
+        """The same with some rows projected out besides, each a free shift of its readings."""
+        if not len(rows):
+            return self
+        shifts = np.zeros((*self.on.shape, len(rows), self.channels))
+        for k, row in enumerate(rows):
+            shifts[row, :, k] = np.eye(self.channels)
+        columns = self.whitened(shifts.reshape(self.on.size, -1))
+        return self.projecting(
+            self.projected, extra=columns if self.extra is None else np.hstack([self.extra, columns])
+        )
+
     def _taking_part(self, x: Array) -> Array:
         """Columns (n, k) or a vector (n,), zero where a value does not take part."""
         return x if self.on.all() else np.asarray((x.T * self.on.ravel()).T)
@@ -169,9 +196,7 @@ class Linear:
         )
 
     def whitened(self, x: Array) -> Array:
-        """Further columns (n, k) or a vector (n,) of values that take part, independent from row to row as the
-        problem's are.
-        """
+        """Columns (n, k) or a vector (n,) of values that take part, made independent from row to row."""
         x = self._taking_part(x)
         if self.memory is None:
             return x
@@ -192,78 +217,57 @@ class Linear:
         unit = columns[:, length > 0] / length[length > 0]
         values, vectors = np.linalg.eigh(unit.T @ self.free(unit))
         seen = values > 1e-6 * values.max(initial=0.0)
-        gradient = vectors[:, seen].T @ (unit.T @ self.rest)
+        gradient = vectors[:, seen].T @ (unit.T @ self.unexplained)
         return float((gradient**2 / values[seen]).sum()), int(seen.sum())
 
-    def score(self, columns: Array) -> Score:
-        """Score of a hypothesis with these columns (n, k), in the directions that remain."""
+    def tested(self, hypothesis: Hypothesis) -> Array:
+        """Columns (n, k) of a hypothesis by which it is judged: its free parameters projected out, and 0 themselves."""
+        columns = self.of(hypothesis.parameters)
+        own = [hypothesis.parameters.index(name) for name in hypothesis.free]
+        length = np.sqrt((columns[:, own] ** 2).sum(axis=0))
+        unit = columns[:, own][:, length > 0] / length[length > 0]
+        if unit.shape[1]:
+            values, vectors = np.linalg.eigh(unit.T @ self.free(unit))
+            basis = unit @ vectors[:, values > _KEPT]
+            columns = columns - basis @ ((basis.T @ self.free(columns)) / values[values > _KEPT, None])
+            columns[:, own] = 0.0
+        return columns
+
+    def beside(self, hypothesis: Hypothesis) -> Linear:
+        """The same with the free parameters of a hypothesis projected out too."""
+        return replace(self, projected=(*self.projected, *hypothesis.free)) if hypothesis.free else self
+
+    def score_of(self, hypothesis: Hypothesis) -> Score:
+        """Score of a hypothesis, whatever its free parameters are."""
+        length2 = (self.of(hypothesis.parameters) ** 2).sum(axis=0)
+        length2[[hypothesis.parameters.index(name) for name in hypothesis.free]] = 0.0
+        return self.score(self.tested(hypothesis), length2)
+
+    def score(self, columns: Array, length2: Array | None = None) -> Score:
+        """Score of a hypothesis with these columns (n, k), in the directions that remain.
+
+        length2 (k,): squared lengths of its columns before anything was projected out; default: those of these.
+        """
         free = self.free(columns)
         information = columns.T @ free
-        before = np.einsum("nk,nk->k", columns, columns)
+        before = np.einsum("nk,nk->k", columns, columns) if length2 is None else length2
         values, vectors = np.linalg.eigh(0.5 * (information + information.T))
         whole = np.einsum("kd,k,kd->d", vectors, before, vectors)
         seen = (values > _KEPT * whole) & (values > NONCENTRALITY / PLAUSIBLE**2)
         basis = vectors[:, seen]
-        gradient = basis.T @ (columns.T @ self.rest)
-        return Score(basis, values[seen], gradient, np.diag(information).copy(), before)
-
-
-@dataclass(frozen=True)
-class Score:
-    """Of one hypothesis with k parameters: directions (k, m) that can be seen, their information (m,) and score (m,).
-
-    `alone` (k,): information of each parameter by itself, `length2` (k,): squared length of its column before
-    projection.
-    """
-
-    basis: Array
-    information: Array
-    gradient: Array
-    alone: Array
-    length2: Array
-
-    @property
-    def count(self) -> int:
-        """Degrees of freedom m."""
-        return len(self.information)
-
-    @property
-    def statistic(self) -> float:
-        """T = g^T I^-1 g."""
-        return float((self.gradient**2 / self.information).sum())
-
-    @property
-    def estimate(self) -> Array:
-        """Parameters (k,) in standard deviations of their priors."""
-        return np.asarray(self.basis @ (self.gradient / self.information))
-
-    @property
-    def leading(self) -> int:
-        """The parameter that shows most by itself."""
-        return int(np.argmax(self.alone))
-
-    @property
-    def kept(self) -> float:
-        """Share of the leading parameter's column that is left after projection."""
-        whole = float(self.length2[self.leading])
-        return float(np.sqrt(max(float(self.alone[self.leading]), 0.0) / whole)) if whole > 0 else 0.0
-
-    @property
-    def mdb(self) -> float:
-        """Minimal detectable size of the leading parameter by itself, in standard deviations of its prior."""
-        best = float(self.alone[self.leading])
-        return float(np.sqrt(NONCENTRALITY / best)) if best > 0 else float("inf")
+        gradient = basis.T @ (columns.T @ self.unexplained)
+        return Score(basis, values[seen], gradient, information, before)
 
 
 def linear_problem(
-    problem: Problem, values: Array, selected: tuple[str, ...], others: Sequence[str], state: State | None
+    problem: Problem, values: Array, selected: tuple[str, ...], others: Sequence[str], start: WarmStart | None
 ) -> Linear:
     """The problem linearised at parameter values (P,): `selected` are projected out, `others` are candidates.
 
     Rows that are not predicted there, without errors of the drives, take no part. Raises RowsFailed where half are not.
     """
     names = (*selected, *others)
-    evaluation = evaluate(problem, values, names, state)
+    evaluation = evaluate(problem, values, names, start)
     if 2 * len(lost_rows(problem, evaluation)) >= max(int(problem.measured.any(axis=1).sum()), 1):
         raise RowsFailed(evaluation)
     part, evaluation = predicted_part(problem, evaluation)

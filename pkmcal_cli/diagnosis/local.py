@@ -13,7 +13,7 @@ from pkmcal_cli.diagnosis.unknown import Unknown
 _WIDTHS = (0.04, 0.08)  # of a drive's travel in the table
 _FEWEST = 5  # rows in a window
 _SPARED = 2  # of them the largest, which do not count, or bad rows that happen to be near would make a bump
-_CUT = 20.0  # squares count up to so many times the usual one
+_CUT = 20.0  # squares count up to so many times the typical one
 
 
 def local_effects(problem: Problem, values: Array, alpha: float) -> list[Unknown]:
@@ -24,14 +24,14 @@ def local_effects(problem: Problem, values: Array, alpha: float) -> list[Unknown
     channels = problem.readings.shape[1]
     white = linearise_at(problem, values, (), None).residual.reshape(-1, channels)
     squares = (white**2).sum(axis=1)
-    found = []
+    local = []
     drives = zip(problem.model.actuators, problem.rows.readings.T, strict=True)
     axes = [(a.name, q) for a, q in drives if not np.isnan(q).any() and np.ptp(q) > 0]
     for name, q in axes:
         p, low, high = _strongest(q, squares, channels)
-        place = f"rows {100 * low:.0f} to {100 * high:.0f} % of the travel of {name}"
-        found.append(Unknown("pose", min(p * len(axes), 1.0), float("nan"), f"local: {place}"))
-    best = min(found, key=lambda u: u.p_value, default=None)
+        place = f"rows at {100 * low:.0f} to {100 * high:.0f} % of the travel of {name}"
+        local.append(Unknown("pose", min(p * len(axes), 1.0), float("nan"), f"local: {place}"))
+    best = min(local, key=lambda u: u.p_value, default=None)
     return [best] if best is not None and best.p_value < alpha else []
 
 
@@ -39,8 +39,8 @@ def _strongest(q: Array, squares: Array, channels: int) -> tuple[float, float, f
     """Smallest p value over windows of a drive's travel, for all of them, and where the window is (shares)."""
     order = np.argsort(q, kind="stable")
     share = (q[order] - q.min()) / np.ptp(q)
-    usual = max(float(np.median(squares)) / float(chdtri(channels, 0.5)), 1.0)
-    size = np.minimum(squares[order] / usual, _CUT)
+    typical = max(float(np.median(squares)) / float(chdtri(channels, 0.5)), 1.0)
+    size = np.minimum(squares[order] / typical, _CUT)
     best = (1.0, 0.0, 0.0)
     for width in _WIDTHS:
         last = np.searchsorted(share, share + width, side="right")

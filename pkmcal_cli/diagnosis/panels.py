@@ -11,13 +11,14 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.experiment_design import cosines_between
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import pose_shapes
-from pkmcal_cli.diagnosis.plan import cosines_between
-from pkmcal_cli.diagnosis.search import linear_without, refit, score_without
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.scoring import linear_without, refit, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.model.effect_sites import PlacedEffect
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _MOST_ALIKE = 12
@@ -25,10 +26,10 @@ _MOST_ALIKE = 12
 
 @dataclass(frozen=True, kw_only=True)
 class DriverPanel:
-    """One accepted effect over what drives it: measured displacement of its port (N,), SI, with its standard
+    """One accepted effect over what drives it: measured displacement of its entry (N,), SI, with its standard
     uncertainty, what the effect says and 1.96 of its standard uncertainties; `side` (N,) of approach, or None.
 
-    `x` (N,) in SI and `shown_x` in `unit`; `turns`: whether the port turns (rad) instead of moving (m).
+    `x` (N,) in SI and `shown_x` in `unit`; `turns`: whether the entry turns (rad) instead of moving (m).
     """
 
     finding: Finding
@@ -48,6 +49,11 @@ class DriverPanel:
         return parse_unit("urad" if self.turns else "um")
 
     @property
+    def unit_name(self) -> str:
+        """What `unit` is called."""
+        return parse_unit(self.unit).text
+
+    @property
     def shown_x(self) -> Array:
         """Values of what drives it, in its unit."""
         unit = parse_unit(self.unit)
@@ -62,27 +68,27 @@ class Share:
     rms: float
 
 
-def driver_panel(found: Diagnosis, finding: Finding) -> DriverPanel | None:
+def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
     """An effect's picture; None for parameters and for effects that move nothing by themselves."""
-    placed = next((e for e in found.problem.model.effects if e.name == finding.hypothesis.name), None)
-    if placed is None or placed.effect.port in ("stiffness", "weight", "drive_force", "load"):
+    placed = next((e for e in diagnosis.problem.model.effects if e.name == finding.hypothesis.name), None)
+    if placed is None or placed.effect.enters in ("stiffness", "weight", "drive_force", "load"):
         return None
-    now, problem, shape = found.search, found.problem, found.problem.readings.shape
-    linear = linear_without(now, [finding.hypothesis], [finding.hypothesis])
+    search, problem, shape = diagnosis.search, diagnosis.problem, diagnosis.problem.readings.shape
+    linear = linear_without(search, [finding.hypothesis], [finding.hypothesis])
     columns = linear.of(finding.hypothesis.parameters) / linear.scale_of(finding.hypothesis.parameters)
-    index = [now.fit.selected.index(n) for n in finding.hypothesis.parameters]
+    index = [search.fit.selected.index(n) for n in finding.hypothesis.parameters]
     estimate = np.array(finding.estimate)
-    unit = _leading(problem, found, placed, (columns @ estimate).reshape(shape))
+    unit = _leading(problem, diagnosis, placed, (columns @ estimate).reshape(shape))
     length2 = (unit**2).sum(axis=1)
     used = (length2 > 1e-6 * length2.max()) & problem.measured.any(axis=1)
 
     def displaced(x: Array) -> Array:
-        """Of whitened readings (n,) or (n, k), the displacement of the port (N,) or (N, k) that they show."""
+        """Of whitened readings (n,) or (n, k), the displacement of the entry (N,) or (N, k) that they show."""
         rows = x.reshape(*shape, -1)[used]
         return np.asarray(np.einsum("nc,nck->nk", unit[used], rows) / length2[used, None]).reshape(len(rows), -1)
 
     by_size = displaced(columns)
-    covariance = np.nan_to_num(now.fit.covariance[np.ix_(index, index)])
+    covariance = np.nan_to_num(search.fit.covariance[np.ix_(index, index)])
     name, unit_text, x, side = _driver(problem, placed)
     return DriverPanel(
         finding=finding,
@@ -94,14 +100,14 @@ def driver_panel(found: Diagnosis, finding: Finding) -> DriverPanel | None:
         fitted=by_size @ estimate,
         band=1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
         side=None if side is None else side[used],
-        turns=placed.effect.port == "carriage",
+        turns=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
     )
 
 
-def _leading(problem: Problem, found: Diagnosis, placed: PlacedEffect, change: Array) -> Array:
-    """Unit column (N, C) of that number of the port which explains most of the effect's change (N, C)."""
+def _leading(problem: Problem, diagnosis: Diagnosis, placed: PlacedEffect, change: Array) -> Array:
+    """Unit column (N, C) of that number of the entry which explains most of the effect's change (N, C)."""
     by_part: dict[int, Array] = {}
-    for unit in unit_columns(problem, found.search.fit.values, found.search.fit.after.state, [placed]):
+    for unit in unit_columns(problem, diagnosis.search.fit.values, diagnosis.search.fit.after.start, [placed]):
         by_part[unit.part] = by_part.get(unit.part, 0.0) + unit.column
     return max(by_part.values(), key=lambda u: float(((u * change).sum(axis=1) ** 2 / (u**2).sum()).sum()))
 
@@ -109,42 +115,42 @@ def _leading(problem: Problem, found: Diagnosis, placed: PlacedEffect, change: A
 def _driver(problem: Problem, placed: PlacedEffect) -> tuple[str, str, Array, Array | None]:
     """Name, unit and values (N,) of what an effect depends on, and the side of approach where it counts."""
     columns, needs = problem.rows.columns, placed.effect.needs
-    socket = placed.sockets[0]
-    if "temperature" in needs and placed.effect.port != "frame":
-        name = f"T.{socket.part}" if f"T.{socket.part}" in columns else "T"
+    site = placed.sites[0]
+    if "temperature" in needs and placed.effect.enters != "frame":
+        name = f"T.{site.part}" if f"T.{site.part}" in columns else "T"
         return name, "degC", columns[name], None
     if "time" in needs:
         return "time", "min", columns["time"], None
-    if socket.actuator >= 0:
-        drive = problem.model.actuators[socket.actuator]
+    if site.actuator >= 0:
+        drive = problem.model.actuators[site.actuator]
         side = columns[f"dir.{drive.name}"] if "direction" in needs else None
-        return drive.name, drive.unit, problem.rows.readings[:, socket.actuator], side
+        return drive.name, drive.unit, problem.rows.readings[:, site.actuator], side
     return "row", "1", np.arange(1.0, len(problem) + 1), None
 
 
-def alike(found: Diagnosis) -> tuple[tuple[str, ...], Array]:
+def alike(diagnosis: Diagnosis) -> tuple[tuple[str, ...], Array]:
     """Names (H,) of accepted effects and their nearest rivals, and cosines (H, H) of the angles between them."""
-    now = found.search
-    scored = score_without(now, now.accepted, now.candidates.hypotheses)
+    search = diagnosis.search
+    scored = score_without(search, search.accepted, search.candidates.hypotheses)
     names = [h.name for h in scored.hypotheses]
-    accepted = [names.index(h.name) for h in now.accepted]
+    accepted = [names.index(h.name) for h in search.accepted]
     order = [k for k in np.argsort(-scored.log_bayes) if scored.scores[k].count and k not in accepted]
     chosen = [*accepted, *(int(k) for k in order)][:_MOST_ALIKE]
     cosines = cosines_between(scored.linear, [scored.hypotheses[k] for k in chosen], [scored.scores[k] for k in chosen])
     return tuple(names[k] for k in chosen), cosines
 
 
-def waterfall(found: Diagnosis) -> list[Share]:
+def waterfall(diagnosis: Diagnosis) -> list[Share]:
     """Whitened rms that is left: nominal, calibrated, with one effect after the other."""
-    problem, now = found.problem, found.search
-    nominal, calibrated = problem.model.nominal, found.before.values
+    problem, search = diagnosis.problem, diagnosis.search
+    nominal, calibrated = problem.model.nominal, diagnosis.before.values
     out = [Share("nominal", _chi2(problem, nominal)), Share("calibrated", _chi2(problem, calibrated))]
-    for k in range(1, len(found.findings)):
-        part = refit(replace(now, accepted=tuple(f.hypothesis for f in found.findings[:k])), {})
+    for k in range(1, len(diagnosis.findings)):
+        part = refit(replace(search, accepted=tuple(f.hypothesis for f in diagnosis.findings[:k])), {})
         if part is not None:
-            out.append(Share(f"+ {found.findings[k - 1].hypothesis.name}", _chi2(problem, part.values)))
-    if found.findings:
-        out.append(Share(f"+ {found.findings[-1].hypothesis.name}", _chi2(problem, now.fit.values)))
+            out.append(Share(f"+ {diagnosis.findings[k - 1].hypothesis.name}", _chi2(problem, part.values)))
+    if diagnosis.findings:
+        out.append(Share(f"+ {diagnosis.findings[-1].hypothesis.name}", _chi2(problem, search.fit.values)))
     return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
 
 
@@ -168,27 +174,27 @@ class FieldMap:
         return int(np.argmax((self.vectors**2).sum(axis=1)))
 
 
-def field_map(found: Diagnosis) -> FieldMap | None:
+def field_map(diagnosis: Diagnosis) -> FieldMap | None:
     """The map of what is unknown; None where positions are not measured in all channels, or rows are few."""
-    problem = found.problem
-    positions = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"][:3]
+    problem = diagnosis.problem
+    positions = problem.model.measuring(Measurand.POSITION)[:3]
     channels = np.array(positions, dtype=np.intp)
     rows = np.nonzero(problem.measured[:, channels].all(axis=1))[0]
     if not len(channels) or not len(rows):
         return None
-    part, left = problem.take(rows), _without_stand_ins(found).after.residual[np.ix_(rows, channels)]
+    part, left = problem.take(rows), _without_replaced(diagnosis).after.residual[np.ix_(rows, channels)]
     tried = [_smooth(part, left, degree) for degree in range(1, 6)]
     best = max((t for t in tried if t is not None), key=lambda t: t[1], default=None)
     return None if best is None else FieldMap(problem.readings[np.ix_(rows, channels)], *best)
 
 
-def _without_stand_ins(found: Diagnosis) -> Fit:
+def _without_replaced(diagnosis: Diagnosis) -> Fit:
     """The fit without the effects that something nameless explains better."""
-    gone = {name for u in found.unknown for name in u.replaces}
+    gone = {name for u in diagnosis.unknown for name in u.replaces}
     if not gone:
-        return found.search.fit
-    kept = tuple(h for h in found.search.accepted if h.name not in gone)
-    return refit(replace(found.search, accepted=kept), {}) or found.search.fit
+        return diagnosis.search.fit
+    kept = tuple(h for h in diagnosis.search.accepted if h.name not in gone)
+    return refit(replace(diagnosis.search, accepted=kept), {}) or diagnosis.search.fit
 
 
 def _smooth(problem: Problem, left: Array, degree: int) -> tuple[Array, float] | None:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear
-from pkmcal_cli.diagnosis.search import Scored, Search, refit, score_without, scored, shape_gains
+from pkmcal_cli.diagnosis.scoring import Scored, Search, refit, score_without, scored, shape_gains
+from pkmcal_cli.diagnosis.search import BETTER, set_evidence, stands_on_one_row
+from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
-ALL = "all"
 CREDIBLE = 0.95
-WEAK = 15.0  # log evidence below which an effect must be confirmed by rows held out
-_BETTER = 0.5  # log evidence by which another set must be better
 
 
 @dataclass(frozen=True)
@@ -29,151 +30,211 @@ class Rival:
     cosine: float  # of the angle between the two, declared parameters and other effects projected out
 
 
-def swapped(now: Search) -> Search:
-    """The search with effects dropped or replaced by rivals while that raises the evidence of the whole set."""
-    for _ in range(2 * len(now.accepted)):
-        kinds = dict.fromkeys(h.effect for h in now.accepted)
-        better = next((s for k in kinds if (s := _reselected(now, k)) is not None), None)
-        better = better or next((s for h in now.accepted if (s := _improved(now, h)) is not None), None)
+def swapped(search: Search) -> Search:
+    """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
+    for _ in range(2 * len(search.accepted)):
+        better = next((s for pair in combinations(search.accepted, 2) if (s := _exchanged(search, pair))), None)
+        better = better or next((s for h in search.accepted if (s := _improved(search, h)) is not None), None)
         if better is None:
-            return now
-        now = better
-    return now
+            return search
+        search = better
+    return search
 
 
-def _improved(now: Search, hypothesis: Hypothesis) -> Search | None:
-    """The search with this effect dropped or replaced, if that is better; None if not."""
-    rest = replace(now, accepted=tuple(h for h in now.accepted if h != hypothesis))
-    found = score_without(now, [hypothesis], (hypothesis, *now.open))
-    shape = shape_gains(now, found)
-    shaped = found.log_bayes + shape
-    mine, price = float(shaped[0]), float(np.log(len(now.candidates.hypotheses)))
-    if len(now.accepted) > 1 and mine < price - _BETTER and found.p_values[0] > now.critical:
-        fit = refit(rest, {})
-        return None if fit is None else replace(rest, fit=fit)
+def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
+    """The search with this effect replaced, if that is better; None if not."""
+    without = score_without(search, [hypothesis], (hypothesis, *search.open))
+    shape = shape_gains(search, without) + _preferences(without)
+    shaped = without.log_bayes + shape
     order = np.argsort(-shaped[1:])[:RIVALS] + 1
-    for k in order:
-        if shaped[k] > mine + _BETTER:
-            after = replace(rest, accepted=(*rest.accepted, found.hypotheses[k]))
-            starts = {
-                found.hypotheses[k]: found.scores[k].estimate * found.linear.scale_of(found.hypotheses[k].parameters)
-            }
-            fit = refit(after, starts)
-            if fit is None:
-                continue
-            gain = 0.5 * (now.fit.chi2 - fit.chi2) / found.scale.variance + _price(found, 0) - _price(found, int(k))
-            if gain + shape[k] - shape[0] > _BETTER:
-                return _renamed(replace(after, fit=fit), found, int(k))
+    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER):
+        after = _replaced(search, hypothesis, without, k)
+        if after is not None and _gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
+            return _renamed(after, without, k)
     return None
 
 
-def _reselected(now: Search, keyword: str) -> Search | None:
-    """The search with all effects of one kind chosen anew among single places, if that is better; None if not.
+def _gain(search: Search, after: Search, scores: Scored, k: int) -> float:
+    """Log evidence that rival k gains, fitted in place of the accepted effect (0)."""
+    fall = 0.5 * (search.fit.chi2 - after.fit.chi2) / scores.scale.variance
+    return fall + _price(scores, 0) - _price(scores, k)
+
+
+def _exchanged(search: Search, pair: tuple[Hypothesis, Hypothesis]) -> Search | None:
+    """The search with two effects replaced by the one or two that explain most without them, if that is better.
 
     `all` accepted first, and then what is wrong about it, stands for two single places.
     """
-    mine = [h for h in now.accepted if h.effect == keyword]
-    if len(mine) < 2 or ALL not in [h.at for h in mine]:
+    without = score_without(search, pair, (*pair, *search.open))
+    chosen = max(_pairs(search, without), key=lambda trial: trial[0], default=(-np.inf, ()))
+    if chosen[0] < _evidence_of(search, without, pair) + BETTER or set(chosen[1]) == set(pair):
         return None
-    rest = replace(now, accepted=tuple(h for h in now.accepted if h not in mine))
-    singles = [h for h in now.candidates.hypotheses if h.effect == keyword and h.at != ALL]
-    linear = score_without(now, mine, singles).linear
-    chosen: list[Hypothesis] = []
-    while len(chosen) < len(mine):
-        rest_of_them = [h for h in singles if h not in chosen]
-        if not rest_of_them:
-            break
-        found = scored(linear, now.problem, rest_of_them)
-        best = int(np.argmax(found.log_bayes))
-        if found.log_bayes[best] <= 0:
-            break
-        chosen.append(found.hypotheses[best])
-        linear = linear.projecting((*linear.projected, *found.hypotheses[best].parameters))
-    after = replace(rest, accepted=(*rest.accepted, *chosen))
+    new = tuple(h for h in chosen[1] if h not in pair)
+    kept = tuple(h for h in search.accepted if h not in pair or h in chosen[1])
+    after = replace(search, accepted=(*kept, *new))
     fit = refit(after, {})
-    if fit is None or not chosen or set_evidence(replace(after, fit=fit), found) < set_evidence(now, found) - _BETTER:
+    if fit is None:
         return None
-    p, evidence = dict(now.p_values), dict(now.evidence)
-    for h in chosen:
-        p.setdefault(h.name, min(now.p_values.get(m.name, 1.0) for m in mine))
-        evidence.setdefault(h.name, max(now.evidence.get(m.name, 0.0) for m in mine))
-    return replace(after, fit=fit, p_values=p, evidence=evidence)
+    after = replace(after, fit=fit)
+    if set_evidence(after, without.scale.variance) < set_evidence(search, without.scale.variance) + BETTER:
+        return None
+    for h in new:
+        after = _renamed(after, without, without.hypotheses.index(h))
+    return after
 
 
-def _renamed(now: Search, found: Scored, k: int) -> Search:
-    name = found.hypotheses[k].name
-    p = now.p_values | {name: float(found.p_values[k])}
-    return replace(now, p_values=p, evidence=now.evidence | {name: float(found.log_bayes[k])})
+def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypothesis, ...]]]:
+    """Log evidence of single effects with most of it, each with the best second one beside it, and these effects."""
+    evidence = without.log_bayes + _preferences(without)
+    for k in (int(k) for k in np.argsort(-evidence, kind="stable")[:RIVALS]):
+        first = without.hypotheses[k]
+        yield _with_price(search, evidence[k]), (first,)
+        beside = _beside(search, without, first)
+        more = beside.log_bayes + _preferences(beside)
+        best = int(np.argmax(more))
+        if more[best] > 0 and beside.p_values[best] < search.critical:
+            yield _with_price(search, evidence[k], more[best]), (first, beside.hypotheses[best])
 
 
-def _price(found: Scored, k: int) -> float:
+def _evidence_of(search: Search, without: Scored, pair: tuple[Hypothesis, Hypothesis]) -> float:
+    """Log evidence of two accepted effects, counted as that of others: the first by itself, the other beside it."""
+    ways = []
+    for first, second in (pair, pair[::-1]):
+        beside, k = _beside(search, without, first), without.hypotheses.index(first)
+        j = beside.hypotheses.index(second)
+        sizes = without.log_bayes[k] + first.preference, beside.log_bayes[j] + second.preference
+        ways.append(_with_price(search, *sizes))
+    return max(ways)
+
+
+def _beside(search: Search, without: Scored, first: Hypothesis) -> Scored:
+    """All other hypotheses scored where one is accepted."""
+    others = [h for h in without.hypotheses if h != first]
+    linear = without.linear
+    return scored(linear.projecting((*linear.projected, *first.parameters)), search.problem, others)
+
+
+def _with_price(search: Search, *evidence: float) -> float:
+    return sum(evidence) - len(evidence) * search.price
+
+
+def _preferences(scores: Scored) -> Array:
+    return np.array([h.preference for h in scores.hypotheses])
+
+
+def _renamed(search: Search, scores: Scored, k: int) -> Search:
+    name = scores.hypotheses[k].name
+    p = search.p_values | {name: float(scores.p_values[k])}
+    return replace(search, p_values=p, evidence=search.evidence | {name: float(scores.log_bayes[k])})
+
+
+def _price(scores: Scored, k: int) -> float:
     """What a hypothesis's log evidence is below half its statistic."""
-    return 0.5 * found.scores[k].statistic / found.scale.variance - float(found.log_bayes[k])
+    return 0.5 * scores.scores[k].statistic / scores.scale.variance - float(scores.log_bayes[k])
 
 
-def set_evidence(now: Search, found: Scored) -> float:
-    """Log evidence of the accepted effects (BIC), with the price of choosing them."""
-    count = sum(len(h.parameters) for h in now.accepted)
-    price = len(now.accepted) * float(np.log(len(now.candidates.hypotheses)))
-    return -0.5 * (now.fit.chi2 / found.scale.variance + count * float(np.log(found.linear.used))) - price
+def confirmed_only(search: Search) -> Search:
+    """The search without effects with which rows held out are predicted worse, the weakest first.
 
-
-def confirmed_only(now: Search) -> Search:
-    """The search without effects of little evidence that do not help rows held out, the weakest first."""
+    One of its credible set that does help takes an effect's place. What was dropped does not come back.
+    """
+    dropped: set[Hypothesis] = set()
     while True:
-        weak = [h for h in now.accepted if now.evidence[h.name] < WEAK and not held_out_gain(now, h).confirmed]
-        if not weak:
-            return now
-        worst = min(weak, key=lambda h: now.evidence[h.name])
-        rest = replace(now, accepted=tuple(h for h in now.accepted if h != worst))
-        fit = refit(rest, {})
-        if fit is None:
-            return now
-        now = replace(rest, fit=fit)
+        refuted = [h for h in search.accepted if held_out_gain(search, h).contradicts]
+        if not refuted:
+            return search
+        worst = min(refuted, key=lambda h: search.evidence[h.name])
+        dropped.add(worst)
+        better = _confirmed_rival(search, worst, dropped)
+        if better is None:
+            others = replace(search, accepted=tuple(h for h in search.accepted if h != worst))
+            fit = refit(others, {})
+            if fit is None:
+                return search
+            better = replace(others, fit=fit, vetoed=(*search.vetoed, worst))
+        search = better
 
 
-def settled_evidence(now: Search, hypothesis: Hypothesis, found: Scored) -> Array:
-    """Log evidence (H,) of an accepted effect (first) and all open ones in its place; `found`: scored without it.
+def _confirmed_rival(search: Search, hypothesis: Hypothesis, dropped: Collection[Hypothesis]) -> Search | None:
+    """The search with another of the credible set, which is significant and helps rows held out; None without one."""
+    near = set_of(search, hypothesis)
+    without = near.without
+    for rival in near.rivals[: RIVALS + 1]:
+        k = without.hypotheses.index(rival.hypothesis)
+        if rival.hypothesis in dropped or not without.p_values[k] < search.critical:
+            continue
+        found = _replaced(search, hypothesis, without, k)
+        if found is not None and not held_out_gain(found, rival.hypothesis).contradicts:
+            return _renamed(found, without, k)
+    return None
+
+
+def _replaced(search: Search, hypothesis: Hypothesis, scores: Scored, k: int) -> Search | None:
+    """The search fitted with rival k in place of an accepted effect; None where it cannot be, or stands on one row."""
+    if stands_on_one_row(scores, k):
+        return None
+    rival = scores.hypotheses[k]
+    after = replace(search, accepted=(*(h for h in search.accepted if h != hypothesis), rival))
+    fit = refit(after, {rival: scores.scores[k].estimate * scores.linear.scale_of(rival.parameters)})
+    return None if fit is None else replace(after, fit=fit)
+
+
+def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Array:
+    """Log evidence (H,) of an accepted effect (first) and all open ones in its place; `scores`: scored without it.
 
     With what they gain by shapes of their own; where scores and fits disagree, fits decide.
     """
-    evidence = found.log_bayes + shape_gains(now, found)
+    evidence = scores.log_bayes + shape_gains(search, scores) + _preferences(scores)
     order = np.argsort(-evidence, kind="stable")
     if order[0] != 0:
         better = [int(k) for k in order[:RIVALS] if k != 0]
-        evidence[better] = [_fitted_evidence(now, hypothesis, found, evidence, k) for k in better]
+        evidence[better] = [_fitted_evidence(search, hypothesis, scores, evidence, k) for k in better]
     return evidence
 
 
-def credible_set(found: Scored, evidence: Array) -> tuple[Rival, ...]:
-    """The smallest set of hypotheses that holds 95 % of the evidence (H,) in place of an accepted one, best first."""
+@dataclass(frozen=True)
+class CredibleSet:
+    """What could stand in the place of an accepted effect, best first; all hypotheses scored `without` it, and their
+    log evidence (H,)."""
+
+    rivals: tuple[Rival, ...]
+    without: Scored
+    evidence: Array
+
+    @property
+    def members(self) -> tuple[Hypothesis, ...]:
+        """The hypotheses."""
+        return tuple(r.hypothesis for r in self.rivals)
+
+
+def set_of(search: Search, hypothesis: Hypothesis) -> CredibleSet:
+    """The set of an accepted effect, judged where the search has come to."""
+    without = score_without(search, [hypothesis], (hypothesis, *search.open))
+    evidence = final_evidence(search, hypothesis, without)
+    kept = np.zeros(len(evidence), dtype=bool)
+    if of_warming(hypothesis) and warming(search.problem) > TOGETHER:  # no evidence decides between them
+        statistic = np.array([s.statistic for s in without.scores])
+        kept = fits_as_well(statistic, float(statistic[0]), without.scale.variance)
+        kept &= [of_warming(h) for h in without.hypotheses]
+    return CredibleSet(credible_set(without, evidence, kept), without, evidence)
+
+
+def credible_set(scores: Scored, evidence: Array, kept: NDArray[np.bool_]) -> tuple[Rival, ...]:
+    """The smallest set of hypotheses that holds 95 % of the evidence (H,) in place of an accepted one, best first.
+
+    kept (H,): which are in it at any rate.
+    """
     order = np.argsort(-evidence, kind="stable")
     weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
-    chosen = order[:last]
-    cosines = _cosines(found.linear, found, 0, [int(k) for k in chosen])
-    return tuple(Rival(found.hypotheses[k], float(weight[k]), c) for k, c in zip(chosen, cosines, strict=True))
+    chosen = [*order[:last], *(k for k in order[last:] if kept[k])]
+    alike = cosines(scores.linear, scores.hypotheses, scores.scores, 0, [int(k) for k in chosen])
+    return tuple(Rival(scores.hypotheses[k], float(weight[k]), c) for k, c in zip(chosen, alike, strict=True))
 
 
-def _fitted_evidence(now: Search, hypothesis: Hypothesis, found: Scored, evidence: Array, k: int) -> float:
-    """Evidence of rival number k from a fit with it, against that of the accepted effect (number 0); no more than its
-    score says."""
-    rival = found.hypotheses[k]
-    after = replace(now, accepted=(*(h for h in now.accepted if h != hypothesis), rival))
-    fit = refit(after, {rival: found.scores[k].estimate * found.linear.scale_of(rival.parameters)})
-    if fit is None:
+def _fitted_evidence(search: Search, hypothesis: Hypothesis, scores: Scored, evidence: Array, k: int) -> float:
+    """Evidence of rival k from a fit with it, against that of the accepted effect (0); at most what its score says."""
+    after = _replaced(search, hypothesis, scores, k)
+    if after is None:
         return min(float(evidence[k]), float(evidence[0]))
-    gain = 0.5 * (now.fit.chi2 - fit.chi2) / found.scale.variance + _price(found, 0) - _price(found, k)
-    return min(float(evidence[k]), float(evidence[0]) + gain)
-
-
-def _cosines(linear: Linear, found: Scored, one: int, others: Sequence[int]) -> list[float]:
-    """Cosines between what one hypothesis explains and what others could, declared parameters projected out."""
-    basis = linear.free(_basis(linear, found, one))
-    return [min(float(np.linalg.norm(_basis(linear, found, int(k)).T @ basis, 2)), 1.0) for k in others]
-
-
-def _basis(linear: Linear, found: Scored, k: int) -> Array:
-    """Columns (n, m) of a hypothesis, orthonormal in the metric of what is left after projection."""
-    score = found.scores[k]
-    return np.asarray(linear.of(found.hypotheses[k].parameters) @ score.basis / np.sqrt(score.information))
+    return min(float(evidence[k]), float(evidence[0]) + _gain(search, after, scores, k))

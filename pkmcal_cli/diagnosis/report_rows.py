@@ -15,8 +15,8 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, whitened_residual
 from pkmcal_cli.diagnosis.confirm import cells, shown_channels
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.scoring import start_of
 
 _DRAWS = 4000
 _FEWEST_BLOCKS = 5
@@ -48,28 +48,29 @@ class Errors:
 
 
 @dataclass(frozen=True)
-class Rotation:
-    """Rows that fit and choose, rows that report, what the former find; their effects and fit so far."""
+class OuterFold:
+    """Rows that fit and choose, rows that report, what the former name (`sets`); their effects and fit so far."""
 
     train: Problem
     report: Problem
-    found: Diagnosis
+    sets: tuple[tuple[Hypothesis, ...], ...]
     fit: Fit
     accepted: tuple[Hypothesis, ...] = ()
 
-    def chose(self, hypothesis: Hypothesis) -> bool:
-        """Whether these rows name the effect too, or cannot tell theirs from it, and their own blocks confirm it."""
-        return any(
-            f.held_out.confirmed and hypothesis in [f.hypothesis, *(r.hypothesis for r in f.rivals)]
-            for f in self.found.findings
-        )
+    def chose(self, alike: Sequence[Hypothesis]) -> bool:
+        """Whether these rows name the first of effects that all rows cannot separate, or one of the others.
+
+        A set of these rows that holds the first counts too.
+        """
+        named, *_ = alike
+        return any(own[0] in alike or named in own for own in self.sets)
 
 
-def errors_of(turns: Sequence[Rotation]) -> Errors:
+def errors_of(folds: Sequence[OuterFold]) -> Errors:
     """Figures over all rotations."""
-    fit = [error_figures(*_predicted(t.train, t.fit.after)) for t in turns]
+    fit = [error_figures(*_predicted(t.train, t.fit.after)) for t in folds]
     choose, report, channels, squares, values, failed = [], [], [], 0.0, 0, 0
-    for t in turns:
+    for t in folds:
         choose += [error_figures(*_predicted(p, evaluate(p, fold.values))) for p, fold in _inner(t)]
         there = evaluate(t.report, t.fit.values, ())
         failed += len(lost_rows(t.report, there))
@@ -86,13 +87,14 @@ def _predicted(problem: Problem, evaluation: Evaluation) -> tuple[Problem, Evalu
     return predicted_part(problem.without(lost_rows(problem, evaluation)), evaluation)
 
 
-def _inner(turn: Rotation, folds: int = 3) -> list[tuple[Problem, Fit]]:
+def _inner(fold: OuterFold, folds: int = 3) -> list[tuple[Problem, Fit]]:
     """Fits without each of a few groups of cells of the training rows, and the rows left out."""
-    labels = cells(turn.train, folds)
+    labels = cells(fold.train, folds)
     out = []
     for k in np.unique(labels):
         rest, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        out.append((turn.train.take(rows), identify(turn.train.take(rest), turn.fit.selected)))
+        start = start_of(fold.train.model, fold.accepted)
+        out.append((fold.train.take(rows), identify(fold.train.take(rest), fold.fit.selected, start)))
     return out
 
 
@@ -104,7 +106,7 @@ def whitened_rows(problem: Problem, values: Array) -> Array:
     return out
 
 
-def gain_of(before: Sequence[Rotation], after: Sequence[Rotation], seed: int) -> Interval:
+def gain_of(before: Sequence[OuterFold], after: Sequence[OuterFold], seed: int) -> Interval:
     """Fall of the mean square whitened residual on the report rows, by resampling blocks of rows together.
 
     Of rows that are predicted before and after.
@@ -117,7 +119,7 @@ def gain_of(before: Sequence[Rotation], after: Sequence[Rotation], seed: int) ->
     return _interval(total[0] / total[1], drawn[0] / drawn[1])
 
 
-def rms_gain_of(before: Sequence[Rotation], after: Sequence[Rotation], seed: int) -> Interval:
+def rms_gain_of(before: Sequence[OuterFold], after: Sequence[OuterFold], seed: int) -> Interval:
     """Fall of the root mean square error of positions (of all channels without any), SI; rows as in `_gain`."""
     positions = shown_channels(before[0].report)
     sums = []

@@ -2,243 +2,152 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import RowsFailed, identify
-from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.groups import group_columns
-from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale, Score, linear_problem, log_evidence
-from pkmcal_cli.diagnosis.noise import independent, noise_scale
-from pkmcal_cli.diagnosis.residue import own_residues, own_shape, residue_columns
-from pkmcal_cli.diagnosis.rows import MOST, RowScores, row_scores
+from pkmcal_cli.diagnosis.alikeness import cosines
+from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.linear import log_evidence
+from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
+from pkmcal_cli.diagnosis.outlying_rows import MOST
+from pkmcal_cli.diagnosis.scoring import (
+    Scored,
+    Search,
+    recalibrated,
+    refit,
+    score_all,
+    score_without,
+    shape_gains,
+)
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 
 MOST_EFFECTS = 5
-_STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
-_FAR_OUT = 0.01  # factor on p values of rows where more than noise is left, of which nobody knows the tails
-_NEAR_BEST = 30.0  # log evidence that a free shape can make up for
+_ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
+BETTER = 0.5  # log evidence by which another set of effects must be better
+_BRANCHES = 4  # ends of a search that are followed
+_UNDECIDED, _SAME = 1.0, 0.999  # log evidence between two that are both followed; cosine of those that are the same
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
 
-@dataclass(frozen=True)
-class Alpha:
-    """False-alarm rate of the whole diagnosis, and its parts."""
-
-    total: float
-
-    @property
-    def catalogue(self) -> float:
-        """For the effects of the catalogue."""
-        return 0.6 * self.total
-
-    @property
-    def groups(self) -> float:
-        """For what depends on pose, time ... and is in no catalogue."""
-        return 0.2 * self.total
-
-    @property
-    def rows(self) -> float:
-        """For single bad rows."""
-        return 0.2 * self.total
+def run_search(search: Search, alpha: Alpha, seed: int) -> Search:
+    """Accept effects and take out rows until nothing significant is left."""
+    scored = score_all(search, search.open)
+    draws = smallest_p(scored.linear, [scored.linear.tested(h) for h in scored.hypotheses], scored.scores, seed)
+    search = replace(search, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
+    return _followed(search, alpha, scored.scale.variance)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scored:
-    """All hypotheses scored at one solution; `p_values`, `log_bayes` (H,)."""
-
-    linear: Linear
-    scale: Scale
-    hypotheses: tuple[Hypothesis, ...]
-    scores: tuple[Score, ...]
-    p_values: Array
-    log_bayes: Array
-    rows: RowScores
-
-
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """Where the search has come to: the problem without the rows taken out or left out, its fit, what was accepted."""
-
-    candidates: Candidates
-    problem: Problem
-    declared: tuple[str, ...]
-    fit: Fit
-    accepted: tuple[Hypothesis, ...] = ()
-    refused: frozenset[str] = frozenset()
-    bad_rows: tuple[int, ...] = ()
-    failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts are left out
-    p_values: dict[str, float] = field(default_factory=dict)
-    evidence: dict[str, float] = field(default_factory=dict)
-    critical: float = 0.0
-    tests: float = 0.0
-
-    @property
-    def selected(self) -> tuple[str, ...]:
-        """Parameters that are identified: the declared and those of accepted effects."""
-        extra = {name for h in self.accepted for name in h.parameters}
-        every = set(self.declared) | extra
-        return tuple(n for n in self.problem.model.names if n in every)
-
-    @property
-    def open(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses that are not accepted."""
-        names = {h.name for h in self.accepted}
-        return tuple(h for h in self.candidates.hypotheses if h.name not in names)
+def _followed(search: Search, alpha: Alpha, variance: float) -> Search:
+    """The end of the search that has most evidence: what cannot be decided at a step is followed both ways."""
+    begun, seen, ends = [search], {search.state}, list[Search]()
+    while begun:
+        search = begun.pop(0)
+        new = [s for s in _advanced(search, score_all(search, search.open), alpha) if s.state not in seen]
+        room = max(_BRANCHES - len(begun) - len(ends), 1)
+        begun += new[:room]
+        seen |= {s.state for s in new}
+        ends += [] if new else [search]
+    same = [s for s in ends if set(s.bad_rows) == set(ends[0].bad_rows)]  # or chi-squares do not compare
+    return max(same, key=lambda s: set_evidence(s, variance))
 
 
-def run_search(found: Candidates, problem: Problem, fit: Fit, alpha: Alpha, seed: int) -> Search:
-    """Accept effects and take out rows until nothing significant is left. `problem`: of the candidates' model."""
-    now = Search(candidates=found, problem=problem, declared=fit.selected, fit=fit, failed=fit.failed)
-    scored = score_all(now, now.open)
-    draws = smallest_p(scored.linear, [scored.linear.of(h.parameters) for h in scored.hypotheses], scored.scores, seed)
-    now = replace(now, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
-    while (after := _advanced(now, score_all(now, now.open), alpha)) is not None:
-        now = after
-    return now
+def set_evidence(search: Search, variance: float) -> float:
+    """Log evidence of the accepted effects (BIC) with noise of some variance, and with the price of choosing them."""
+    count = sum(len(h.parameters) for h in search.accepted)
+    likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count, 1)))
+    return -0.5 * likelihood + sum(h.preference - search.price for h in search.accepted)
 
 
-def score_all(now: Search, hypotheses: Sequence[Hypothesis]) -> Scored:
-    """Scores of hypotheses at the present solution."""
-    return scored(_linear(now, now.fit.values, now.selected, hypotheses), now.problem, hypotheses)
-
-
-def score_without(now: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Scored:
-    """Scores of hypotheses where some accepted effects have null value, and so have their parameters' influences.
-
-    The others stay where the fit has put them: what they would do instead is projected out.
-    """
-    return scored(linear_without(now, removed, hypotheses), now.problem, hypotheses)
-
-
-def linear_without(now: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Linear:
-    """The problem linearised where some accepted effects have null value, the other accepted ones projected out."""
-    gone = {n for h in removed for n in h.parameters}
-    values, model = now.fit.values.copy(), now.problem.model
-    for name in gone:
-        if not name.endswith(".lag"):  # it only shapes what the others do
-            k = model.names.index(name)
-            values[k] = model.parameters[k].nominal
-    kept = tuple(n for n in now.selected if n not in gone)
-    return _linear(now, values, kept, hypotheses)
-
-
-def _linear(now: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
-    others = [n for h in hypotheses for n in h.parameters if n not in projected]
-    return linear_problem(now.problem, _same_lag(now, values, hypotheses), projected, others, now.fit.after.state)
-
-
-def _same_lag(now: Search, values: Array, hypotheses: Sequence[Hypothesis]) -> Array:
-    """The values (P,), but that rivals have the lag of the accepted thermal effects, or they would be behind."""
-    names, values = now.problem.model.names, values.copy()
-    lags = [now.fit.values[names.index(n)] for h in now.accepted for n in h.parameters if n.endswith(".lag")]
-    if lags:
-        accepted = {h.name for h in now.accepted}
-        rivals = [n for h in hypotheses if h.name not in accepted for n in h.parameters if n.endswith(".lag")]
-        values[[names.index(n) for n in rivals]] = max(lags)
-    return values
-
-
-def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
-    """Scores, p values and evidence of hypotheses."""
-    plain, linear = linear, independent(linear, problem)
-    scale = noise_scale(linear, problem, group_columns(problem))
-    scores = tuple(linear.score(linear.of(h.parameters)) for h in hypotheses)
-    statistic = np.array([s.statistic for s in scores])
-    count = np.array([s.count for s in scores])
-    p = scale.p_value(statistic, np.maximum(count, 1))
-    p[count == 0] = 1.0
-    evidence = log_evidence(statistic / scale.variance, count)
-    return Scored(
-        linear=linear,
-        scale=scale,
-        hypotheses=tuple(hypotheses),
-        scores=scores,
-        p_values=p,
-        log_bayes=evidence,
-        rows=row_scores(plain, plain.on, scale),
-    )
-
-
-def shape_gains(now: Search, found: Scored) -> Array:
-    """Evidence (H,) gained where the shape of an effect may deviate from its formula; of those near the best."""
-    out, evidence = np.zeros(len(found.hypotheses)), found.log_bayes
-    near = [int(k) for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0] if found.scores[k].count]
-    residues = own_residues(now.problem, now.fit, [found.hypotheses[k] for k in near])
-    for k in near:
-        hypothesis, score = found.hypotheses[k], found.scores[k]
-        if hypothesis.name in residues:
-            columns = found.linear.of(hypothesis.parameters) @ score.basis
-            free = found.linear.whitened(residues[hypothesis.name])
-            out[k] = own_shape(found.linear, found.scale, columns, free).evidence
-    return out
-
-
-def _advanced(now: Search, scored: Scored, alpha: Alpha) -> Search | None:
-    """One acceptance: rows where they have more evidence, else the best effect; None where nothing is left."""
-    rows = _bad_rows(now, scored, alpha)
-    evidence = np.where(scored.p_values < now.critical, scored.log_bayes, -np.inf)
-    evidence[[h.name in now.refused for h in scored.hypotheses]] = -np.inf
+def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
+    """One acceptance: rows where they have more evidence, else the best effects; none where nothing is left."""
+    rows = _bad_rows(search, scored, alpha)
+    evidence = np.where(scored.p_values < search.critical, scored.log_bayes, -np.inf)
+    evidence[[h.name in search.refused for h in scored.hypotheses]] = -np.inf
     best = int(np.argmax(evidence)) if len(evidence) else -1
     most = float(evidence[best]) if best >= 0 else -np.inf
     if len(rows) and float(scored.rows.log_bayes(scored.linear.used)[rows].max()) > most:
-        return _without_rows(now, rows)
-    if most <= 0.0 or len(now.accepted) >= MOST_EFFECTS:
-        return None
-    return _best_of(now, scored, evidence)
+        return [_without_rows(search, rows)]
+    if most <= 0.0 or len(search.accepted) >= MOST_EFFECTS:
+        return []
+    return [needed_only(s) for s in _best_of(search, scored, evidence)]
 
 
-def _best_of(now: Search, scored: Scored, evidence: Array) -> Search:
-    """The contender that is best once it has been fitted: scores are linear, and a refit may turn them round."""
-    shape = shape_gains(now, scored)
+def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
+    """The contenders that are best once they have been fitted: scores are linear, and a refit may turn them round.
+
+    Those that are as good as the best, unless they are the same by another name.
+    """
+    shape = shape_gains(search, scored) + [h.preference for h in scored.hypotheses]
     evidence = evidence + shape
     order = np.argsort(-evidence, kind="stable")[:_CONTENDERS]
     trials = []
     for k in (int(k) for k in order if evidence[k] > max(evidence[order[0]] - _CLOSE, 0.0)):
-        if _is_residue(now, scored, k):
-            now = replace(now, refused=now.refused | {scored.hypotheses[k].name})
+        if _is_discrepancy(search, scored, k) or stands_on_one_row(scored, k):
+            search = replace(search, refused=search.refused | {scored.hypotheses[k].name})
             continue
-        after = _accepted(now, scored, k)
+        after = _accepted(search, scored, k)
         if after is None:
-            now = replace(now, refused=now.refused | {scored.hypotheses[k].name})
+            search = replace(search, refused=search.refused | {scored.hypotheses[k].name})
             continue
-        gain = np.array((now.fit.chi2 - after.fit.chi2) / scored.scale.variance)
-        trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), after))
+        gain = np.array((search.fit.chi2 - after.fit.chi2) / scored.scale.variance)
+        trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), k, after))
     if not trials:
-        return now
-    return replace(max(trials, key=lambda trial: trial[0])[1], refused=frozenset())  # beside it others may be right
+        return [search]
+    trials.sort(key=lambda trial: -trial[0])
+    near = [k for gain, k, _ in trials if gain > trials[0][0] - _UNDECIDED]
+    alike = cosines(scored.linear, scored.hypotheses, scored.scores, near[0], near)
+    kept = [trial for trial, c in zip(trials, alike, strict=False) if trial[1] == near[0] or c < _SAME]
+    return [replace(after, refused=frozenset()) for _, _, after in kept]  # beside it others may be right
 
 
-def _is_residue(now: Search, scored: Scored, best: int) -> bool:
+def needed_only(search: Search) -> Search:
+    """The search without effects that those accepted later have made needless."""
+    least = search.price - BETTER
+    for hypothesis in search.accepted[:-1]:
+        without = score_without(search, [hypothesis], [hypothesis])
+        gain = float(without.log_bayes[0])
+        if gain >= least or without.p_values[0] <= search.critical:
+            continue
+        if gain + float(shape_gains(search, without)[0]) < least:
+            others = replace(search, accepted=tuple(h for h in search.accepted if h != hypothesis))
+            fit = refit(others, {})
+            if fit is not None:
+                return needed_only(replace(others, fit=fit))
+    return search
+
+
+def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
     """Whether a hypothesis is significant only as long as accepted effects have no free shape.
 
-    A richer shape of the same place is no residue: it has a name.
+    A richer shape of the same place is no model discrepancy: it has a name.
     """
     hypothesis = scored.hypotheses[best]
-    others = [h for h in now.accepted if h.at != hypothesis.at]
-    extra = residue_columns(now.problem, now.fit, others)
+    others = [h for h in search.accepted if h.at != hypothesis.at]
+    extra = discrepancy_columns(search.problem, search.fit, others)
     if not extra.shape[1]:
         return False
     free = scored.linear.projecting(scored.linear.projected, extra=scored.linear.whitened(extra))
-    score = free.score(free.of(hypothesis.parameters))
-    if not score.count:
-        return True
-    p = scored.scale.p_value(np.array([score.statistic]), np.array([score.count]))[0]
-    return bool(p > now.critical) and score.statistic < 0.5 * scored.scores[best].statistic
+    score = free.score_of(hypothesis)
+    insignificant = scored.scale.p_of(score) > search.critical
+    return not score.count or (insignificant and score.statistic < 0.5 * scored.scores[best].statistic)
 
 
-def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
+def stands_on_one_row(scored: Scored, k: int) -> bool:
+    """Whether a hypothesis is nothing without the row that speaks most for it: then the row is odd, not the machine."""
+    linear, score = scored.linear, scored.scores[k]
+    signature = linear.tested(scored.hypotheses[k]) @ score.estimate
+    row = int(np.argmax((signature * linear.unexplained).reshape(linear.on.shape).sum(axis=1)))
+    return scored.scale.p_of(linear.without_rows([row]).score_of(scored.hypotheses[k])) > _ODD_ROW
+
+
+def _bad_rows(search: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
     """Rows to take out now: significant ones, of the size of the worst; none beyond the largest share."""
-    room = max(int(MOST * len(now.problem)), 1) - len(now.bad_rows)
+    room = max(int(MOST * len(search.problem)), 1) - len(search.bad_rows)
     p = scored.rows.p_value
-    sure = _FAR_OUT if scored.scale.doubted else 1.0
-    chosen = np.nonzero(p < sure * alpha.rows / len(p))[0]
+    chosen = np.nonzero(p < alpha.rows / len(p))[0]
     if not len(chosen) or room <= 0:
         return np.zeros(0, dtype=np.intp)
     size = scored.rows.statistic[chosen]
@@ -247,43 +156,19 @@ def _bad_rows(now: Search, scored: Scored, alpha: Alpha) -> NDArray[np.intp]:
     return np.asarray(chosen[:room])
 
 
-def _without_rows(now: Search, rows: NDArray[np.intp]) -> Search:
+def _without_rows(search: Search, rows: NDArray[np.intp]) -> Search:
     """The same without some rows, calibrated again."""
     bad = tuple(int(r) for r in rows)
-    return recalibrated(replace(now, problem=now.problem.without(bad), bad_rows=(*now.bad_rows, *bad)))
+    return recalibrated(replace(search, problem=search.problem.without(bad), bad_rows=(*search.bad_rows, *bad)))
 
 
-def recalibrated(now: Search) -> Search:
-    """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
-    fit = identify(now.problem, now.selected)
-    return replace(now, problem=now.problem.without(fit.failed), fit=fit, failed={**now.failed, **fit.failed})
-
-
-def _accepted(now: Search, scored: Scored, best: int) -> Search | None:
+def _accepted(search: Search, scored: Scored, best: int) -> Search | None:
     """The same with one more effect; None if a fit with it fails or is not better."""
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
-    after = replace(now, accepted=(*now.accepted, hypothesis))
+    after = replace(search, accepted=(*search.accepted, hypothesis))
     fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
-    if fit is None or not now.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
+    if fit is None or not search.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
         return None
-    p, evidence = dict(now.p_values), dict(now.evidence)
+    p, evidence = dict(search.p_values), dict(search.evidence)
     p[hypothesis.name], evidence[hypothesis.name] = float(scored.p_values[best]), float(scored.log_bayes[best])
     return replace(after, fit=fit, p_values=p, evidence=evidence)
-
-
-def refit(now: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
-    """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
-
-    It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
-    (k,), SI.
-    """
-    start = now.problem.model.nominal
-    for hypothesis, estimate in starts.items():
-        for name, value in zip(hypothesis.parameters, estimate, strict=True):
-            k = now.problem.model.names.index(name)
-            start[k] = np.clip(start[k] + value, *now.problem.model.parameters[k].bounds)
-    try:
-        fit = identify(now.problem, now.selected, start, _STEPS)
-    except RowsFailed:
-        return None
-    return fit if fit.settled and not fit.failed else None

@@ -12,8 +12,8 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import log_evidence
-from pkmcal_cli.diagnosis.noise import time_order
-from pkmcal_cli.diagnosis.search import Scored
+from pkmcal_cli.diagnosis.noise_tests import time_order
+from pkmcal_cli.diagnosis.scoring import Scored
 from pkmcal_cli.effects import catalogue
 
 STABLE = 0.8  # share of resamples that must name the same
@@ -25,54 +25,55 @@ _EVERY = 1_000_000
 
 
 def stability(
-    found: Scored, evidence: Array, problem: Problem, hypothesis: Hypothesis, alike: Sequence[Hypothesis], seed: int
+    scores: Scored, evidence: Array, problem: Problem, hypothesis: Hypothesis, alike: Sequence[Hypothesis], seed: int
 ) -> float:
     """Share of resamples in which the effect, or one of those not told from it (`alike`), has most evidence.
 
-    `found`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows, by shapes of their own and by
+    `scores`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows, by shapes of their own and by
     fits. Blocks are stretches of time for what depends on time, else cells of the workspace.
     """
     best = np.argsort(-evidence, kind="stable")[:_RIVALS]
-    chosen = [int(k) for k in best if found.scores[k].count]
-    grams, counts = _grams(found, problem, hypothesis, chosen)
-    prior = np.diag(found.linear.fixed[1] + 1e-9)
+    chosen = [int(k) for k in best if scores.scores[k].count]
+    grams, counts = _grams(scores, problem, hypothesis, chosen)
+    prior = np.diag(scores.linear.fixed[1] + 1e-9)
     names = {h.name for h in (hypothesis, *alike)}
-    right = np.array([found.hypotheses[k].name in names for k in chosen])
+    right = np.array([scores.hypotheses[k].name in names for k in chosen])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
-    weights, more = drawn.astype(float), evidence[chosen] - found.log_bayes[chosen]
-    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, found) + more)] for w in weights]
+    weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]
+    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, scores) + more)] for w in weights]
     return float(np.mean(hits)) if right.any() else 0.0
 
 
-def _grams(found: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequence[int]) -> tuple[Array, list[int]]:
+def _grams(scores: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequence[int]) -> tuple[Array, list[int]]:
     """Gram matrices (B, q, q) by block of projected columns, hypotheses' visible columns and residual; their sizes."""
-    linear = found.linear
+    linear = scores.linear
     fixed = linear.fixed[0]
-    columns = [linear.of(found.hypotheses[k].parameters) @ found.scores[k].basis for k in chosen]
+    columns = [linear.tested(scores.hypotheses[k]) @ scores.scores[k].basis for k in chosen]
     whole = np.hstack([fixed, *columns, linear.residual[:, None]])
     label = np.repeat(_blocks(problem, hypothesis), linear.channels)
     grams = np.stack([whole[label == b].T @ whole[label == b] for b in np.unique(label)])
     return grams, [fixed.shape[1], *(c.shape[1] for c in columns)]
 
 
-def _evidence(gram: Array, counts: Sequence[int], prior: Array, found: Scored) -> Array:
+def _evidence(gram: Array, counts: Sequence[int], prior: Array, scores: Scored) -> Array:
     """Log evidence (H,) of hypotheses from one Gram matrix."""
     p = counts[0]
     left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + prior, gram[:p, p:])
     statistic, first = [], 0
     for count in counts[1:]:
-        mine = slice(first, first + count)
-        score = left[mine, -1]
-        statistic.append(float(score @ np.linalg.lstsq(left[mine, mine], score, rcond=1e-9)[0]))
+        own = slice(first, first + count)
+        score = left[own, -1]
+        statistic.append(float(score @ np.linalg.lstsq(left[own, own], score, rcond=1e-9)[0]))
         first += count
-    return log_evidence(np.array(statistic) / found.scale.variance, np.array(counts[1:]))
+    return log_evidence(np.array(statistic) / scores.scale.variance, np.array(counts[1:]))
 
 
 def _blocks(problem: Problem, hypothesis: Hypothesis) -> NDArray[np.intp]:
     """Block (N,) of each row."""
     effect = catalogue().get(hypothesis.effect)
-    if effect is not None and {"time", "temperature", "session"} & set(effect.needs):
+    needs = set() if effect is None else set(effect.needs)
+    if hypothesis.session or {"time", "temperature", "session"} & needs:
         rank = np.argsort(time_order(problem))
         return np.asarray(rank * _STRETCHES // len(rank), dtype=np.intp)
     labels = cells(problem, _EVERY)

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.linear import Linear, Score
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.score import Score
 
 DRAWS = 20_000
 _BLOCK = 4_000

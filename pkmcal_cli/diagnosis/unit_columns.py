@@ -1,4 +1,4 @@
-"""What a unit displacement of a port does to the readings, row by row: any shape of it is this times the shape."""
+"""What a unit displacement of an entry does to the readings, row by row: any shape of it is this times the shape."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise_at
-from pkmcal_cli.effects import WIDTHS, Effect, EffectParameter
-from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
-from pkmcal_cli.model.model import ModelParameter
-from pkmcal_cli.prediction.inputs import SocketInputs
+from pkmcal_cli.effects import FRAME_PARTS, WIDTHS, Effect, EffectParameter
+from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect
+from pkmcal_cli.model.parts import ModelParameter
+from pkmcal_cli.prediction import WarmStart
+from pkmcal_cli.prediction.inputs import SiteInputs
 
 
 @dataclass(frozen=True)
 class UnitColumn:
-    """Column (N, C), whitened, of number `part` of a port at one socket of an effect's place; `inputs`: for shapes."""
+    """Column (N, C), whitened, of number `part` of an entry at one effect site; `inputs` are for its shapes."""
 
     placed: PlacedEffect
     part: int
-    inputs: SocketInputs
+    inputs: SiteInputs
     column: Array
 
     def shaped(self, shapes: Array) -> Array:
@@ -33,37 +33,40 @@ class UnitColumn:
 
 
 def unit_columns(
-    problem: Problem, values: Array, state: State | None, placed: Sequence[PlacedEffect]
+    problem: Problem, values: Array, start: WarmStart | None, placed: Sequence[PlacedEffect]
 ) -> list[UnitColumn]:
-    """Unit columns at the places of effects, whatever their formulas are; one of each socket and number of the port.
+    """Unit columns at the places of effects, whatever their formulas are: one per effect site and number of its entry.
 
     `values`: of the problem's parameters (P,).
     """
     model = problem.model
-    made = [(e, s, part) for e in placed for s in e.sockets for part in _parts(e.effect, model.layout.planar)]
+    made = [(e, s, part) for e in placed for s in e.sites for part in _parts(e.effect, s)]
     if not made:
         return []
-    names = tuple(f"unit {k}" for k in range(len(made)))
+    names = tuple(f"unit {k}.size" for k in range(len(made)))
     units = tuple(_unit(e, s, part, name) for (e, s, part), name in zip(made, names, strict=True))
     parameters = tuple(
         ModelParameter(name=n, nominal=0.0, range=1.0, bounds=(-np.inf, np.inf), unit="", dimension="", identify=True)
         for n in names
     )
     wide = replace(problem, model=model.with_effects(units, parameters))
-    columns = linearise_at(wide, np.append(values, np.zeros(len(names))), names, state).jacobian
+    columns = linearise_at(wide, np.append(values, np.zeros(len(names))), names, start).jacobian
     return [
-        UnitColumn(e, part, SocketInputs(s, model, problem.rows, e, None), column.reshape(problem.readings.shape))
+        UnitColumn(e, part, SiteInputs(s, model, problem.rows, e, None), column.reshape(problem.readings.shape))
         for (e, s, part), column in zip(made, columns.T, strict=True)
     ]
 
 
-def _parts(effect: Effect, planar: bool) -> list[int]:
-    """Which of the port's numbers count: shifts, not turns and scales of frames."""
-    return [0] if WIDTHS[effect.port] == 1 else list(range(2 if planar else 3))
+def _parts(effect: Effect, site: EffectSite) -> list[int]:
+    """Which of the entry's numbers count: shifts that the effect site feels, not turns and scales of frames."""
+    shifts = list(range(WIDTHS[effect.enters]))
+    if effect.enters == "frame":
+        shifts = [*shifts[FRAME_PARTS["shift"]], *shifts[FRAME_PARTS["reading"]]]
+    return [k for k in shifts if site.matrix[:, k].any()]
 
 
-def _unit(placed: PlacedEffect, socket: Socket, part: int, name: str) -> PlacedEffect:
-    width = WIDTHS[placed.effect.port]
+def _unit(placed: PlacedEffect, site: EffectSite, part: int, name: str) -> PlacedEffect:
+    width = WIDTHS[placed.effect.enters]
 
     def formula(at: Any, size: Any) -> Any:
         return size if width == 1 else [size if k == part else 0.0 for k in range(width)]
@@ -74,4 +77,4 @@ def _unit(placed: PlacedEffect, socket: Socket, part: int, name: str) -> PlacedE
         parameters=(EffectParameter(name="size", unit="1", range=1.0, text=""),),
         formula=formula,
     )
-    return replace(placed, effect=effect, sockets=(socket,), parameters=(name,))
+    return replace(placed, effect=effect, sites=(site,), parameters=(name,))

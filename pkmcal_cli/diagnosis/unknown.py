@@ -11,8 +11,9 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.linear import Linear, Scale
-from pkmcal_cli.diagnosis.noise import independent, successive
+from pkmcal_cli.diagnosis.noise_tests import independent, successive, without_odd_row
 
+_LARGEST = 2.5  # root mean squares
 TESTS = 10  # groups, oscillations, runs, clusters, local effects and range noise share the false-alarm rate
 
 
@@ -33,10 +34,11 @@ class Unknown:
 def unknown_effects(
     linear: Linear, problem: Problem, scale: Scale, alpha: float, bad: tuple[int, ...]
 ) -> list[Unknown]:
-    """What is significant at `alpha` altogether."""
+    """What is significant at `alpha` altogether, and not by one odd row alone."""
+    linear = without_odd_row(linear)
     runs, linear = _runs(linear, problem), independent(linear, problem)
-    found = [*_groups(linear, problem, scale), *_oscillations(linear, problem, scale), *runs]
-    return [u for u in found if u.p_value < alpha / TESTS] + _clustered(problem, bad, alpha / TESTS)
+    groups = [*_groups(linear, problem, scale), *_oscillations(linear, problem, scale), *runs]
+    return [u for u in groups if u.p_value < alpha / TESTS] + _clustered(problem, bad, alpha / TESTS)
 
 
 def _groups(linear: Linear, problem: Problem, scale: Scale) -> list[Unknown]:
@@ -73,13 +75,15 @@ def _periodogram(
 ) -> Unknown | None:
     """The strongest oscillation along x (N,), its p value corrected for all frequencies and axes."""
     rows, channels = problem.readings.shape
-    rest = (linear.rest / np.sqrt(scale.variance)).reshape(rows, channels)
+    residual = (linear.unexplained / np.sqrt(scale.variance)).reshape(rows, channels)
+    most = _LARGEST * float(np.sqrt((residual**2).mean()))  # more than that is an odd value, and no oscillation
+    residual = np.clip(residual, -most, most)
     spread = float(np.ptp(x))
     cycles = np.arange(3.0, rows / 2.0, 0.5)
     if not len(cycles):
         return None
     phase = 2 * np.pi * np.outer(cycles, (x - x.min()) / spread)
-    power = (np.abs(np.exp(1j * phase) @ rest) ** 2).sum(axis=1) * 2 / rows / (linear.dof / linear.used)
+    power = (np.abs(np.exp(1j * phase) @ residual) ** 2).sum(axis=1) * 2 / rows / (linear.dof / linear.used)
     best = int(np.argmax(power))
     count = 2 * channels
     single = float(Scale(1.0, scale.dof).p_value(np.array(power[best]), np.array(count)))
@@ -93,8 +97,8 @@ def _runs(linear: Linear, problem: Problem) -> list[Unknown]:
     share, p = successive(linear, problem)
     if share <= 0:
         return []
-    size = float(np.sqrt((linear.rest**2).mean() * share))
-    return [Unknown("time", p, size, f"successive rows are alike (correlation {share:.2f})")]
+    size = float(np.sqrt((linear.unexplained**2).mean() * share))
+    return [Unknown("time", p, size, f"successive rows are correlated ({share:.2f})")]
 
 
 def _clustered(problem: Problem, bad: tuple[int, ...], alpha: float) -> list[Unknown]:
@@ -111,7 +115,7 @@ def _clustered(problem: Problem, bad: tuple[int, ...], alpha: float) -> list[Unk
         p = _nearness(np.sort(rank), len(problem)) * len(axes)
         if p < alpha:
             where = "time" if name == "time" else "pose"
-            out.append(Unknown(where, p, float("nan"), f"bad rows lie together in {name}"))
+            out.append(Unknown(where, p, float("nan"), f"bad rows cluster in {name}"))
     return out[:1]
 
 

@@ -5,9 +5,36 @@ from __future__ import annotations
 from functools import cache
 
 from pkmcal_cli.base.families import members
-from pkmcal_cli.effects.base import PORTS, STAGES, WIDTHS, Column, Effect, EffectParameter, Inputs, Option, Port
+from pkmcal_cli.effects.effect import (
+    ABSENT,
+    ENTRIES,
+    FRAME_PARTS,
+    KINDS,
+    STAGES,
+    WIDTHS,
+    Column,
+    Effect,
+    EffectParameter,
+    Entry,
+    Inputs,
+    Option,
+)
 
-__all__ = ["PORTS", "STAGES", "WIDTHS", "Column", "Effect", "EffectParameter", "Inputs", "Option", "Port", "catalogue"]
+__all__ = [
+    "ABSENT",
+    "ENTRIES",
+    "FRAME_PARTS",
+    "KINDS",
+    "STAGES",
+    "WIDTHS",
+    "Column",
+    "Effect",
+    "EffectParameter",
+    "Entry",
+    "Inputs",
+    "Option",
+    "catalogue",
+]
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs
+from pkmcal_cli.effects.effect import Effect, EffectParameter, Inputs
 
 _G = 9.80665  # m/s^2, standard gravity
 
@@ -20,7 +20,7 @@ STIFFNESS = Effect(
     title="stiffness of a member, joint or drive",
     symbol="",
     source="Ecorchard 2010, section 2.2",
-    port="stiffness",
+    enters="stiffness",
     parameters=(
         EffectParameter(
             name="k", unit="1", range=1.4, text="logarithm of true over declared stiffness", possible=(-20, 20)
@@ -28,24 +28,26 @@ STIFFNESS = Effect(
     ),
     formula=lambda at, k: k,
     cause="{at} is softer or stiffer than declared: loose or worn joints, wrong section.",
-    result="Forces of closure, weight and load deform the machine by another amount.",
+    result="Closure forces, weight and load deform the machine by a different amount than modelled.",
     action="Check preload and bolts of {at}; measure with two payloads.",
 )
 WEIGHT = Effect(
     keyword="self_weight",
-    title="self weight of parts",
+    title="self-weight of parts",
     symbol="",
     source="Ecorchard 2010, section 2.2 (own weight)",
-    port="weight",
+    enters="weight",
     parameters=(
         EffectParameter(
-            name="w", unit="1", range=1, text="true over declared weight, less one", possible=(-0.999, 1000)
+            name="w", unit="1", range=1, text="true over declared weight, minus one", possible=(-0.999, 1000)
         ),
     ),
     formula=lambda at, w: w,
     places="all",
+    weighty=True,
+    nowhere="gravity does not act on the masses (`own_weight`)",
     cause="The parts of the machine weigh more or less than declared.",
-    result="The machine sags by another amount than the model says, smoothly over the workspace.",
+    result="The machine sags by a different amount than modelled, smoothly over the workspace.",
     action="Weigh the parts, or check the counterbalance.",
 )
 TOOL_LOAD = Effect(
@@ -53,29 +55,32 @@ TOOL_LOAD = Effect(
     title="load at the tool: mass, hose and cable drag",
     symbol="",
     source="force at the tool centre point",
-    port="load",
+    enters="load",
     parameters=tuple(
         EffectParameter(name=f"f{c}", unit="N", range=500, text=f"force along {c}", spatial=c == "z") for c in "xyz"
     ),
     formula=lambda at, fx, fy, fz: [fx, fy, fz],
     common=False,
-    cause="A force that is not declared acts on {at}: tool, hose or cable.",
-    result="The machine is deformed by its compliance times this force.",
-    action="Measure once with the cable taken off, or declare the load.",
+    cause="An undeclared force acts on {at}: tool, hose or cable.",
+    result="The machine deforms by its compliance times this force.",
+    action="Measure once with the cable removed, or declare the load.",
 )
 PAYLOAD = Effect(
     keyword="payload",
     title="weight of the payload",
     symbol="",
     source="force at the tool centre point",
-    port="load",
+    enters="load",
     parameters=(
-        EffectParameter(name="m", unit="1", range=2, text="share of the column `payload` that acts on the machine"),
+        EffectParameter(
+            name="m", unit="1", range=2, text="share of the column `payload` that acts on the machine", known=1.0
+        ),
     ),
     formula=lambda at, m: [m * _G * at.payload * component for component in at.down],
     needs=("payload",),
     common=False,
-    cause="The payload weighs on {at} and is not declared.",
+    weighty=True,
+    cause="The weight of the payload on {at} is not declared.",
     result="The machine sags with the payload.",
     action="Declare the payload's weight, or compensate by the machine's compliance.",
 )
@@ -84,11 +89,13 @@ PRELOAD = Effect(
     title="force error of a force-controlled drive, preload",
     symbol="",
     source="load sharing of redundant drives",
-    port="drive_force",
-    parameters=(EffectParameter(name="f", unit="N", range=200, text="force beyond the commanded one", rotary="N*m"),),
+    enters="drive_force",
+    parameters=(
+        EffectParameter(name="f", unit="N", range=200, text="force in addition to the commanded force", rotary="N*m"),
+    ),
     formula=lambda at, f: f,
-    cause="{at} pulls or pushes with another force than commanded: friction, current offset.",
-    result="The machine is bent in the direction that the redundant drive can load.",
+    cause="{at} pulls or pushes with a force other than commanded: friction, current offset.",
+    result="The machine deforms in the direction in which the redundant drive can load it.",
     action="Measure the force of {at}, or the motor current in both directions.",
 )
 OVALITY = Effect(
@@ -96,11 +103,11 @@ OVALITY = Effect(
     title="ovality of joints",
     symbol="",
     source="roundness of joint bearings (second harmonic of the joint angle)",
-    port="length",
+    enters="length",
     parameters=(
-        EffectParameter(name="c", unit="um", range=10, text="along x less along y"),
+        EffectParameter(name="c", unit="um", range=10, text="along x minus along y"),
         EffectParameter(name="s", unit="um", range=10, text="along the diagonals of x and y"),
-        EffectParameter(name="zz", unit="um", range=10, text="along z less across it", spatial=True),
+        EffectParameter(name="zz", unit="um", range=10, text="along z minus across it", spatial=True),
         EffectParameter(name="yz", unit="um", range=10, text="along the diagonals of y and z", spatial=True),
         EffectParameter(name="zx", unit="um", range=10, text="along the diagonals of z and x", spatial=True),
     ),

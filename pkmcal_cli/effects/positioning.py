@@ -1,4 +1,4 @@
-"""Positioning errors of drives that depend on the position only (ISO 230-1, 230-2)."""
+"""Positioning errors of drives that depend on the position (ISO 230-1, 230-2), and the drift of their zeros."""
 
 from __future__ import annotations
 
@@ -6,19 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option, legendre
-
-_OVER = Option(
-    name="over",
-    unit="mm",
-    text="travel on which the shape is spread; default the limits, else the table's",
-    interval=True,
-    rotary="deg",
-)
+from pkmcal_cli.effects.effect import DURING, OVER, Effect, EffectParameter, Inputs, Option, legendre
 
 
 def _curve(at: Inputs, *sizes: Any) -> Any:
-    return sum(size * legendre(at.share, 2 + k) for k, size in enumerate(sizes))
+    return sum(size * legendre(at.normalised_travel, 2 + k) for k, size in enumerate(sizes))
 
 
 def _wave(at: Inputs, c: Any, s: Any) -> Any:
@@ -33,7 +25,13 @@ def _turns(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
 
 
 def _unwinding(at: Inputs, b: Any) -> Any:
-    return 0.5 * b * at.travel**2 / at.length
+    """A spiral: each turn changes the radius by as much, so the line is quadratic in the angle of the spool."""
+    line = at.folds * at.travel
+    return 0.5 * b * line**2 / at.length / at.folds
+
+
+def _drifting(at: Inputs, o1: Any, o2: Any) -> Any:
+    return o1 * at.normalised_time + o2 * legendre(at.normalised_time, 2)
 
 
 ZERO = Effect(
@@ -41,23 +39,50 @@ ZERO = Effect(
     title="zero offset of a drive",
     symbol="",
     source="ISO 230-1 (position error of the axis origin)",
-    port="command",
+    enters="command",
     parameters=(
         EffectParameter(name="o", unit="um", range=1000, text="offset of the position", rotary="urad", turning=20_000),
     ),
     formula=lambda at, o: o,
+    by_session=True,
     cause="The home position or encoder zero of {at} is off by {size}.",
     result="Every position of {at} is shifted by the same amount.",
     action="Correct the zero of {at} in the control by {size}, or home it again against a reference.",
+)
+ZERO_DRIFT = Effect(
+    keyword="zero_drift",
+    title="drift of a drive's zero over time",
+    symbol="ETVE",
+    source="ISO 230-3 (environmental temperature variation error)",
+    enters="command",
+    parameters=tuple(
+        EffectParameter(
+            name=f"o{k}",
+            unit="um",
+            range=100,
+            text=f"shift of the position, Legendre polynomial {k} in time",
+            rotary="urad",
+            turning=2000,
+        )
+        for k in (1, 2)
+    ),
+    formula=_drifting,
+    needs=("time", "temperature"),
+    options=(DURING,),
+    common=False,
+    cause="The zero of {at} drifts: creep of its belt or rope, a slipping coupling, electronics that warm up.",
+    result="The position of {at} at the same reading depends on when it was taken.",
+    action="Home {at} again at intervals, log the temperature of its drive train, and let the machine warm up first.",
 )
 SCALE = Effect(
     keyword="scale",
     title="linear positioning error, scale",
     symbol="EXX slope",
     source="ISO 230-1, ISO 230-2 (mean linear positioning deviation)",
-    port="command",
-    parameters=(EffectParameter(name="s", unit="um/m", range=400, text="positioning error per travel"),),
+    enters="command",
+    parameters=(EffectParameter(name="s", unit="um/m", range=400, text="positioning error per unit of travel"),),
     formula=lambda at, s: s * at.travel,
+    proportional=True,
     cause="The scale of {at} (lead of the screw, radius of the spool, grating) is off by {size}.",
     result="The positioning error of {at} grows in proportion to its travel.",
     action="Correct the scale of {at} in the control, or measure it alone with a laser interferometer.",
@@ -67,7 +92,7 @@ PITCH_CURVE = Effect(
     title="cumulative pitch error, positioning deviation along the travel",
     symbol="EXX",
     source="ISO 230-2",
-    port="command",
+    enters="command",
     parameters=tuple(
         EffectParameter(
             name=f"p{k}", unit="um", range=60, text=f"Legendre polynomial {k} of the travel", rotary="urad", turning=500
@@ -75,9 +100,9 @@ PITCH_CURVE = Effect(
         for k in range(2, 7)
     ),
     formula=_curve,
-    options=(_OVER,),
+    options=(OVER,),
     cause="The screw or scale of {at} has an error that varies along its travel.",
-    result="A smooth curve of positioning errors over the travel of {at}, the same in both directions.",
+    result="The positioning error of {at} is a smooth curve over its travel, the same in both directions.",
     action="Enter a compensation table for {at}, or check the screw for wear in the zone most used.",
 )
 PITCH = Effect(
@@ -85,7 +110,7 @@ PITCH = Effect(
     title="periodic positioning error",
     symbol="",
     source="ISO 230-1 (periodic error of a screw or encoder)",
-    port="command",
+    enters="command",
     parameters=(
         EffectParameter(name="c", unit="um", range=40, text="cosine part", rotary="urad", turning=400),
         EffectParameter(name="s", unit="um", range=40, text="sine part", rotary="urad", turning=400),
@@ -95,22 +120,22 @@ PITCH = Effect(
         Option(
             name="period",
             unit="mm",
-            text="lead of screw or period of encoder; default the drive's",
+            text="lead of the screw or period of the encoder; default: that of the drive",
             rotary="deg",
             positive=True,
         ),
     ),
     common=False,
-    cause="The screw, its coupling or the encoder of {at} runs out once in every period.",
+    cause="The screw, coupling or encoder of {at} runs out once per period.",
     result="The positioning error of {at} oscillates with the period.",
-    action="Check the alignment of the end bearing, coupling and encoder of {at}; measure a short fine scan.",
+    action="Check the alignment of the end bearing, coupling and encoder of {at}; measure a short scan in fine steps.",
 )
 GEAR = Effect(
     keyword="gear",
     title="rotary encoder and gear error",
     symbol="",
     source="ISO 230-1 (angular positioning error)",
-    port="command",
+    enters="command",
     parameters=tuple(
         EffectParameter(
             name=f"{part}{n}", unit="urad", range=400, text=f"{word} of {n} time{'s' if n > 1 else ''} the angle"
@@ -121,24 +146,24 @@ GEAR = Effect(
     formula=_turns,
     where="rotary",
     common=False,
-    cause="The rotary encoder or gear of {at} sits off its centre.",
+    cause="The rotary encoder or gear of {at} is eccentric.",
     result="The angle of {at} has an error that repeats with every turn.",
     action="Centre the encoder of {at}, or average two reading heads.",
 )
 BUILDUP = Effect(
     keyword="buildup",
-    title="build-up of line on a spool",
+    title="line build-up on a spool",
     symbol="",
-    source="geometry of wound rope: each layer changes the radius",
-    port="command",
+    source="geometry of wound line: a spiral, of which each turn changes the radius",
+    enters="command",
     parameters=(
         EffectParameter(
-            name="b", unit="um/m", range=2000, text="change of the spool's radius per length of unwound line"
+            name="b", unit="um/m", range=2000, text="change of the spool's radius per line unwound, at reading 0"
         ),
     ),
     formula=_unwinding,
     where="spool",
-    cause="The effective radius of the spool of {at} changes by {size} as line leaves it.",
-    result="The length of line is a curved function of the angle of {at}.",
-    action="Use the law with build-up in the control, or a spool of larger radius and less line.",
+    cause="The effective radius of the spool of {at} changes by {size} as line unwinds.",
+    result="The line length is a nonlinear function of the angle of {at}.",
+    action="Use the build-up law in the control, or a spool with a larger radius and less line.",
 )

@@ -6,17 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
+from pkmcal_cli.effects.effect import OVER, Effect, EffectParameter, Inputs, Option
 
 _SMOOTH = Option(
-    name="smooth", unit="N", text="force over which the sign of a reaction is smoothed; default 10 N", positive=True
-)
-_OVER = Option(
-    name="over",
-    unit="mm",
-    text="travel on which the shape is spread; default the limits, else the table's",
-    interval=True,
-    rotary="deg",
+    name="smooth", unit="N", text="force over which the sign of a reaction is smoothed; default: 10 N", positive=True
 )
 
 
@@ -34,7 +27,7 @@ BACKLASH = Effect(
     title="reversal error, backlash",
     symbol="B",
     source="ISO 230-2 (reversal error), ISO 230-4",
-    port="command",
+    enters="command",
     parameters=(
         EffectParameter(
             name="b",
@@ -48,15 +41,15 @@ BACKLASH = Effect(
     formula=lambda at, b: -0.5 * b * at.direction,
     needs=("direction",),
     cause="The nut, end bearing, belt or gear of {at} has play.",
-    result="Positions of {at} approached from either side differ by {size}.",
-    action="Check the preload of the nut and the end bearing of {at}; until then compensate the reversal by {size}.",
+    result="Positions of {at} approached from opposite sides differ by {size}.",
+    action="Check the preload of the nut and the end bearing of {at}; until then compensate for {size} of reversal.",
 )
 UNEQUAL_BACKLASH = Effect(
     keyword="unequal_backlash",
     title="reversal error that varies along the travel",
     symbol="B",
     source="ISO 230-2 (reversal error at each position)",
-    port="command",
+    enters="command",
     parameters=(
         EffectParameter(
             name="b1",
@@ -67,11 +60,11 @@ UNEQUAL_BACKLASH = Effect(
             turning=1000,
         ),
     ),
-    formula=lambda at, b1: -0.5 * b1 * at.share * at.direction,
+    formula=lambda at, b1: -0.5 * b1 * at.normalised_travel * at.direction,
     needs=("direction",),
-    options=(_OVER,),
+    options=(OVER,),
     cause="The play of {at} changes along its travel: wear, or wind-up of a long screw or belt.",
-    result="The two curves of {at}, forward and backward, are not parallel.",
+    result="The forward and backward curves of {at} are not parallel.",
     action="Measure the reversal error of {at} at both ends of the travel; replace the worn screw or belt.",
 )
 WINDUP = Effect(
@@ -79,13 +72,13 @@ WINDUP = Effect(
     title="wind-up under friction that grows with the load",
     symbol="",
     source="friction and elasticity of the drive train between encoder and carriage",
-    port="command",
+    enters="command",
     parameters=(
         EffectParameter(
             name="w",
             unit="um/kN",
             range=20,
-            text="lost motion per force that the drive carries",
+            text="lost motion per unit of drive force",
             rotary="urad/(kN*m)",
             turning=2000,
         ),
@@ -96,16 +89,16 @@ WINDUP = Effect(
     reactive=True,
     cause="The drive train of {at} winds up against friction that grows with the load.",
     result="The reversal error of {at} grows with the force that it carries.",
-    action="Check lubrication and alignment of {at}; measure with another payload (play would stay, wind-up not).",
+    action="Check lubrication and alignment of {at}; measure with another payload (wind-up changes, play does not).",
 )
 CLEARANCE = Effect(
     keyword="clearance",
     title="lost motion from joint clearance",
     symbol="",
     source="clearance of the joints at the ends of a member",
-    port="length",
+    enters="length",
     parameters=(
-        EffectParameter(name="c", unit="um", range=60, text="clearance of the joints of the member, along it"),
+        EffectParameter(name="c", unit="um", range=60, text="clearance of the member's joints along the member"),
     ),
     formula=_lost,
     options=(_SMOOTH,),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pkmcal_cli.effects.base import Effect, EffectParameter, Inputs, Option
+from pkmcal_cli.effects.effect import Effect, EffectParameter, Inputs, Option
 
-_REFERENCE = Option(name="reference", unit="degC", text="temperature at which the effect is zero; default 20 degC")
+_REFERENCE = Option(name="reference", unit="degC", text="temperature at which the effect is zero; default: 20 degC")
 _EXPANSION = "um/(m*K)"
 _LAG = EffectParameter(
-    name="lag", unit="min", range=120, text="time constant of the part behind its sensor", possible=(0, 1000)
+    name="lag", unit="min", range=120, text="time constant of the lag of the part behind its sensor", possible=(0, 1000)
 )
 
 
@@ -17,7 +17,7 @@ def _per_kelvin(size: float, what: str) -> tuple[EffectParameter, ...]:
     """Parameters of a shift along each axis, and of its lag."""
     axes = (
         EffectParameter(
-            name=f"g{c}", unit="um/K", range=size, text=f"{what} along {c} per temperature", spatial=c == "z"
+            name=f"g{c}", unit="um/K", range=size, text=f"{what} along {c} per unit of temperature", spatial=c == "z"
         )
         for c in "xyz"
     )
@@ -25,13 +25,13 @@ def _per_kelvin(size: float, what: str) -> tuple[EffectParameter, ...]:
 
 
 def _base(at: Inputs, a: Any, lag: Any) -> Any:
-    warmth = at.lagged(lag)
-    return [a * at.at[k] * warmth for k in range(3)]
+    temperature_rise = at.lagged(lag)
+    return [a * at.at[k] * temperature_rise for k in range(3)]
 
 
 def _shift(at: Inputs, gx: Any, gy: Any, gz: Any, lag: Any) -> Any:
-    warmth = at.lagged(lag)
-    return [gx * warmth, gy * warmth, gz * warmth]
+    temperature_rise = at.lagged(lag)
+    return [gx * temperature_rise, gy * temperature_rise, gz * temperature_rise]
 
 
 STRUT = Effect(
@@ -39,7 +39,7 @@ STRUT = Effect(
     title="thermal growth of struts, with lag",
     symbol="",
     source="linear thermal expansion; ISO 230-3",
-    port="length",
+    enters="length",
     parameters=(
         EffectParameter(
             name="a", unit=_EXPANSION, range=50, text="expansion coefficient (steel 11.5, aluminium 23, CFRP 0 to 2)"
@@ -50,22 +50,22 @@ STRUT = Effect(
     needs=("temperature",),
     options=(_REFERENCE,),
     cause="{at} grows with temperature.",
-    result="The length of {at} follows the temperature (behind its sensor, where there is a lag).",
-    action="Measure the temperature of {at} and compensate, or use members of low expansion.",
+    result="The length of {at} follows the temperature (with a lag behind its sensor, if any).",
+    action="Measure the temperature of {at} and compensate, or use low-expansion members.",
 )
 SCREW = Effect(
     keyword="thermal_screw",
     title="thermal growth of a ballscrew or scale",
     symbol="",
     source="ISO 230-3 (thermal distortion by moving axes)",
-    port="command",
+    enters="command",
     parameters=(
         EffectParameter(name="a", unit=_EXPANSION, range=50, text="expansion coefficient"),
         EffectParameter(
             name="o",
             unit="um/K",
             range=10,
-            text="shift of the zero, by the place of the fixed bearing",
+            text="zero shift due to the position of the fixed bearing",
             rotary="urad/K",
             turning=20,
         ),
@@ -76,7 +76,7 @@ SCREW = Effect(
     options=(_REFERENCE,),
     where="linear",
     cause="The screw or scale of {at} grows with temperature.",
-    result="Slope and zero of the positioning error of {at} follow the temperature.",
+    result="The slope and zero of the positioning error of {at} follow the temperature.",
     action="Log the temperature of {at}; cool or preload the screw, or use a linear scale.",
 )
 BASE = Effect(
@@ -84,7 +84,7 @@ BASE = Effect(
     title="thermal growth of the base",
     symbol="",
     source="ISO 230-3 (environmental temperature variation error)",
-    port="base",
+    enters="base",
     parameters=(
         EffectParameter(name="a", unit=_EXPANSION, range=50, text="expansion coefficient of the base about its origin"),
         _LAG,
@@ -93,8 +93,9 @@ BASE = Effect(
     needs=("temperature",),
     options=(_REFERENCE,),
     places="all",
+    nowhere="every part of the base is at its origin",
     cause="The base grows with temperature.",
-    result="All points fixed to the base move away from its origin.",
+    result="All points that are fixed to the base move away from its origin.",
     action="Log the temperature of the base, wait for a steady state, or compensate.",
 )
 FOOT = Effect(
@@ -102,14 +103,14 @@ FOOT = Effect(
     title="thermal shift of one part of the base",
     symbol="",
     source="ISO 230-3 (bending of columns by temperature gradients)",
-    port="base",
+    enters="base",
     parameters=_per_kelvin(20, "shift"),
     formula=_shift,
     needs=("temperature",),
     options=(_REFERENCE,),
     common=False,
     cause="The part of the base that carries {at} moves with temperature.",
-    result="One chain of the machine is shifted in proportion to the temperature.",
+    result="One chain of the machine shifts in proportion to the temperature.",
     action="Log temperatures on both sides of the column at {at}; shield it from heat sources.",
 )
 TOOL = Effect(
@@ -117,13 +118,13 @@ TOOL = Effect(
     title="thermal growth of spindle and tool",
     symbol="",
     source="ISO 230-3 (spindle growth)",
-    port="tool",
+    enters="tool",
     parameters=_per_kelvin(10, "growth"),
     formula=_shift,
     needs=("temperature",),
     options=(_REFERENCE,),
     common=False,
-    cause="Spindle, tool or reflector holder at {at} grows with temperature.",
-    result="What is measured shifts with the temperature, in the platform's axes.",
+    cause="The spindle, tool or reflector holder at {at} grows with temperature.",
+    result="The measured point shifts with the temperature in the platform's axes.",
     action="Log the temperature of the spindle; warm up before measuring.",
 )

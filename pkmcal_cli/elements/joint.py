@@ -1,8 +1,8 @@
-"""Joint between two ports, guide with its drive, spring to ground: displacement in triad i and relative rotation.
+"""Joint between two connection points, guide with its drive, spring to ground.
 
 Which rotations a joint blocks, and the formula of each that stays valid at any angle of its free rotations, is one
 row of `JOINTS`. The joint's own axes: z is the axis of revolute, cylindrical and planar joints; x that of a prismatic
-joint; a universal joint turns about x of the first member and y of the second.
+joint; a universal joint rotates about x of the first member and y of the second.
 """
 
 from __future__ import annotations
@@ -14,11 +14,21 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.rotation import Array, cross, dot, skew
-from pkmcal_cli.elements.base import DELTA, THETA_I, THETA_J, Element, add_product, outer, transpose, turned
+from pkmcal_cli.base.rotation import Array, cross, dot, polar_angle, skew
+from pkmcal_cli.elements.element import (
+    DELTA,
+    THETA_I,
+    THETA_J,
+    Element,
+    LinkGeometry,
+    add_product,
+    outer,
+    rotated,
+    transpose,
+)
 
 # A rotation strain is a sum of products of a carried axis of i with one of j: (factor, axis of i, axis of j).
-# For small turns it is the rotation of j against i about i's axis, with its sign (couplings depend on it).
+# For small angles it is the rotation of j against i about i's axis, with its sign (couplings depend on it).
 _HALF = MappingProxyType(
     {"rx": ((0.5, 2, 1), (-0.5, 1, 2)), "ry": ((0.5, 0, 2), (-0.5, 2, 0)), "rz": ((0.5, 1, 0), (-0.5, 0, 1))}
 )
@@ -50,7 +60,7 @@ JOINTS: MappingProxyType[str, JointType] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Joint(Element):
+class JointElement(Element):
     """Strains of a joint: relative displacements (m) in the triad of i, and rotations (rad) about its axes.
 
     `directions` lists those in use, out of x y z rx ry rz; `angle` is the unwrapped rotation of j about z of i, the
@@ -79,7 +89,8 @@ class Joint(Element):
             out[p, k, l] = out[p, l, k] = 1.0
         return out
 
-    def evaluate(self, delta: Array, ti: Array, tj: Array, rest: Array) -> tuple[Array, Array]:
+    def evaluate(self, link: LinkGeometry, rest: Array) -> tuple[Array, Array]:
+        delta, ti, tj, _ = link
         m = len(self.directions)
         kind = np.result_type(delta, ti, tj)
         e: Array = np.zeros((*delta.shape[:-1], m), dtype=kind, order="F")
@@ -103,7 +114,8 @@ class Joint(Element):
     def _products(self, name: str) -> tuple[tuple[float, int, int], ...]:
         return JOINTS[self.type].rotations.get(name) or _HALF[name]
 
-    def add_curvature(self, out: Array, delta: Array, ti: Array, tj: Array, stress: Array) -> None:
+    def add_curvature(self, out: Array, link: LinkGeometry, stress: Array) -> None:
+        delta, ti, tj, _ = link
         for row, name in enumerate(self.directions):
             s = stress[..., row]
             if name in DISPLACEMENTS:
@@ -111,7 +123,7 @@ class Joint(Element):
                 tangent = skew(s[..., None] * a)
                 out[..., DELTA, THETA_I] -= tangent
                 out[..., THETA_I, DELTA] += tangent
-                out[..., THETA_I, THETA_I] += turned(s[..., None] * a, delta)
+                out[..., THETA_I, THETA_I] += rotated(s[..., None] * a, delta)
             elif name == "angle":
                 _add_angle(out, ti, tj, s)
             else:
@@ -125,11 +137,7 @@ def _angle(ti: Array, tj: Array) -> tuple[Array, Array]:
     sine, cosine = dot(y, d), dot(x, d)
     norm = (sine * sine + cosine * cosine)[..., None]
     gradient = (cosine[..., None] * cross(y, d) - sine[..., None] * cross(x, d)) / norm
-    if not np.iscomplexobj(sine):
-        return np.arctan2(sine, cosine), gradient
-    real = np.arctan2(sine.real, cosine.real)
-    slope = (cosine.real * sine.imag - sine.real * cosine.imag) / norm.real[..., 0]
-    return real + 1j * slope, gradient
+    return polar_angle(sine, cosine), gradient
 
 
 def _add_angle(out: Array, ti: Array, tj: Array, stress: Array) -> None:
@@ -151,7 +159,7 @@ def _add_angle(out: Array, ti: Array, tj: Array, stress: Array) -> None:
 
 
 def _wrapped(e: Array, directions: tuple[str, ...]) -> Array:
-    """Bring the drive angle's strain to (-pi, pi]: a drive may have made whole turns."""
+    """Bring the drive angle's strain to (-pi, pi]: a drive may have made whole revolutions."""
     if "angle" in directions:
         row = directions.index("angle")
         e[..., row] -= 2 * np.pi * np.round(e[..., row].real / (2 * np.pi))

@@ -1,1 +1,1 @@
-"""The elasto-geometrical engine: kinematics of arms, assembly, rigid pose, elastic equilibrium, exact derivatives."""
+"""The elasto-geometrical engine: kinematics, assembly, rigid pose, elastic equilibrium, exact derivatives."""

@@ -1,65 +1,70 @@
-"""Assembly mode of a pose: the sign of the determinant of the rigid Jacobian, compared with the drawing's."""
+"""Assembly mode of a pose: the sign of det J of the rigid Jacobian J, against that of the reference configuration.
+
+Modes meet only where det J = 0 (singularity of the second kind: Gosselin and Angeles 1990), so a pose with the other
+sign closes, but the machine cannot have gone there.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import pick
-from pkmcal_cli.equilibrium.assembly import group_view
-from pkmcal_cli.equilibrium.given import given
-from pkmcal_cli.equilibrium.kinematics import State, turned_arms, views
+from pkmcal_cli.equilibrium.kinematics import State, geometries, rotated_offset_vectors
 from pkmcal_cli.equilibrium.mobility import pivot_columns
+from pkmcal_cli.equilibrium.strains import group_geometry, group_strains
 from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import Index
 
 
-def strain_jacobian(system: System, slots: Array, state: State, length: float) -> Array:
+def strain_jacobian(system: System, coefficients: Array, state: State, length: float) -> Array:
     """Derivative of all acting strains with respect to the unknowns, lengths relative to `length`: (N, m, n)."""
-    maps, numbers = system.strain_maps, given(system, slots)
-    stacked = views(system, state, turned_arms(system.layout, numbers.bodies, state))
+    maps, numbers = system.strain_maps, system_numbers(system, coefficients)
+    stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
     gradients = np.empty((maps.jacobian.columns, len(state)))
     for index, (own, varying) in maps.groups.items():
-        group, view = system.groups[index], group_view(system, index, stacked)
-        _, b = group.group.element.evaluate(view.delta, view.ti, view.tj, numbers.groups[index].rest)
+        group, geometry = system.groups[index], group_geometry(system, index, stacked)
+        given = numbers.groups[index].at(state.travel)
+        _, b = group_strains(group.group, geometry.links(given.sizes), given.rest)
         own.of(gradients)[...] = b
-        directions, part = view.directions, pick(b, group.map.moving)[..., :3]
+        directions, part = geometry.directions, pick(b, group.map.moving)[..., :3]
         np.einsum("nmxd,nmkd->nmkx", directions, part, out=varying.of(gradients))
     out = np.zeros((len(state), maps.count * system.unknowns))
     out[:, maps.filled] = maps.jacobian(gradients).T
-    unit = np.where(system.free < len(system.layout.travel_slots), length, 1.0)
+    unit = np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
     return np.asarray(out.reshape(len(state), maps.count, system.unknowns) * unit)
 
 
 def independent_strains(jacobian: Array) -> Index:
-    """Strains (n,) of a Jacobian (m, n) that are independent at the drawing, by pivoted QR."""
+    """Strains (n,) of a Jacobian (m, n) that are independent at the reference configuration, by pivoted QR."""
     return np.sort(np.array(pivot_columns(jacobian.T, jacobian.shape[1]), dtype=np.intp))
 
 
 @dataclass(frozen=True)
 class Mode:
-    """An assembly mode: independent strains (n,) of a pose and the sign of their Jacobian's determinant."""
+    """An assembly mode: independent strains (n,) of a pose, sign and logarithm of their Jacobian's determinant."""
 
     strains: Index
     sign: float
+    size: float
 
 
-def drawn_mode(system: System, slots: Array, state: State, length: float) -> Mode | None:
-    """The mode of the drawing (one row); None where the strains do not hold it."""
-    home = strain_jacobian(system, slots, state, length)[0]
+def reference_mode(system: System, coefficients: Array, state: State, length: float) -> Mode | None:
+    """The mode of the reference configuration (one row); None where the strains do not hold it."""
+    home = strain_jacobian(system, coefficients, state, length)[0]
     if home.shape[0] < system.unknowns or system.unknowns == 0:
         return None
     strains = independent_strains(home)
-    return Mode(strains, float(np.linalg.slogdet(home[strains])[0]))
+    return Mode(strains, *(float(x) for x in np.linalg.slogdet(home[strains])))
 
 
-def left_mode(system: System, mode: Mode | None, slots: Array, state: State, length: float) -> NDArray[np.bool_]:
-    """Rows (N,) whose pose lies in another assembly mode."""
+def regularity(system: System, mode: Mode | None, coefficients: Array, state: State, length: float) -> Array:
+    """det J over that of the reference configuration, (N,): negative in another assembly mode, 0 where singular."""
     if mode is None:
-        return np.zeros(len(state), dtype=bool)
-    jacobian = strain_jacobian(system, slots, state, length)
-    now = np.linalg.slogdet(jacobian[:, mode.strains])[0]
-    return np.asarray(now * mode.sign < 0)
+        return np.ones(len(state))
+    jacobian = strain_jacobian(system, coefficients, state, length)
+    sign, size = np.linalg.slogdet(jacobian[:, mode.strains])
+    return np.asarray(sign * mode.sign * np.exp(np.minimum(size - mode.size, 0.0)))

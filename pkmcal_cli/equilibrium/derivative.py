@@ -1,9 +1,9 @@
-"""Exact derivatives of readings with respect to slots, by the adjoint of the implicit function theorem.
+"""Exact derivatives of readings with respect to coefficients, by the adjoint of the implicit function theorem.
 
-At a solution g(y, x) = 0 (y: unknowns and multipliers, x: slots), a reading z(y, x) has
+At a solution g(y, x) = 0 (y: unknowns and multipliers, x: coefficients), a reading z(y, x) has
 dz/dx = z_x - l^T g_x with K^T l = z_y. The product l^T g_x is the derivative along l of the Lagrangian's gradient
-with respect to the slots: one complex step of size `_STEP` along l through that gradient gives it for all slots at
-once, exact to rounding.
+with respect to the coefficients: one complex step of size `_STEP` along l through that gradient gives it for all
+coefficients at once, exact to rounding.
 """
 
 from __future__ import annotations
@@ -14,82 +14,110 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array, cross, left_jacobian
 from pkmcal_cli.base.sparse_map import pick, rows_last
-from pkmcal_cli.elements import Element
-from pkmcal_cli.equilibrium.assembly import View, group_view, stresses_of
-from pkmcal_cli.equilibrium.given import Given, GroupNumbers, given, natural_lengths
-from pkmcal_cli.equilibrium.kinematics import State, advance, turned_arms, views
-from pkmcal_cli.equilibrium.newton import Slack
+from pkmcal_cli.elements import Element, LinkGeometry
+from pkmcal_cli.equilibrium.kinematics import State, advance, geometries, rotated_offset_vectors
+from pkmcal_cli.equilibrium.strains import Geometry, group_geometry, group_strains, on_links
+from pkmcal_cli.equilibrium.stresses import carrying_ropes, stresses_of
 from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.equilibrium.system_numbers import GroupNumbers, SystemNumbers, natural_lengths, system_numbers
+from pkmcal_cli.mechanism.topology import GROUND, Group
 
 _STEP = 1e-30
 
 
 @dataclass
 class _Sums:
-    """What is collected for all slots; kind real or complex as the state, the row index fastest in memory."""
+    """What is collected for all coefficients; kind real or complex as the state, the row index fastest in memory."""
 
-    arms: Array  # (N, A, 3)
+    offset_vectors: Array  # (N, A, 3)
     force: Array  # (N, links, 3) forces on links
-    moment: dict[int, Array]  # (N, 3) moments on the rotations that slots set
-    slots: Array  # (N, S) gradient
+    moment: dict[int, Array]  # (N, 3) moments on the rotations that coefficients set
+    coefficients: Array  # (N, S) gradient
 
 
-def _start(system: System, numbers: Given, state: State) -> _Sums:
-    layout, rows = system.layout, len(state)
+def _start(system: System, numbers: SystemNumbers, state: State) -> _Sums:
+    topology, rows = system.topology, len(state)
     kind = np.result_type(state.travel, state.rotation)
-    steered = np.nonzero(layout.rotations.slots[:, 0] >= 0)[0]
+    steered = np.nonzero(topology.rotations.coefficients[:, 0] >= 0)[0]
     return _Sums(
-        turned_arms(layout, numbers.bodies, state),
-        np.zeros((rows, len(layout.arms.start), 3), dtype=kind, order="F"),
+        rotated_offset_vectors(topology, numbers.bodies, state),
+        np.zeros((rows, len(topology.offset_vectors.start), 3), dtype=kind, order="F"),
         {int(r): np.zeros((rows, 3), dtype=kind, order="F") for r in steered},
-        np.zeros((rows, len(layout.slots.constants)), dtype=kind, order="F"),
+        np.zeros((rows, len(topology.coefficients.constants)), dtype=kind, order="F"),
     )
 
 
-def lagrangian_gradient(system: System, slots: Array | Given, state: State, slack: Slack | None) -> Array:
-    """Derivative of the Lagrangian with respect to every slot, (N, S), at a possibly complex state.
+def lagrangian_gradient(
+    system: System, coefficients: Array | SystemNumbers, state: State, *, taut: bool = False
+) -> Array:
+    """Derivative of the Lagrangian with respect to every coefficient, (N, S), at a possibly complex state.
 
-    At a real solution its entries at drive slots are the drive forces.
+    At a real solution its entries at drive coefficients are the drive forces. Ropes are taut or slack by the real part
+    of their stress; `taut`: they push too.
     """
-    numbers = slots if isinstance(slots, Given) else given(system, slots)
+    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
-    stacked = views(system, state, sums.arms)
-    for index, group in enumerate(system.groups):
-        loose = slack[index] if slack is not None and group.group.rope.any() else None
-        view = group_view(system, index, stacked)
-        _add_group(system, index, numbers.groups[index], state=state, view=view, sums=sums, loose=loose)
-    _arm_slots(system, numbers, state, sums)
-    return sums.slots
+    stacked = geometries(system, state, sums.offset_vectors)
+    for index in range(len(system.groups)):
+        geometry = group_geometry(system, index, stacked)
+        _add_group(system, index, numbers.groups[index], state=state, geometry=geometry, sums=sums, taut=taut)
+    _offset_vector_coefficients(system, numbers, state, sums)
+    return sums.coefficients
 
 
 def _add_group(
     system: System,
     index: int,
-    mine: GroupNumbers,
+    group_numbers: GroupNumbers,
     state: State,
-    view: View,
+    geometry: Geometry,
     sums: _Sums,
-    loose: Array | None,
+    taut: bool,
 ) -> None:
     """One group's forces, and its gradients with respect to stiffness, rest and prestress."""
     group = system.groups[index]
-    spec = group.group
-    e, b = spec.element.evaluate(view.delta, view.ti, view.tj, mine.rest)
-    stress = stresses_of(system, group, mine, e, state, loose)
-    _pull(sums, system, index, np.einsum("nek,neki->nei", stress, b))
+    spec, group_numbers = group.group, group_numbers.at(state.travel)
+    links = geometry.links(group_numbers.sizes)
+    e, b = group_strains(spec, links, group_numbers.rest)
+    stress = stresses_of(group, group_numbers, e, state)
+    carrying = None if taut else carrying_ropes(group, group_numbers, e)
+    if carrying is not None:
+        stress = stress * carrying[:, :, None]
+    _pull(sums, system, index, np.einsum("nek,neki->nei", on_links(spec, stress), b))
+    if spec.element.sizes:
+        _sizes(sums, spec, links, on_links(spec, stress))
     acting = e * group.elastic
-    if loose is not None:
-        acting = acting * ~loose[:, :, None]
+    if carrying is not None:
+        acting = acting * carrying[:, :, None]
     energy, pull = _energies(spec.element, acting), stress
-    if spec.element.per_length and mine.stiffness is not None:
-        length = natural_lengths(group, mine.rest)
-        energy = energy / length[..., None]
+    length = natural_lengths(group, group_numbers.rest)[..., None]
+    if spec.element.per_length or spec.element.load_power:
+        energy = energy / length if spec.element.per_length else energy
         pull = stress.copy(order="F")
-        pull[..., 0] += 0.5 * np.einsum("nekl,nek,nel->ne", mine.stiffness, acting, acting) / length
-    _slot_view(sums.slots, spec.stiffness, spec.shape[0], energy.shape[2])[...] = energy
-    np.negative(pull, out=_slot_view(sums.slots, spec.rest, *spec.shape))
+        pull[..., 0] -= group_numbers.by_length(acting if spec.element.per_length else e)[0]
+    _coefficients_of_group(sums.coefficients, spec.stiffness, spec.shape[0], energy.shape[2])[...] = energy
+    np.negative(pull, out=_coefficients_of_group(sums.coefficients, spec.rest, *spec.shape))
+    if spec.element.slides:
+        _add_held_travels(system, spec, pull, sums)
     if system.loaded:
-        np.multiply(e, group.stressed, out=_slot_view(sums.slots, spec.prestress, *spec.shape))
+        np.multiply(
+            (e if carrying is None else e * carrying[:, :, None]) * length**spec.element.load_power,
+            group.stressed,
+            out=_coefficients_of_group(sums.coefficients, spec.prestress, *spec.shape),
+        )
+
+
+def _add_held_travels(system: System, spec: Group, pull: Array, sums: _Sums) -> None:
+    """Gradient with respect to prescribed travels that add to natural lengths; pull (N, E, m): minus that by rest."""
+    held = np.nonzero(spec.slides.any(axis=1) & (system.place[: len(spec.slides)] < 0))[0]
+    sums.coefficients[:, system.topology.travel_coefficients[held]] -= pull[..., 0] @ spec.slides[held].T
+
+
+def _sizes(sums: _Sums, spec: Group, links: LinkGeometry, stress: Array) -> None:
+    """Gradient with respect to the sizes of links, under stresses (N, K, m)."""
+    where = _coefficients_of_group(sums.coefficients, spec.sizes, len(spec.weights), len(spec.element.sizes))
+    slopes = spec.element.by_sizes(links) * spec.weights[:, None, None]
+    np.einsum("nkm,nkmp->nkp", stress, slopes, out=where)
 
 
 def _energies(element: Element, e: Array) -> Array:
@@ -102,36 +130,42 @@ def _energies(element: Element, e: Array) -> Array:
     return out
 
 
-def _slot_view(slots: Array, where: slice, count: int, width: int) -> Array:
-    """Slots of a group (N, E, width), a view of all slots (N, S)."""
-    return np.moveaxis(slots.T[where].reshape(count, width, len(slots)), -1, 0)
+def _coefficients_of_group(coefficients: Array, where: slice, count: int, width: int) -> Array:
+    """Coefficients of a group (N, E, width), a view of all coefficients (N, S)."""
+    return np.moveaxis(coefficients.T[where].reshape(count, width, len(coefficients)), -1, 0)
 
 
-def point_gradient(system: System, slots: Array | Given, state: State, forces: Array) -> Array:
-    """Direct dependence on slots of the sum of forces (N, points, 3) times reading points: (N, S)."""
-    numbers = slots if isinstance(slots, Given) else given(system, slots)
+def point_gradient(system: System, coefficients: Array | SystemNumbers, state: State, forces: Array) -> Array:
+    """Direct dependence on coefficients of the sum of forces (N, points, 3) times reading points: (N, S)."""
+    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
-    sums.force[:, system.layout.points] = forces
-    _arm_slots(system, numbers, state, sums)
-    return sums.slots
+    sums.force[:, system.topology.points] = forces
+    _offset_vector_coefficients(system, numbers, state, sums)
+    return sums.coefficients
 
 
-def strain_gradient(system: System, slots: Array | Given, state: State, target: tuple[int, int, int]) -> Array:
-    """Direct dependence on slots of one measured elongation or displacement (strain plus its rest value): (N, S)."""
-    numbers = slots if isinstance(slots, Given) else given(system, slots)
+def strain_gradient(
+    system: System, coefficients: Array | SystemNumbers, state: State, target: tuple[int, int, int]
+) -> Array:
+    """Direct dependence (N, S) on coefficients of one measured elongation or displacement: strain plus rest value."""
+    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     index, e, m = target
-    view, element = group_view(system, index, views(system, state, sums.arms)), system.groups[index].group.element
-    _, b = element.evaluate(view.delta, view.ti, view.tj, numbers.groups[index].rest)
-    only = np.zeros((*b.shape[:2], b.shape[3]), order="F")
-    only[:, e] = b[:, e, m]
-    _pull(sums, system, index, only)
-    _arm_slots(system, numbers, state, sums)
-    return sums.slots
+    geometry = group_geometry(system, index, geometries(system, state, sums.offset_vectors))
+    spec = system.groups[index].group
+    links = geometry.links(numbers.groups[index].sizes)
+    _, b = group_strains(spec, links, numbers.groups[index].rest)
+    own = np.zeros((1, len(spec.weights), b.shape[2]))
+    own[:, spec.owners == e, m] = 1.0
+    _pull(sums, system, index, np.asfortranarray(np.einsum("nkm,nkmi->nki", own, b)))
+    if spec.element.sizes:
+        _sizes(sums, spec, links, own)
+    _offset_vector_coefficients(system, numbers, state, sums)
+    return sums.coefficients
 
 
 def _pull(sums: _Sums, system: System, index: int, pull: Array) -> None:
-    """Add one group's link forces and port moments (N, E, inputs)."""
+    """Add one group's link forces and connection point moments (N, E, inputs)."""
     group = system.groups[index].group
     sums.force[:, group.links] = pull[..., :3]
     for r, moment in sums.moment.items() if group.element.uses_triads else ():
@@ -139,39 +173,50 @@ def _pull(sums: _Sums, system: System, index: int, pull: Array) -> None:
             moment += pull[:, group.rotation[side] == r, inputs].sum(axis=1)
 
 
-def _arm_slots(system: System, numbers: Given, state: State, sums: _Sums) -> None:
-    """Chain link forces and port moments to offsets, prescribed travels, frames and driven angles."""
-    layout = system.layout
-    table, rotations = layout.arms, layout.rotations
+def _offset_vector_coefficients(system: System, numbers: SystemNumbers, state: State, sums: _Sums) -> None:
+    """Chain link forces and connection point moments to offsets, prescribed travels, frames and driven angles."""
+    topology = system.topology
+    table, rotations = topology.offset_vectors, topology.rotations
     pull = pick(sums.force, table.link)  # (N, A, 3)
     local = np.einsum("naij,nai->naj", pick(state.rotation, table.rotation), pull)
-    sums.slots += system.maps.arm_slots(rows_last(local)).T
-    frames = layout.frames.tolist()
-    for r, moment in sums.moment.items():
-        mine = np.nonzero(table.rotation == r)[0]
-        moment += cross(pick(sums.arms, mine), pick(pull, mine)).sum(axis=1)
+    sums.coefficients += system.maps.offset_vector_coefficients(rows_last(local)).T
+    frames = topology.frames.tolist()
+    for r, moment in reversed(sums.moment.items()):  # what is carried before its carrier, which feels its moment
+        carried = np.nonzero(table.rotation == r)[0]
+        moment += cross(pick(sums.offset_vectors, carried), pick(pull, carried)).sum(axis=1)
         if r in frames:
-            turn = left_jacobian(numbers.frames[:, frames.index(r)])
-            turned = np.einsum("nij,ni->nj", turn, moment)
+            carrier = int(rotations.carrier[r])
+            if carrier in sums.moment:
+                sums.moment[carrier] += moment
+            inner = moment if carrier == GROUND else np.einsum("nij,ni->nj", state.rotation[:, carrier], moment)
+            rotation = left_jacobian(numbers.frames[:, frames.index(r)])
+            rotated = np.einsum("nij,ni->nj", rotation, inner)
             for k in range(3):
-                sums.slots[:, rotations.slots[r, k]] += turned[:, k]
-        elif system.place[layout.rotation_dofs[r]] < 0:
-            sums.slots[:, rotations.slots[r, 0]] += moment @ rotations.axis[r]
+                sums.coefficients[:, rotations.coefficients[r, k]] += rotated[:, k]
+        elif system.place[topology.rotation_dofs[r]] < 0:
+            sums.coefficients[:, rotations.coefficients[r, 0]] += moment @ rotations.axis[r]
 
 
 def adjoint_derivative(
-    system: System, slots: Array | Given, state: State, slack: Slack | None, multipliers: Array, scale: float
+    system: System,
+    coefficients: Array | SystemNumbers,
+    state: State,
+    multipliers: Array,
+    scale: float,
+    *,
+    taut: bool = False,
 ) -> Array:
     """l^T dg/dslots for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
-    numbers, layout = slots if isinstance(slots, Given) else given(system, slots), system.layout
+    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    topology = system.topology
     rows, count = multipliers.shape[:2]
-    out: Array = np.empty((rows, count, len(layout.slots.constants)), order="F")
+    out: Array = np.empty((rows, count, len(topology.coefficients.constants)), order="F")
     for c in range(count):
         stepped = advance(system, state, 1j * _STEP * multipliers[:, c], scale)
-        out[:, c] = lagrangian_gradient(system, numbers, stepped, slack).imag
+        out[:, c] = lagrangian_gradient(system, numbers, stepped, taut=taut).imag
     out /= _STEP
-    if system.loaded and len(layout.force_dofs):
-        where = system.place[layout.force_dofs]
+    if system.loaded and len(topology.force_dofs):
+        where = system.place[topology.force_dofs]
         for k in np.nonzero(where >= 0)[0]:
-            out[:, :, layout.force_slots[k]] -= multipliers[:, :, where[k]]
+            out[:, :, topology.force_coefficients[k]] -= multipliers[:, :, where[k]]
     return out

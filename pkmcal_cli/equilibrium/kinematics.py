@@ -1,4 +1,8 @@
-"""State of all rows, arms and links at a state, and the input Jacobian of links (rows are machine configurations)."""
+"""The state of all rows (travels, rotations, multipliers), offset vectors and links at a state, the Jacobian of links.
+
+Rotations are matrices, moved by increments from the left, R <- exp(theta) R, so that no parametrisation has a
+singularity; a link is delta = sum +-R_r (o + travel a), and d delta = theta x (R o) for each of its offset vectors.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, exp, skew, times
+from pkmcal_cli.base.rotation import Array, exp, log, skew, times
 from pkmcal_cli.base.sparse_map import Block, pick, rows_last, take_rows
-from pkmcal_cli.equilibrium.given import arm_bodies, frame_vectors
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.mechanism.topology import DriveKind, Index, Layout, Turn
+from pkmcal_cli.equilibrium.system_numbers import constant_offset_vectors, frame_vectors
+from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, RotationKind, Topology
 
 
 @dataclass(frozen=True)
@@ -37,104 +41,126 @@ class State:
 
     def write(self, rows: Index, other: State) -> None:
         """Overwrite some rows, in place."""
-        for mine, theirs in (
+        for target, theirs in (
             (self.travel, other.travel),
             (self.rotation, other.rotation),
             (self.multiplier, other.multiplier),
         ):
-            mine.T[..., rows] = theirs.T
+            target.T[..., rows] = theirs.T
 
 
-def drawn_state(layout: Layout, slots: Array, rows: int, constraints: int) -> State:
-    """The drawing as a state of `rows` rows; frames stand where `slots` (1 or N, S) puts them."""
-    travel = np.empty((rows, len(layout.travel_drawn)), order="F")
-    rotation = np.empty((rows, *layout.rotations.drawn.shape), order="F")
-    travel[:], rotation[:] = layout.travel_drawn, layout.rotations.drawn
-    return place_prescribed(layout, slots, State(travel, rotation, np.zeros((rows, constraints))), frames_only=True)
+def reference_state(topology: Topology, coefficients: Array, rows: int, constraints: int) -> State:
+    """The reference configuration as a state of `rows` rows; frames are where `coefficients` (1 or N, S) put them."""
+    travel = np.empty((rows, len(topology.travel_reference)), order="F")
+    rotation = np.empty((rows, *topology.rotations.reference.shape), order="F")
+    travel[:], rotation[:] = topology.travel_reference, topology.rotations.reference
+    return place_prescribed(
+        topology, coefficients, State(travel, rotation, np.zeros((rows, constraints))), frames_only=True
+    )
 
 
 def place_prescribed(
-    layout: Layout, slots: Array, state: State, frames_only: bool = False, free: Index | None = None
+    topology: Topology, coefficients: Array, state: State, frames_only: bool = False, free: Index | None = None
 ) -> State:
-    """Set what slots prescribe: frames and, unless `frames_only`, the travels and angles not among `free`."""
-    rotations = layout.rotations
+    """Set what coefficients prescribe: frames and, unless `frames_only`, the travels and angles not among `free`."""
+    rotations = topology.rotations
     rotation = state.rotation.copy(order="K")
-    if len(layout.frames):
-        turns = exp(frame_vectors(layout, slots))
-        rotation[:, layout.frames] = times(turns, rotations.drawn[layout.frames])
     travel = state.travel.copy(order="K")
     if not frames_only:
         unknown = set() if free is None else set(free.tolist())
-        for t in np.nonzero(layout.travel_slots >= 0)[0]:
+        for t in np.nonzero(topology.travel_coefficients >= 0)[0]:
             if int(t) not in unknown:
-                travel[:, t] = slots[:, layout.travel_slots[t]]
-        for drive in layout.drives:
+                travel[:, t] = coefficients[:, topology.travel_coefficients[t]]
+        for drive in topology.drives:
             r = drive.target[0]
-            if drive.kind is DriveKind.ROTATION and int(layout.rotation_dofs[r]) not in unknown:
-                rotation[:, r] = exp(slots[:, rotations.slots[r, 0], None] * rotations.axis[r]) @ rotations.drawn[r]
+            if drive.kind is DriveKind.ROTATION and int(topology.rotation_dofs[r]) not in unknown:
+                angle = coefficients[:, rotations.coefficients[r, 0], None]
+                rotation[:, r] = exp(angle * rotations.axis[r]) @ rotations.reference[r]
+    _place_frames(topology, coefficients, rotation)
     return replace(state, travel=travel, rotation=rotation)
+
+
+def _place_frames(topology: Topology, coefficients: Array, rotation: Array) -> None:
+    """Set the orientations of frames among `rotation` (N, B, 3, 3): as their carriers', turned by coefficients."""
+    if not len(topology.frames):
+        return
+    turned = times(exp(frame_vectors(topology, coefficients)), topology.rotations.reference[topology.frames])
+    for k, r in enumerate(topology.frames):
+        carrier = topology.rotations.carrier[r]
+        rotation[:, r] = turned[:, k] if carrier == GROUND else times(rotation[:, carrier], turned[:, k])
 
 
 def advance(system: System, state: State, step: Array, multiplier_scale: float) -> State:
     """The state moved by `step` (N, n + c) of the unknowns and scaled multipliers."""
-    layout, n = system.layout, system.unknowns
-    full = np.zeros((len(step), layout.n_dof), dtype=step.dtype, order="F")
+    topology, n = system.topology, system.unknowns
+    full = np.zeros((len(step), topology.n_dof), dtype=step.dtype, order="F")
     full[:, system.free] = step[:, :n]
-    travel = state.travel + full[:, : len(layout.travel_slots)]
+    travel = state.travel + full[:, : len(topology.travel_coefficients)]
     rotation = np.asarray(state.rotation, dtype=np.result_type(state.rotation, step)).copy(order="F")
-    kind, first = layout.rotations.kind, layout.rotation_dofs
-    free = np.nonzero(kind == Turn.FREE)[0]
+    kind, first = topology.rotations.kind, topology.rotation_dofs
+    free = np.nonzero(kind == RotationKind.FREE)[0]
     if len(free):
         theta = pick(full, first[free, None] + np.arange(3))
-        rotation[:, free] = _turn(theta, pick(state.rotation, free))
-    axial = np.nonzero(kind == Turn.AXIS)[0]
+        rotation[:, free] = _rotation_of(theta, pick(state.rotation, free))
+    axial = np.nonzero(kind == RotationKind.AXIS)[0]
     if len(axial):
-        theta = full[:, first[axial], None] * layout.rotations.axis[axial]
-        rotation[:, axial] = _turn(theta, pick(state.rotation, axial))
+        theta = full[:, first[axial], None] * topology.rotations.axis[axial]
+        rotation[:, axial] = _rotation_of(theta, pick(state.rotation, axial))
     return State(travel, rotation, state.multiplier + multiplier_scale * step[:, n:])
 
 
-def _turn(theta: Array, rotation: Array) -> Array:
+def _rotation_of(theta: Array, rotation: Array) -> Array:
     if np.iscomplexobj(theta):  # a complex step: the increment is infinitesimal
         return rotation + times(skew(theta), rotation)
     return times(exp(theta), rotation)
 
 
-def arm_vectors(layout: Layout, slots: Array, state: State) -> Array:
-    """All arms in base axes, (N, A, 3)."""
-    return turned_arms(layout, arm_bodies(layout, slots), state)
+def without_stress(state: State, system: System) -> State:
+    """The same pose as a state of another system, its constraints without force."""
+    return State(state.travel, state.rotation, np.zeros((len(state), system.constraints), order="F"))
 
 
-def turned_arms(layout: Layout, bodies: Array, state: State) -> Array:
-    """All arms in base axes, (N, A, 3); `bodies` (1 or N, A, 3): their constant parts in their triads."""
-    arms = bodies + layout.arm_block.of(layout.travel_map(rows_last(state.travel)))
-    carried, width = layout.carried_arms, layout.width
+def offset_vectors_at(topology: Topology, coefficients: Array, state: State) -> Array:
+    """All offset vectors in base axes, (N, A, 3)."""
+    return rotated_offset_vectors(topology, constant_offset_vectors(topology, coefficients), state)
+
+
+def rotated_offset_vectors(topology: Topology, bodies: Array, state: State) -> Array:
+    """All offset vectors in base axes, (N, A, 3); `bodies` (1 or N, A, 3): their constant parts in their triads."""
+    offset_vectors = bodies + topology.offset_vector_block.of(topology.travel_map(rows_last(state.travel)))
+    carried, width = topology.carried_offset_vectors, topology.width
     if len(carried):
-        carriers = pick(state.rotation[..., :width, :width], layout.arms.rotation[carried])
-        turned = np.einsum("naij,naj->nai", carriers, pick(arms, carried)[..., :width])
-        arms.T[:width, carried] = turned.T
-    return np.asarray(arms)
+        carriers = pick(state.rotation[..., :width, :width], topology.offset_vectors.rotation[carried])
+        rotated = np.einsum("naij,naj->nai", carriers, pick(offset_vectors, carried)[..., :width])
+        offset_vectors.T[:width, carried] = rotated.T
+    return np.asarray(offset_vectors)
 
 
-def link_vectors(layout: Layout, arms: Array) -> Array:
-    """Vectors from port i to port j, (N, links, 3)."""
-    return layout.link_block.of(layout.link_map(rows_last(arms)))
+def link_vectors(topology: Topology, offset_vectors: Array) -> Array:
+    """Vectors from point i to point j, (N, links, 3)."""
+    return topology.link_block.of(topology.link_map(rows_last(offset_vectors)))
 
 
-def views(system: System, state: State, arms: Array) -> Array:
-    """Triads of ports, links and varying directions of all groups, stacked as `system.view_maps` says (entries, N)."""
-    return system.view_maps.views(_moved(state, arms))
+def point_poses(topology: Topology, coefficients: Array, state: State, point: int, rotation: int) -> Array:
+    """Poses (N, 6), m and rad, of a point that is read: place, and rotation since the configuration as filed."""
+    links = link_vectors(topology, offset_vectors_at(topology, coefficients, state))
+    turn = log(times(state.rotation[:, rotation], topology.rotations.filed[rotation].T))
+    return np.concatenate([links[:, topology.points[point]], turn], axis=1)
 
 
-def _moved(state: State, arms: Array) -> Array:
-    return np.concatenate([rows_last(state.rotation), rows_last(arms)])
+def geometries(system: System, state: State, offset_vectors: Array) -> Array:
+    """Triads, links and varying directions of all groups, stacked (entries, N) as `system.geometry_maps` says."""
+    return system.geometry_maps.geometries(_moved(state, offset_vectors))
 
 
-def input_jacobian(layout: Layout, links: LinkMap, state: State, arms: Array) -> tuple[Array, Array]:
-    """Transposed Jacobian of the inputs with respect to local unknowns (N, E, L, I), and the varying directions
-    (N, M, X, 3)."""
+def _moved(state: State, offset_vectors: Array) -> Array:
+    return np.concatenate([rows_last(state.rotation), rows_last(offset_vectors)])
+
+
+def input_jacobian(topology: Topology, links: LinkMap, state: State, offset_vectors: Array) -> tuple[Array, Array]:
+    """Transposed Jacobian (N, E, L, I) of the inputs by local unknowns, and the varying directions (N, M, X, 3)."""
     out = np.repeat(links.template[None], len(state), axis=0)
-    directions = Block(0, (*links.shape, 3)).of(links.directions(_moved(state, arms)))
-    moved = np.einsum("mlx,nmxd->nmld", links.varying, directions[..., : layout.width])
-    out[:, links.moving, :, : layout.width] += moved
+    directions = Block(0, (*links.shape, 3)).of(links.directions(_moved(state, offset_vectors)))
+    moved = np.einsum("mlx,nmxd->nmld", links.varying, directions[..., : topology.width])
+    out[:, links.moving, :, : topology.width] += moved
     return out, directions

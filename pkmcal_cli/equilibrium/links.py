@@ -1,9 +1,10 @@
-"""How links depend on unknowns: a constant part, and directions that turn with the state.
+"""How links depend on unknowns: a constant part, and directions that vary with the state.
 
-A link's inputs are delta (the vector from port i to port j) and the increments theta_i, theta_j of the ports'
-rotations. Where the dependence is constant (a node moved along base axes, a port on a free rotation) it is a template.
-An arm that turns moves delta in a direction that varies with the state; the three, or one, unknowns of its rotation,
-or the travel along it, are the link's *varying* inputs, X of them.
+A link's inputs are delta (the vector from point i to point j) and the increments theta_i, theta_j of the rotations of
+its connection points. Where the dependence is constant (a node moved along base axes, a connection point on a free
+rotation) it is a template, made once. An offset vector v that rotates moves delta by theta x v, a direction that
+varies with the state; the three, or one, unknowns of its rotation, or the travel along it, are the link's *varying*
+inputs, X of them. Few links have any, so only these pay for them.
 """
 
 from __future__ import annotations
@@ -17,61 +18,62 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array, skew
 from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap
-from pkmcal_cli.mechanism.topology import Index, Layout, Turn
+from pkmcal_cli.elements.element import NATURAL_LENGTH
+from pkmcal_cli.mechanism.topology import Group, Index, RotationKind, Topology
 
-_WIDTH = {Turn.FIXED: 0, Turn.FREE: 3, Turn.AXIS: 1}
+_WIDTH = {RotationKind.FIXED: 0, RotationKind.FREE: 3, RotationKind.AXIS: 1}
 
 
-class Turning(NamedTuple):
-    """Arms on rotations with three unknowns: link, first local unknown, arm; first varying input; each (F,)."""
+class Rotating(NamedTuple):
+    """Offset vectors on rotations with three unknowns, (F,) each: link, first local unknown, vector, varying input."""
 
     link: Index
     column: Index
-    arm: Index
+    offset_vector: Index
     varying: Index
 
 
 class Hinged(NamedTuple):
-    """Arms on rotations about a fixed axis (F, 3), else as Turning."""
+    """Offset vectors on rotations about a fixed axis (F, 3), else as Rotating."""
 
     link: Index
     column: Index
-    arm: Index
+    offset_vector: Index
     varying: Index
     axis: Array
 
 
 class Sliding(NamedTuple):
-    """Travels along an axis (F, 3) of a rotation that is not the base, else as Turning."""
+    """Travels along an axis (F, 3) of a rotation that is not the base, else as Rotating."""
 
     link: Index
     column: Index
-    arm: Index
+    offset_vector: Index
     varying: Index
     axis: Array
 
 
 class Pairs(NamedTuple):
-    """Travels along arms that turn: number among the Sliding, and of the arm's rotation among Turning or Hinged."""
+    """Travels along offset vectors that rotate: index in Sliding, and index of the vector in Rotating or Hinged."""
 
     sliding: Index
-    turning: Index
+    rotating: Index
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkMap:
     """Local unknowns of the E links of a group and how the inputs depend on them."""
 
-    layout: Layout
+    topology: Topology
     links: slice
     unknowns: Index  # (E, L) global unknowns, -1 padded
     template: Array  # (E, L, I) constant part of the transposed input Jacobian
     moving: Index  # (M,) links with varying inputs
     varying: Array  # (M, L, X) which local unknown each varying input is
-    turning: Turning
+    rotating: Rotating
     hinged: Hinged
     sliding: Sliding
-    sliding_turning: Pairs
+    sliding_rotating: Pairs
     sliding_hinged: Pairs
 
     @property
@@ -81,25 +83,27 @@ class LinkMap:
 
     @cached_property
     def directions(self) -> SparseMap:
-        """Map from rotations and arms to the varying directions (M, X, 3)."""
+        """Map from rotations and offset vectors to the varying directions (M, X, 3)."""
         block, entries = Block(0, (*self.shape, 3)), Entries.none()
         self.add_directions(block, entries)
-        return entries.build(block.stop, self.layout.moved)
+        return entries.build(block.stop, self.topology.moved)
 
     def add_directions(self, block: Block, entries: Entries) -> None:
         """Entries of `directions` for a block of that shape."""
-        rotations, arms = self.layout.moved_blocks
+        rotations, offset_vectors = self.topology.moved_blocks
         number, axes = block.numbers, np.arange(3)
-        row = np.searchsorted(self.moving, self.turning.link)
-        for k, unit in enumerate(np.eye(3)):  # unit x arm
-            target = number[row, self.turning.varying + k]
-            entries.add(target[:, :, None], arms.numbers[self.turning.arm][:, None, :], skew(unit))
+        row = np.searchsorted(self.moving, self.rotating.link)
+        for k, unit in enumerate(np.eye(3)):  # unit x offset vector
+            target = number[row, self.rotating.varying + k]
+            entries.add(target[:, :, None], offset_vectors.numbers[self.rotating.offset_vector][:, None, :], skew(unit))
         row = np.searchsorted(self.moving, self.hinged.link)
         target = number[row, self.hinged.varying]
-        entries.add(target[:, :, None], arms.numbers[self.hinged.arm][:, None, :], skew(self.hinged.axis))
+        entries.add(
+            target[:, :, None], offset_vectors.numbers[self.hinged.offset_vector][:, None, :], skew(self.hinged.axis)
+        )
         row = np.searchsorted(self.moving, self.sliding.link)
         target = number[row, self.sliding.varying]
-        carrier = self.layout.arms.rotation[self.sliding.arm]
+        carrier = self.topology.offset_vectors.rotation[self.sliding.offset_vector]
         source = rotations.numbers[carrier[:, None, None], axes[:, None], axes]
         entries.add(target[:, :, None], source, self.sliding.axis[:, None, :])
 
@@ -108,106 +112,117 @@ class LinkMap:
 class _Collector:
     """Entries collected link by link."""
 
-    layout: Layout
+    topology: Topology
     place: Index
     local: list[list[int]] = field(default_factory=list)
     fixed: list[tuple[int, int, Array]] = field(default_factory=list)  # link, column, direction
-    turning: list[tuple[int, int, int, int]] = field(default_factory=list)
+    rotating: list[tuple[int, int, int, int]] = field(default_factory=list)
     hinged: list[tuple[int, int, int, int, Array]] = field(default_factory=list)
     sliding: list[tuple[int, int, int, int, Array]] = field(default_factory=list)
-    sliding_turning: list[tuple[int, int]] = field(default_factory=list)
+    sliding_rotating: list[tuple[int, int]] = field(default_factory=list)
     sliding_hinged: list[tuple[int, int]] = field(default_factory=list)
+    lengthening: list[tuple[int, int, float]] = field(default_factory=list)  # link, column, factor
     width: int = 0
 
-    def add_link(self, e: int, link: int, ports: list[int]) -> None:
-        """Local unknowns of one link and the arms by which they move it."""
-        arms, rotations, first = self.layout.arms, self.layout.rotations, self.layout.rotation_dofs
-        mine = [int(a) for a in np.nonzero(arms.link == link)[0]]
+    def add_link(self, e: int, link: int, connections: list[int], slides: Array) -> None:
+        """Local unknowns of one link, the offset vectors by which they move it, travels (T,) that lengthen it."""
+        topology = self.topology
+        offset_vectors, rotations, first = topology.offset_vectors, topology.rotations, topology.rotation_dofs
+        of_link = [int(a) for a in np.nonzero(offset_vectors.link == link)[0]]
         local: list[int] = []
-        for r in [int(arms.rotation[a]) for a in mine] + ports:
-            dofs = np.arange(first[r], first[r] + _WIDTH[Turn(rotations.kind[r])])
+        for r in [int(offset_vectors.rotation[a]) for a in of_link] + connections:
+            dofs = np.arange(first[r], first[r] + _WIDTH[RotationKind(rotations.kind[r])])
             if len(dofs) and first[r] not in local and (self.place[dofs] >= 0).any():
                 local += dofs.tolist()
         used = 0
-        for a in mine:
-            turns = int(first[arms.rotation[a]]) in local
-            used = self._add_rotation(e, a, local, used) if turns else used
-            used = self._add_travels(e, a, local, used, turns)
+        for a in of_link:
+            rotates = int(first[offset_vectors.rotation[a]]) in local
+            used = self._add_rotation(e, a, local, used) if rotates else used
+            used = self._add_travels(e, a, local, used, rotates)
+        for t in np.nonzero((slides != 0) & (self.place[: len(slides)] >= 0))[0]:
+            local.append(int(t))
+            self.lengthening.append((e, len(local) - 1, float(slides[t])))
         self.local.append(local)
         self.width = max(self.width, used)
 
     def _add_rotation(self, e: int, a: int, local: list[int], used: int) -> int:
-        r = int(self.layout.arms.rotation[a])
-        column = local.index(int(self.layout.rotation_dofs[r]))
-        if self.layout.rotations.kind[r] == Turn.FREE:
-            self.turning.append((e, column, a, used))
+        r = int(self.topology.offset_vectors.rotation[a])
+        column = local.index(int(self.topology.rotation_dofs[r]))
+        if self.topology.rotations.kind[r] == RotationKind.FREE:
+            self.rotating.append((e, column, a, used))
             return used + 3
-        self.hinged.append((e, column, a, used, self.layout.rotations.axis[r]))
+        self.hinged.append((e, column, a, used, self.topology.rotations.axis[r]))
         return used + 1
 
-    def _add_travels(self, e: int, a: int, local: list[int], used: int, turns: bool) -> int:
-        rotations, r = self.layout.rotations, int(self.layout.arms.rotation[a])
-        axes = self.layout.arms.travel[:, 3 * a : 3 * a + 3]
+    def _add_travels(self, e: int, a: int, local: list[int], used: int, rotates: bool) -> int:
+        rotations, r = self.topology.rotations, int(self.topology.offset_vectors.rotation[a])
+        axes = self.topology.offset_vectors.travel[:, 3 * a : 3 * a + 3]
         for t in np.nonzero((axes != 0).any(1) & (self.place[: len(axes)] >= 0))[0]:
             local.append(int(t))
-            if rotations.kind[r] == Turn.FIXED and rotations.slots[r, 0] < 0:
-                self.fixed.append((e, len(local) - 1, rotations.drawn[r] @ axes[t]))
+            if rotations.kind[r] == RotationKind.FIXED and rotations.coefficients[r, 0] < 0:
+                self.fixed.append((e, len(local) - 1, rotations.reference[r] @ axes[t]))
                 continue
-            if turns and rotations.kind[r] == Turn.FREE:
-                self.sliding_turning.append((len(self.sliding), len(self.turning) - 1))
-            elif turns:
+            if rotates and rotations.kind[r] == RotationKind.FREE:
+                self.sliding_rotating.append((len(self.sliding), len(self.rotating) - 1))
+            elif rotates:
                 self.sliding_hinged.append((len(self.sliding), len(self.hinged) - 1))
             self.sliding.append((e, len(local) - 1, a, used, axes[t]))
             used += 1
         return used
 
 
-def build_links(layout: Layout, links: slice, ports: Index | None, place: Index) -> LinkMap:
-    """The map of a range of links; `ports` (2, E): rotations of the end triads, None where they do not matter."""
-    found = _Collector(layout=layout, place=place)
+def build_links(topology: Topology, links: slice, place: Index, group: Group | None = None) -> LinkMap:
+    """The map of a range of links: those of a group of elements, or of points."""
+    triads = group is not None and group.element.uses_triads
+    connections = group.rotation if group is not None and triads else None
+    count = (len(topology.travel_names), links.stop - links.start)
+    slides = np.zeros(count) if group is None else group.slides[:, group.owners]
+    collected = _Collector(topology=topology, place=place)
     for e, link in enumerate(range(links.start, links.stop)):
-        found.add_link(e, link, [] if ports is None else [int(r) for r in ports[:, e]])
-    width = max((len(local) for local in found.local), default=0)
-    unknowns = np.full((len(found.local), width), -1, dtype=np.intp)
-    for e, local in enumerate(found.local):
+        ends = [] if connections is None else [int(r) for r in connections[:, e]]
+        collected.add_link(e, link, ends, slides[:, e])
+    width = max((len(local) for local in collected.local), default=0)
+    unknowns = np.full((len(collected.local), width), -1, dtype=np.intp)
+    for e, local in enumerate(collected.local):
         unknowns[e, : len(local)] = place[local]
-    moving = sorted({int(entry[0]) for entry in (*found.turning, *found.hinged, *found.sliding)})
+    moving = sorted({int(entry[0]) for entry in (*collected.rotating, *collected.hinged, *collected.sliding)})
     return LinkMap(
-        layout=layout,
+        topology=topology,
         links=links,
         unknowns=unknowns,
-        template=_template(found, ports, width),
+        template=_template(collected, connections, width, 3 if group is None else group.element.inputs),
         moving=np.array(moving, dtype=np.intp),
-        varying=_varying(found, moving, width),
-        turning=Turning(*_numbers(found.turning)),
-        hinged=Hinged(*_numbers(found.hinged), _axes(found.hinged)),
-        sliding=Sliding(*_numbers(found.sliding), _axes(found.sliding)),
-        sliding_turning=_pairs(found.sliding_turning),
-        sliding_hinged=_pairs(found.sliding_hinged),
+        varying=_varying(collected, moving, width),
+        rotating=Rotating(*_numbers(collected.rotating)),
+        hinged=Hinged(*_numbers(collected.hinged), _axes(collected.hinged)),
+        sliding=Sliding(*_numbers(collected.sliding), _axes(collected.sliding)),
+        sliding_rotating=_pairs(collected.sliding_rotating),
+        sliding_hinged=_pairs(collected.sliding_hinged),
     )
 
 
-def _template(found: _Collector, ports: Index | None, width: int) -> Array:
-    """Constant inputs (E, L, I): fixed directions of travels; port rotations, identity or the axis."""
-    layout, out = found.layout, np.zeros((len(found.local), width, 9))
-    for e, column, direction in found.fixed:
+def _template(collected: _Collector, connections: Index | None, width: int, inputs: int) -> Array:
+    """Constant inputs (E, L, I): fixed directions of travels; connection point rotations, identity or the axis."""
+    topology, out = collected.topology, np.zeros((len(collected.local), width, 10))
+    for e, column, factor in collected.lengthening:
+        out[e, column, NATURAL_LENGTH] = factor
+    for e, column, direction in collected.fixed:
         out[e, column, :3] = direction
-    for side, offset in ((0, 3), (1, 6)) if ports is not None else ():
-        for e, dofs in enumerate(found.local):
-            r = int(ports[side, e]) if ports is not None else 0
-            start = layout.rotation_dofs[r]
+    for side, offset in ((0, 3), (1, 6)) if connections is not None else ():
+        for e, dofs in enumerate(collected.local):
+            r = int(connections[side, e]) if connections is not None else 0
+            start = topology.rotation_dofs[r]
             if start in dofs:
                 column = dofs.index(start)
-                free = layout.rotations.kind[r] == Turn.FREE
-                axes = np.eye(3) if free else layout.rotations.axis[r][None]
+                free = topology.rotations.kind[r] == RotationKind.FREE
+                axes = np.eye(3) if free else topology.rotations.axis[r][None]
                 out[e, column : column + len(axes), offset : offset + 3] = axes
-    inputs = layout.inputs[: 2 if layout.planar else 3] if ports is None else layout.inputs
-    return np.ascontiguousarray(out[:, :, inputs])
+    return np.ascontiguousarray(out[:, :, topology.inputs[topology.inputs < inputs]])
 
 
-def _varying(found: _Collector, moving: list[int], width: int) -> Array:
-    out = np.zeros((len(moving), width, found.width))
-    for entries, count in ((found.turning, 3), (found.hinged, 1), (found.sliding, 1)):
+def _varying(collected: _Collector, moving: list[int], width: int) -> Array:
+    out = np.zeros((len(moving), width, collected.width))
+    for entries, count in ((collected.rotating, 3), (collected.hinged, 1), (collected.sliding, 1)):
         for entry in entries:
             for k in range(count):
                 out[moving.index(entry[0]), entry[1] + k, entry[3] + k] = 1.0
@@ -215,7 +230,7 @@ def _varying(found: _Collector, moving: list[int], width: int) -> Array:
 
 
 def _numbers(entries: Sequence[tuple[Any, ...]]) -> tuple[Index, Index, Index, Index]:
-    """Link, column, arm and varying input of each entry."""
+    """Link, column, offset vector and varying input of each entry."""
     table = np.array([entry[:4] for entry in entries], dtype=np.intp).reshape(-1, 4)
     return table[:, 0], table[:, 1], table[:, 2], table[:, 3]
 

@@ -1,4 +1,10 @@
-"""Ranks: how a mechanism can move, what holds it, and where it stresses itself."""
+"""Ranks: how a mechanism can move, what holds it, and where it stresses itself.
+
+With the Jacobian J = de/du of all strains that act (m strains, n unknowns) and r = rank J there are n - r degrees of
+freedom and m - r states of self-stress (Maxwell 1864; Pellegrino and Calladine 1986). Counting joints (Gruebler) would
+miss parallel guides and special positions; a rank sees them. Lengths are in sizes of the machine, so that the rank
+does not depend on units.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.elements import Load
-from pkmcal_cli.equilibrium.assembly import group_view
-from pkmcal_cli.equilibrium.given import rest_values
-from pkmcal_cli.equilibrium.kinematics import State, arm_vectors, input_jacobian, views
+from pkmcal_cli.elements import LoadElement
+from pkmcal_cli.equilibrium.kinematics import State, geometries, input_jacobian, offset_vectors_at
+from pkmcal_cli.equilibrium.strains import group_geometry, group_strains
 from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.equilibrium.system_numbers import link_sizes, rest_at, rest_values
 
 _RANK = 1e-8  # singular values below this share of the largest count as zero
 
@@ -23,38 +29,41 @@ class StrainRows:
 
     names: tuple[tuple[str, str], ...]  # element, strain
     values: Array  # (m,)
+    lengthwise: NDArray[np.bool_]  # (m,) lengths, not angles
     jacobian: Array  # (m, n) with respect to scaled unknowns
     rigid: NDArray[np.bool_]  # (m,)
 
 
-def strain_rows(system: System, slots: Array, state: State, length: float) -> StrainRows:
+def strain_rows(system: System, coefficients: Array, state: State, length: float) -> StrainRows:
     """All strains that act in a system, at the first row of `state`."""
-    arms = arm_vectors(system.layout, slots, state)
-    stacked = views(system, state, arms)
-    unit = np.where(system.free < len(system.layout.travel_slots), length, 1.0)
-    names, values, rows, rigid = [], [], [], []
+    offset_vectors = offset_vectors_at(system.topology, coefficients, state)
+    stacked = geometries(system, state, offset_vectors)
+    unit = np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
+    names, values, lengthwise, rows, rigid = [], [], [], [], []
     for index, group in enumerate(system.groups):
         spec = group.group
-        if isinstance(spec.element, Load):
+        if isinstance(spec.element, LoadElement):
             continue
-        ti, tj, delta, _ = group_view(system, index, stacked)
-        e, b = spec.element.evaluate(delta, ti, tj, rest_values(group, slots))
-        jacobian, _ = input_jacobian(system.layout, group.map, state, arms)
+        links = group_geometry(system, index, stacked).links(link_sizes(group, coefficients))
+        e, b = group_strains(spec, links, rest_at(group, rest_values(group, coefficients), state.travel))
+        jacobian, _ = input_jacobian(system.topology, group.map, state, offset_vectors)
         active = group.elastic > 0
         active[group.rigid] = True
         for k, m in zip(*np.nonzero(active), strict=True):
             strain = spec.element.strains[m]
-            scale = length if strain in ("elongation", "x", "y", "z") else 1.0
+            scale = length if spec.element.lengths[m] else 1.0
             row = np.zeros(system.unknowns)
-            where = group.map.unknowns[k]
-            local = jacobian[0, k] @ b[0, k, m, group.inputs]
-            np.add.at(row, where[where >= 0], local[where >= 0])
+            for link in np.nonzero(spec.owners == k)[0]:
+                where = group.map.unknowns[link]
+                local = jacobian[0, link] @ b[0, link, m, group.inputs]
+                np.add.at(row, where[where >= 0], local[where >= 0])
             names.append((spec.names[k], strain))
             values.append(e[0, k, m] / scale)
+            lengthwise.append(bool(spec.element.lengths[m]))
             rows.append(row * unit / scale)
             rigid.append(bool(spec.rigid[k, m]))
     jacobian = np.array(rows).reshape(len(rows), system.unknowns)
-    return StrainRows(tuple(names), np.array(values), jacobian, np.array(rigid, dtype=bool))
+    return StrainRows(tuple(names), np.array(values), np.array(lengthwise), jacobian, np.array(rigid, dtype=bool))
 
 
 def null_space(matrix: Array) -> Array:

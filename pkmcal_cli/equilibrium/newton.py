@@ -1,4 +1,9 @@
-"""Newton's method for all rows at once, with a contraction test, and path following for rows that fail it."""
+"""Newton's method K du = -g for all rows at once, with a contraction test, and path following for rows that fail it.
+
+A step that is longer than a share of the one before (Deuflhard 2004, theta < 1/2) may lead to another branch of the
+equilibrium; such rows go from solved coefficients to their own by halved steps, so that they stay on the branch that
+the machine is on.
+"""
 
 from __future__ import annotations
 
@@ -10,29 +15,32 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
-from pkmcal_cli.equilibrium.given import given
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed
+from pkmcal_cli.equilibrium.stability import stable
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import Index
 
 _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NewtonOptions:
     """`contraction`: a step longer than this times the last one means another branch (Deuflhard's test).
 
     `rebound`: unless it is below this share of the one before. Turning a beam by a tangent step stretches it to second
     order, and taking that back turns it again: of three steps the third may well exceed the second.
     `reach`: a step longer than this, in sizes of the machine or rad, leads elsewhere.
+    `taut`: ropes push too in the first step: where a start is no equilibrium, signs of stresses may be rounding.
     """
 
     curved: bool = True  # full tangent with the stress term; False: Gauss-Newton on the strains
     contraction: float = 0.5
     rebound: float = 0.0
     reach: float = _DIVERGED
+    taut: bool = False
     iterations: int = 30
     tolerance: float = _ROUNDING  # accepted error after the last step, relative to the machine's size
 
@@ -50,9 +58,6 @@ class Effort:
         self.per_round.append(rows)
 
 
-Slack = tuple[NDArray[np.bool_], ...]
-
-
 def solve_rows(matrix: Array, right: Array) -> Array:
     """Solve (N, n, n) x = (N, n, k); NaN in rows whose matrix is singular."""
     try:
@@ -64,23 +69,27 @@ def solve_rows(matrix: Array, right: Array) -> Array:
         return np.concatenate([solve_rows(matrix[:half], right[:half]), solve_rows(matrix[half:], right[half:])])
 
 
-def slots_of(slots: Array, rows: Index) -> Array:
-    """Slots of some rows, of an array (1 or N, S)."""
-    return slots if len(slots) == 1 else slots[rows]
+def coefficients_of(coefficients: Array, rows: Index) -> Array:
+    """Coefficients of some rows, of an array (1 or N, S)."""
+    return coefficients if len(coefficients) == 1 else coefficients[rows]
+
+
+def unit_sizes(system: System, length: float) -> Array:
+    """Of each unknown (n,): `length` for travels, 1 rad for rotations."""
+    return np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
 
 
 def step_size(system: System, step: Array, length: float) -> Array:
     """Largest entry of each row's step, lengths relative to `length`, (N,)."""
-    unit = np.where(system.free < len(system.layout.travel_slots), length, 1.0)
-    scaled = np.abs(step[:, : system.unknowns]) / unit
+    scaled = np.abs(step[:, : system.unknowns]) / unit_sizes(system, length)
     return np.asarray(scaled.max(axis=1, initial=0.0))
 
 
 def newton(
-    system: System, slots: Array, state: State, length: float, options: NewtonOptions, effort: Effort
-) -> tuple[State, NDArray[np.int_], Slack]:
-    """Solve all rows from `state`; returns the states, a status per row and the slack ropes of each group."""
-    run = _Run(system, slots, state, length, options)
+    system: System, coefficients: Array, state: State, length: float, options: NewtonOptions, effort: Effort
+) -> tuple[State, NDArray[np.int_]]:
+    """Solve all rows from `state`; returns the states and a status per row."""
+    run = _Run(system, coefficients, state, length, options)
     for iteration in range(options.iterations):
         effort.add(len(run.active))
         run.iterate(iteration == 0)
@@ -92,15 +101,16 @@ def newton(
 class _Run:
     """One run of Newton's method: results of all N rows, and what the rows that still move need."""
 
-    def __init__(self, system: System, slots: Array, state: State, length: float, options: NewtonOptions) -> None:
+    def __init__(
+        self, system: System, coefficients: Array, state: State, length: float, options: NewtonOptions
+    ) -> None:
         rows = len(state)
         self.system, self.length, self.options = system, length, options
         self.result: State | None = None  # states of rows that have left
         self.status = np.full(rows, RowStatus.NOT_CONVERGED)
-        self.slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
-        self.tried = tuple(s.copy() for s in self.slack)  # ropes that were slack at some step
-        self.ropes = system.loaded and any(g.group.rope.any() for g in system.groups)
-        self.active, self.state, self.numbers = np.arange(rows), state, given(system, slots)
+        self.ropes = [k for k, group in enumerate(system.groups) if group.ropes is not None]
+        self.carrying = np.ones((rows, sum(system.groups[k].group.shape[0] for k in self.ropes)), dtype=bool)
+        self.active, self.state, self.numbers = np.arange(rows), state, system_numbers(system, coefficients)
         self.scale = typical_stiffness(system, self.numbers)
         self.previous = np.full(rows, np.inf)  # size of the last step
         self.before = np.zeros(rows)  # size of the one before
@@ -108,19 +118,18 @@ class _Run:
 
     def iterate(self, first: bool) -> None:
         """One step of all active rows; those that arrive or get lost leave."""
-        loose = tuple(s[self.active] for s in self.slack) if self.ropes else None
-        now = balance(
+        balanced = balance(
             self.system,
             self.numbers,
             self.state,
             self.scale,
             curved=self.options.curved,
-            slack=loose,
+            taut=self.options.taut and first,
             matrix=self.matrix[: len(self.active)],
         )
-        assert now.tangent is not None
-        changed = self._update_slack(now.strains, first)
-        step = -solve_rows(now.tangent, now.residual[..., None])[..., 0]
+        assert balanced.tangent is not None
+        changed = self._ropes_change(balanced.stresses)
+        step = -solve_rows(balanced.tangent, balanced.residual[..., None])[..., 0]
         size = step_size(self.system, step, self.length)
         finite = np.isfinite(size)
         step[~finite] = 0.0
@@ -130,6 +139,10 @@ class _Run:
         grows &= size > self.options.rebound * self.before
         lost = (size > self.options.reach) | ~finite | (grows & (not first))
         self.status[self.active[done]] = RowStatus.SOLVED
+        if self.options.curved and done.any():
+            saddle = done.copy()
+            saddle[done] = ~stable(balanced.tangent[done], self.system.unknowns)
+            self.status[self.active[saddle]] = RowStatus.UNSTABLE
         self.status[self.active[~finite]] = RowStatus.SINGULAR
         self.before = np.where(np.isfinite(self.previous), self.previous, 0.0)
         self.previous = np.where(changed, np.inf, size)
@@ -148,35 +161,22 @@ class _Run:
         if len(stay):
             self.state, self.numbers = self.state.take(stay), self.numbers.take(stay)
 
-    def _update_slack(self, strains: tuple[Array, ...], first: bool) -> NDArray[np.bool_]:
-        """Ropes whose strain changed sign; returns the active rows in which the set of slack ropes changed.
-
-        The state before the first step is no equilibrium: signs of its strains may be rounding, and let no rope go.
-        """
-        changed = np.zeros(len(self.active), dtype=bool)
+    def _ropes_change(self, stresses: tuple[Array, ...]) -> NDArray[np.bool_]:
+        """Active rows (n,) in which other ropes carry than at the step before."""
         if not self.ropes:
-            return changed
-        for group, slack, tried, e in zip(self.system.groups, self.slack, self.tried, strains, strict=True):
-            if group.group.rope.any():
-                acting = group.group.rope & (group.elastic[:, 0] > 0)
-                now = (e[..., 0] < 0) & acting
-                changed |= (now != slack[self.active]).any(axis=1)
-                if not first:
-                    slack[self.active] = now
-                    tried |= slack
-        return changed
+            return np.zeros(len(self.active), dtype=bool)
+        carrying = np.concatenate([stresses[k][..., 0] > 0 for k in self.ropes], axis=1)
+        changed = (carrying != self.carrying[self.active]).any(axis=1)
+        self.carrying[self.active] = carrying
+        return np.asarray(changed)
 
-    def finish(self) -> tuple[State, NDArray[np.int_], Slack]:
-        """States, status and slack ropes of all rows."""
+    def finish(self) -> tuple[State, NDArray[np.int_]]:
+        """States and status of all rows."""
         if self.result is None:
             self.result = self.state
         elif len(self.active):
             self.result.write(self.active, self.state)
-        failed = self.status != RowStatus.SOLVED
-        for ever, loose in zip(self.tried, self.slack, strict=True):
-            loose[failed] = ever[failed]  # a row that swings between taut and slack says which ropes
-            self.status[loose.any(axis=1) & ~failed] = RowStatus.SLACK
-        return self.result, self.status, self.slack
+        return self.result, self.status
 
 
 def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool_]:
@@ -189,7 +189,7 @@ def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool
 
 
 Start = Array | Callable[[Index], Array]
-"""Slots (1 or N, S) at which a path begins, or a function that gives them for some rows."""
+"""Coefficients (1 or N, S) at which a path begins, or a function that gives them for some rows."""
 
 
 def follow(
@@ -200,52 +200,47 @@ def follow(
     length: float,
     options: NewtonOptions,
     effort: Effort,
-) -> tuple[State, NDArray[np.int_], Slack]:
-    """Move solved rows from slots `start` to slots `target`: in one go, and by halved steps where that fails.
+) -> tuple[State, NDArray[np.int_]]:
+    """Move solved rows from coefficients `start` to `target`: in one go, and by halved steps where that fails.
 
     `state` solves the rows at `start`. A row that needs steps below 1/256 of the way keeps its failure.
     """
-    placed = place_prescribed(system.layout, target, state, free=system.free)
-    final, status, slack = newton(system, target, placed, length, options, effort)
-    todo = np.nonzero((status != RowStatus.SOLVED) & (status != RowStatus.SLACK))[0]
+    placed = place_prescribed(system.topology, target, state, free=system.free)
+    final, status = newton(system, target, placed, length, options, effort)
+    todo = np.nonzero(status != RowStatus.SOLVED)[0]
     if not len(todo):
-        return final, status, slack
-    origin = start(todo) if callable(start) else slots_of(start, todo)
-    path = _Path(system, origin, slots_of(target, todo), state.take(todo), len(todo))
+        return final, status
+    origin = start(todo) if callable(start) else coefficients_of(start, todo)
+    path = _Path(system, origin, coefficients_of(target, todo), state.take(todo), len(todo))
     for _ in range(64):
-        rows, part, now, loose = path.stride_on(length, options, effort)
+        rows, part = path.stride_on(length, options, effort)
         arrived = todo[rows]
-        final, status[arrived] = final.put(arrived, part), now
-        for mine, theirs in zip(slack, loose, strict=True):
-            mine[arrived] = theirs
+        final, status[arrived] = final.put(arrived, part), RowStatus.SOLVED
         if not len(path.todo):
             break
-    return final, status, slack
+    return final, status
 
 
 class _Path:
-    """Rows on their way from slots `origin` to `goal` (1 or K, S), each with a stride of its own."""
+    """Rows on their way from coefficients `origin` to `goal` (1 or K, S), each with a stride of its own."""
 
     def __init__(self, system: System, origin: Array, goal: Array, state: State, rows: int) -> None:
         self.system, self.origin, self.goal, self.state = system, origin, goal, state
         self.way, self.stride = np.zeros(rows), np.full(rows, 0.5)
         self.todo = np.arange(rows)
 
-    def stride_on(
-        self, length: float, options: NewtonOptions, effort: Effort
-    ) -> tuple[Index, State, NDArray[np.int_], Slack]:
-        """One stride of all rows under way; returns those that arrive, with their state, status and slack ropes."""
+    def stride_on(self, length: float, options: NewtonOptions, effort: Effort) -> tuple[Index, State]:
+        """One stride of all rows under way; returns those that arrive, with their state."""
         todo, system = self.todo, self.system
         trial = np.minimum(self.way[todo] + self.stride[todo], 1.0)
-        origin, goal = slots_of(self.origin, todo), slots_of(self.goal, todo)
+        origin, goal = coefficients_of(self.origin, todo), coefficients_of(self.goal, todo)
         between = origin + trial[:, None] * (goal - origin)
-        begin = place_prescribed(system.layout, between, self.state.take(todo), free=system.free)
-        moved, now, loose = newton(system, between, begin, length, options, effort)
-        good = (now == RowStatus.SOLVED) | (now == RowStatus.SLACK)
+        begin = place_prescribed(system.topology, between, self.state.take(todo), free=system.free)
+        moved, status = newton(system, between, begin, length, options, effort)
+        good = status == RowStatus.SOLVED
         self.state = self.state.put(todo[good], moved.take(np.nonzero(good)[0]))
         self.way[todo[good]] = trial[good]
         self.stride[todo] *= np.where(good, 2.0, 0.5)
         arrived = good & (trial >= 1.0)
         self.todo = todo[~arrived & (self.stride[todo] > 1 / 512)]
-        mine = np.nonzero(arrived)[0]
-        return todo[arrived], moved.take(mine), now[arrived], tuple(s[arrived] for s in loose)
+        return todo[arrived], moved.take(np.nonzero(arrived)[0])

@@ -13,7 +13,8 @@ class RowStatus(IntEnum):
     SINGULAR = 2
     OUT_OF_REACH = 3
     WRONG_MODE = 4
-    SLACK = 5
+    UNSTABLE = 5
+    AMBIGUOUS = 6
 
     @property
     def reason(self) -> str:
@@ -23,10 +24,11 @@ class RowStatus(IntEnum):
 
 _REASONS = {
     RowStatus.SOLVED: "solved",
-    RowStatus.NOT_CONVERGED: "the equilibrium was not found (not converged)",
-    RowStatus.SINGULAR: "singular position: the drives do not hold the platform there",
-    RowStatus.OUT_OF_REACH: "out of reach: the mechanism does not close at these positions",
-    RowStatus.WRONG_MODE: "wrong assembly mode: the drawing's assembly cannot be moved there "
-    "without passing a singular position",
-    RowStatus.SLACK: "slack rope",
+    RowStatus.NOT_CONVERGED: "no equilibrium found (not converged)",
+    RowStatus.SINGULAR: "singular pose: the actuators do not constrain the platform",
+    RowStatus.OUT_OF_REACH: "out of reach: the mechanism cannot be assembled at these actuator positions",
+    RowStatus.WRONG_MODE: "wrong assembly mode: the reference configuration cannot move there "
+    "without passing a singular pose",
+    RowStatus.UNSTABLE: "unstable equilibrium: the platform would not stay there",
+    RowStatus.AMBIGUOUS: "two assemblies fit: the actuator positions agree equally well with two poses",
 }

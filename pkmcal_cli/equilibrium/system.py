@@ -1,8 +1,10 @@
 """Which coordinates are unknown and which strains act in one kind of solution, as constant maps.
 
-The same machine is solved in several ways: all drives engaged (`exact`, `linear`), redundant drives released (the
-rigid pose of the non-redundant substructure), all drives released (assembly of the drawing, inverse positions). Each
-way is a `System`: index arrays and sparse maps between elements and unknowns, made once.
+The same machine is solved in several ways: all drives engaged (X = fegm(q, xi, F), Ecorchard 2010, eq. 11), redundant
+drives released (fgm(q_nr, xi): the rigid pose of the non-redundant substructure, section 3.1.1), all drives released
+(assembly of the reference configuration, inverse positions). Each way is a `System`: index arrays and sparse maps
+between elements and unknowns, made once. Released drives are masked, not removed, so that elements stay in their
+groups.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.links import LinkMap, build_links
-from pkmcal_cli.equilibrium.maps import Maps, MapsBuilder, StrainMaps, ViewMaps
-from pkmcal_cli.mechanism.topology import DriveKind, Group, Index, Layout, Turn
+from pkmcal_cli.equilibrium.maps import GeometryMaps, Maps, MapsBuilder, StrainMaps
+from pkmcal_cli.mechanism.topology import DriveKind, Group, Index, RotationKind, Topology
 
 
 class DriveState(Enum):
@@ -28,11 +30,14 @@ class DriveState(Enum):
     FORCED = "forced"  # free, with a constant force
 
 
+Aim = tuple[tuple[int, str], ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class System:
     """One way to solve a machine: n unknown coordinates and c constraints."""
 
-    layout: Layout
+    topology: Topology
     free: Index  # (n,) coordinates that are unknown
     place: Index  # (n_dof,) unknown number of each coordinate, -1 where prescribed
     groups: tuple[GroupMap, ...]
@@ -52,14 +57,19 @@ class System:
         return len(self.free) + self.constraints
 
     @cached_property
-    def view_maps(self) -> ViewMaps:
-        """Constant map from rotations and arms to what elements see."""
-        return ViewMaps.of(self.layout, self.groups)
+    def ropes(self) -> bool:
+        """Whether any member pulls and never pushes."""
+        return any(group.ropes is not None for group in self.groups)
+
+    @cached_property
+    def geometry_maps(self) -> GeometryMaps:
+        """Constant map from rotations and offset vectors to what elements see."""
+        return GeometryMaps.of(self.topology, self.groups)
 
     @cached_property
     def maps(self) -> Maps:
         """Constant maps between the elements' arrays and the unknowns."""
-        return MapsBuilder(self.layout, self.place, self.constraints).build(self.groups)
+        return MapsBuilder(self.topology, self.place, self.constraints).build(self.groups)
 
     @cached_property
     def strain_maps(self) -> StrainMaps:
@@ -67,24 +77,24 @@ class System:
         return StrainMaps.of(self.groups, self.unknowns)
 
 
-def build_system(layout: Layout, states: tuple[DriveState, ...], loaded: bool, aim: tuple[str, ...] = ()) -> System:
-    """The system of `layout` with its drives in the given states; loads and prestress act where `loaded`.
+def build_system(topology: Topology, states: tuple[DriveState, ...], loaded: bool, aim: Aim = ()) -> System:
+    """The system of `topology` with its drives in the given states; loads and prestress act where `loaded`.
 
-    `aim`: coordinates of the TCP (x ... rz) that are prescribed, for inverse positions.
+    `aim`: coordinates (x ... rz) that are prescribed, for inverse positions, each with its group in `topology.aims`.
     """
-    free = _free_coordinates(layout, states)
-    place = np.full(layout.n_dof, -1, dtype=np.intp)
+    free = _free_coordinates(topology, states)
+    place = np.full(topology.n_dof, -1, dtype=np.intp)
     place[free] = np.arange(len(free))
-    all_groups = layout.groups + layout.aims if aim else layout.groups
+    all_groups = topology.groups + topology.aims if aim else topology.groups
     row, groups = 0, []
-    for group, on in zip(all_groups, _active(layout, states, aim), strict=True):
-        made = _group_map(layout, group, on, place, row, loaded)
+    for group, on in zip(all_groups, _active(topology, states, aim), strict=True):
+        made = _group_map(topology, group, on, place, row, loaded)
         row = made.rows.stop
         groups.append(made)
-    read = slice(int(layout.points[0]), int(layout.points[-1]) + 1) if len(layout.points) else slice(0, 0)
-    points = build_links(layout, read, None, place)
+    read = slice(int(topology.points[0]), int(topology.points[-1]) + 1) if len(topology.points) else slice(0, 0)
+    points = build_links(topology, read, place)
     return System(
-        layout=layout,
+        topology=topology,
         free=free,
         place=place,
         groups=tuple(groups),
@@ -95,38 +105,49 @@ def build_system(layout: Layout, states: tuple[DriveState, ...], loaded: bool, a
     )
 
 
-def _active(layout: Layout, states: tuple[DriveState, ...], aim: tuple[str, ...]) -> list[NDArray[np.bool_]]:
+def _active(topology: Topology, states: tuple[DriveState, ...], aim: Aim) -> list[NDArray[np.bool_]]:
     """Which strains (E, m) of each group act; those of the aims come last."""
-    active = [np.ones(group.shape, dtype=bool) for group in layout.groups]
-    for drive, state in zip(layout.drives, states, strict=True):
+    active = [np.ones(group.shape, dtype=bool) for group in topology.groups]
+    for drive, state in zip(topology.drives, states, strict=True):
         if drive.kind is DriveKind.STRAIN and state is not DriveState.ENGAGED:
             index, element, strain = drive.target
             active[index][element, strain] = False
-    aims = layout.aims if aim else ()
-    return active + [np.array([[d in aim for d in group.element.strains]]) for group in aims]
+    aims = enumerate(topology.aims) if aim else ()
+    return active + [np.array([[(g, d) in aim for d in group.element.strains]]) for g, group in aims]
 
 
-def _group_map(layout: Layout, group: Group, on: NDArray[np.bool_], place: Index, row: int, loaded: bool) -> GroupMap:
+def _group_map(
+    topology: Topology, group: Group, on: NDArray[np.bool_], place: Index, row: int, loaded: bool
+) -> GroupMap:
     """One group with the strains `on` (E, m); its constraints are numbered from `row`."""
     element, strain = np.nonzero(on & group.rigid)
-    ports = group.rotation if group.element.uses_triads else None
-    links = build_links(layout, group.links, ports, place)
+    links = build_links(topology, group.links, place, group)
     yields = len(group.element.patterns) > 0  # loads have strains but no stiffness
     elastic = (on & ~group.rigid & yields).astype(float)
     stressed = np.full(group.shape, float(loaded))
-    return GroupMap(group, links, elastic, stressed, (element, strain), slice(row, row + len(element)))
+    ropes = group.rope & (elastic[:, 0] > 0) & loaded
+    return GroupMap(
+        group=group,
+        map=links,
+        elastic=elastic,
+        stressed=stressed,
+        rigid=(element, strain),
+        rows=slice(row, row + len(element)),
+        ropes=ropes if ropes.any() else None,
+    )
 
 
-def _free_coordinates(layout: Layout, states: tuple[DriveState, ...]) -> Index:
-    travel = layout.travel_free.copy()
-    turning = layout.rotations.kind != Turn.FIXED
-    for drive, state in zip(layout.drives, states, strict=True):
+def _free_coordinates(topology: Topology, states: tuple[DriveState, ...]) -> Index:
+    travel = topology.travel_free.copy()
+    rotating = topology.rotations.kind != RotationKind.FIXED
+    for drive, state in zip(topology.drives, states, strict=True):
         if drive.kind is DriveKind.TRAVEL:
             travel[drive.target[0]] = state is not DriveState.ENGAGED
         elif drive.kind is DriveKind.ROTATION:
-            turning[drive.target[0]] = state is not DriveState.ENGAGED
+            rotating[drive.target[0]] = state is not DriveState.ENGAGED
     out = np.nonzero(travel)[0].tolist()
-    for r in np.nonzero(turning)[0]:
-        start = int(layout.rotation_dofs[r])
-        out += range(start, start + (3 if layout.rotations.kind[r] == Turn.FREE else 1))
-    return np.array([k for k in out if k not in layout.held], dtype=np.intp)
+    rotating &= topology.rotations.carrier < 0
+    for r in np.nonzero(rotating)[0]:
+        start = int(topology.rotation_dofs[r])
+        out += range(start, start + (3 if topology.rotations.kind[r] == RotationKind.FREE else 1))
+    return np.array([k for k in out if k not in topology.parked], dtype=np.intp)

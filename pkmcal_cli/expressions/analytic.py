@@ -55,9 +55,11 @@ def hypot(*values: complex) -> complex:
 
 
 def arctan2(y: complex, x: complex) -> complex:
-    """The angle of (x, y) in (-pi, pi], by the real parts."""
+    """The angle of (x, y) in (-pi, pi], by the real parts; at the origin it has no derivative, none is returned."""
     if not (isinstance(y, complex) or isinstance(x, complex)):
         return math.atan2(y, x)
+    if x.real == y.real == 0.0:
+        return complex(math.atan2(y.real, x.real))
     if abs(x.real) >= abs(y.real):
         base = 0.0 if x.real > 0 else math.copysign(math.pi, y.real)
         return cmath.atan(y / x) + base

@@ -51,15 +51,15 @@ class _Match:
 
 @dataclass(kw_only=True)
 class _Table:
-    """What is compared: measured and predicted (N, C), names, units, usual residuals (C,); what has been told."""
+    """What is compared: measured and predicted (N, C), names, units, prior rms of residuals (C,)."""
 
     measured: FloatArray
     predicted: FloatArray
     names: tuple[str, ...]
     units: tuple[Unit, ...]
-    usual: FloatArray
+    prior_rms: FloatArray
     steady: bool = False
-    told: set[int] = field(default_factory=set)
+    explained: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         known = np.where(np.isfinite(self.measured), self.predicted, np.nan)
@@ -67,8 +67,8 @@ class _Table:
         size = np.where(np.isfinite(size), size, 0.0)
         before = np.array([rms(column) for column in (self.measured - self.predicted).T])
         self.before = np.where(np.isfinite(before), before, np.nan)
-        self.telling = (size > GROSS * self.usual) & (size > 0)  # a column that stays explains nothing
-        self.gross = self.telling & (before > GROSS * self.usual) & np.isfinite(before)
+        self.informative = (size > GROSS * self.prior_rms) & (size > 0)  # a column that stays explains nothing
+        self.gross = self.informative & (before > GROSS * self.prior_rms) & np.isfinite(before)
 
     def rest(self, i: int, source: int, factor: float = 1.0) -> float:
         """Rms of column i if it is another column times a factor."""
@@ -93,20 +93,25 @@ def explain_columns(
     predicted: FloatArray,
     names: Sequence[str],
     units: Sequence[str] | None = None,
-    usual: FloatArray | None = None,
+    prior_rms: FloatArray | None = None,
     steady: bool = False,
 ) -> Explanation:
     """Columns (N, C) that explain the prediction (N, C) far better when exchanged, scaled or turned in sign.
 
     Both in SI, NaN where there is no value (such rows do not count); `units` are those of the file, for the
-    words and so that only columns of one dimension are taken for each other. `usual` (C,): rms that errors of
+    words and so that only columns of one dimension are taken for each other. `prior_rms` (C,): rms that errors of
     parameters and noise cause; residuals not far above it need no explanation, nor do predictions that hardly move,
     but if `steady`: then each column is explained by itself, its size being a sign or unit.
     """
     scale = [parse_unit(unit) for unit in units] if units is not None else [UNITS["1"]] * len(names)
-    expected = np.zeros(len(names)) if usual is None else usual
+    expected = np.zeros(len(names)) if prior_rms is None else prior_rms
     table = _Table(
-        measured=measured, predicted=predicted, names=tuple(names), units=tuple(scale), usual=expected, steady=steady
+        measured=measured,
+        predicted=predicted,
+        names=tuple(names),
+        units=tuple(scale),
+        prior_rms=expected,
+        steady=steady,
     )
     best = {i: _best(table, i) for i in np.nonzero(table.gross)[0].tolist()}
     matches = {i: match for i, match in best.items() if match is not None} | ({} if steady else _rotation(table))
@@ -127,34 +132,34 @@ def explain_columns(
 
 def _best(table: _Table, i: int) -> _Match | None:
     """What explains column i of the prediction far better than column i itself does; None if nothing."""
-    found: _Match | None = None
+    best: _Match | None = None
     for j in [i] if table.steady else range(len(table.names)):
         if table.units[j].dimension == table.units[i].dimension:
             for factor in (1.0, *factors_of(table.units[i])) if j == i else (1.0,):
                 for sign in (1.0, -1.0):
                     match = table.match(i, j, sign * factor)
-                    if (j, sign * factor) != (i, 1.0) and (found is None or match.after < found.after):
-                        found = match
+                    if (j, sign * factor) != (i, 1.0) and (best is None or match.after < best.after):
+                        best = match
     size = table.size(i)
     rows = int(np.isfinite(table.measured[:, i] - table.predicted[:, i]).sum())
-    if found is None or found.after > BETTER * found.before or found.after > EXPLAINED * size:
+    if best is None or best.after > BETTER * best.before or best.after > EXPLAINED * size:
         return None
-    return None if rows < FEW and found.before < EXPLAINED * size else found
+    return None if rows < FEW and best.before < EXPLAINED * size else best
 
 
 def _rotation(table: _Table) -> dict[int, _Match]:
     """Matches of all columns of a dimension if rotating them by one explains them; together, as some may be alike."""
     for dimension in {unit.dimension for unit in table.units}:
         group = [i for i, u in enumerate(table.units) if u.dimension == dimension and np.isfinite(table.before[i])]
-        if len(group) < _RING or not table.gross[group].any() or not table.telling[group].all():
+        if len(group) < _RING or not table.gross[group].any() or not table.informative[group].all():
             continue
         sizes = np.array([table.size(i) for i in group])
         before = float(np.sqrt(np.mean((table.before[group] / sizes) ** 2)))
         for turn in (1, -1):
-            found = {i: table.match(i, j) for i, j in zip(group, np.roll(group, turn).tolist(), strict=True)}
-            rest = np.array([match.after for match in found.values()]) / sizes
-            if np.sqrt(np.mean(rest**2)) <= BETTER * before and rest.max() <= EXPLAINED:
-                return found
+            matches = {i: table.match(i, j) for i, j in zip(group, np.roll(group, turn).tolist(), strict=True)}
+            ratios = np.array([match.after for match in matches.values()]) / sizes
+            if np.sqrt(np.mean(ratios**2)) <= BETTER * before and ratios.max() <= EXPLAINED:
+                return matches
     return {}
 
 
@@ -165,9 +170,9 @@ def _rings(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         ring = [first]
         while (source := _plain(matches, ring[-1])) is not None and source not in ring:
             ring.append(source)
-        if source != first or len(ring) < _RING or table.told & set(ring):
+        if source != first or len(ring) < _RING or table.explained & set(ring):
             continue
-        table.told |= set(ring)
+        table.explained |= set(ring)
         before = rms(np.array([matches[i].before for i in ring]))
         after = rms(np.array([matches[i].after for i in ring]))
         holder = sorted((matches[i].source, i) for i in ring)  # column `source` has the readings of column i
@@ -175,9 +180,9 @@ def _rings(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         said += [f"`{table.names[j]}` those of `{table.names[i]}`" for j, i in holder[1:]]
         order = sorted(ring)
         by_one = [i for _, i in holder] in (order[1:] + order[:1], order[-1:] + order[:-1])
-        look = "look rotated by one" if by_one else "look exchanged in a ring"
+        look = "look shifted by one column" if by_one else "look exchanged in a cycle"
         message = f"{table.quoted(order)} {look} ({', '.join(said)})"
-        message += f": {evidence(table.units[first], before, after)} when put right"
+        message += f": {evidence(table.units[first], before, after)} after correction"
         hints.append(Hint("rotated", tuple(table.names[i] for i in order), message, before, after))
     return hints
 
@@ -193,19 +198,19 @@ def _exchanges(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
     hints = []
     for i, match in matches.items():
         j, unit, name = match.source, table.units[i], table.names[i]
-        if i in table.told or j == i:
+        if i in table.explained or j == i:
             continue
         back = matches.get(j)
-        if back is not None and back.source == i and j not in table.told:
-            table.told |= {i, j}
-            turned = "" if match.factor > 0 and back.factor > 0 else " and turned in sign"
+        if back is not None and back.source == i and j not in table.explained:
+            table.explained |= {i, j}
+            turned = "" if match.factor > 0 and back.factor > 0 else " and reversed in sign"
             before, after = float(np.hypot(match.before, back.before)), float(np.hypot(match.after, back.after))
             words = evidence(unit, before, after)
-            message = f"`{name}` and `{table.names[j]}` look swapped{turned}: {words} when exchanged"
+            message = f"`{name}` and `{table.names[j]}` look swapped{turned}: {words} when swapped back"
             hints.append(Hint("swapped", (name, table.names[j]), message, before, after))
             continue
         sign, words = "-" if match.factor < 0 else "", evidence(unit, match.before, match.after)
-        message = f"column `{table.names[j]}` looks like {sign}`{name}`: {words} when it is taken for that"
+        message = f"column `{table.names[j]}` looks like {sign}`{name}`: {words} when it is read as that"
         hints.append(Hint("moved", (name, table.names[j]), message, match.before, match.after))
     return hints
 
@@ -224,9 +229,9 @@ def _rescaled(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         words = evidence(unit, before, after)
         kind: Literal["sign", "unit"] = "sign" if factor == -1.0 else "unit"
         if factor == -1.0:
-            message = f"{look} turned in sign: {words} with the other sign"
+            message = f"{look} reversed in sign: {words} with the opposite sign"
         else:
-            size = f"{times(abs(factor))}{unit_words(unit, abs(factor))}{' and turned in sign' if factor < 0 else ''}"
+            size = f"{times(abs(factor))}{unit_words(unit, abs(factor))}{' and reversed in sign' if factor < 0 else ''}"
             message = f"{look} {size}: {words} when multiplied by {factor:.4g}"
         hints.append(Hint(kind, tuple(table.names[i] for i in columns), message, before, after))
     return hints
@@ -244,6 +249,6 @@ def _offset(table: _Table, i: int) -> Hint | None:
     if abs(mean) < 0.5 * extent or scatter > 0.05 * abs(mean):
         return None
     before = rms(deviation)
-    words = f"{evidence(unit, before, scatter)} without it"
-    message = f"`{table.names[i]}` is off by {unit.format(mean, 4)} in all rows (is its origin elsewhere?): {words}"
+    words = f"{evidence(unit, before, scatter)} without this offset"
+    message = f"`{table.names[i]}` is off by {unit.format(mean, 4)} in all rows (is the origin wrong?): {words}"
     return Hint("offset", (table.names[i],), message, before, scatter)

@@ -14,7 +14,8 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
-from pkmcal_cli.prediction import predict
+from pkmcal_cli.prediction import Request, predict
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _ROWS = 16  # rows that are predicted
@@ -42,17 +43,17 @@ def explain_by_prediction(
     few = np.linspace(0, len(problem) - 1, min(_ROWS, len(problem))).round().astype(int)
     part = problem.take(few)
     readings = np.where(part.measured, part.readings, np.nan)
-    own = [k for k, c in enumerate(part.model.channels) if c.quantity == "drive"]  # drives that are read only
-    forces = np.array([c.quantity == "force" for c in part.model.channels])
+    own = part.model.measuring(Measurand.DRIVE)  # drives that are read only
+    forces = np.array([c.measurand is Measurand.FORCE for c in part.model.channels])
     if not (~forces & part.measured.any(axis=0)).any():
         forces[:] = False  # else they are no witnesses: small errors of a stiff machine make large ones
 
     def left(change: _Change) -> float:
         drives = part.rows.readings[:, change.source.astype(int)] * change.factor
-        found = predict(part.model, values, replace(part.rows, readings=drives))
-        if found.solved.mean() < _SOLVED:
+        prediction = predict(part.model, values, replace(part.rows, readings=drives), Request(compare=False))
+        if prediction.solved.mean() < _SOLVED:
             return np.inf
-        predicted = np.where(found.solved[:, None], found.values, np.nan)
+        predicted = np.where(prediction.solved[:, None], prediction.values, np.nan)
         moved = readings.copy()
         moved[:, own] = np.where(part.measured[:, own], drives[:, [part.model.channels[k].index for k in own]], np.nan)
         compared = np.where(forces, np.nan, seen(moved, predicted))
@@ -106,8 +107,8 @@ def _hint(problem: Problem, change: _Change, before: float, after: float) -> Hin
         message += (
             f" (`{actuators[holder[0][0]].name}` has the readings of `{actuators[holder[0][1]].name}`, and so on)"
         )
-    was = f"{100 * before:.3g} % as it stands" if np.isfinite(before) else "most rows beyond reach as it stands"
-    message += f": put right, the prediction leaves {100 * after:.2g} % of what the readings vary ({was})"
+    was = f"{100 * before:.3g} % before" if np.isfinite(before) else "most rows out of reach before"
+    message += f": after correction, {100 * after:.2g} % of the variation of the readings is unexplained ({was})"
     return Hint(change.kind, names, message, before, after)
 
 
@@ -116,4 +117,5 @@ def _look(change: _Change, count: int, unit: Unit) -> str:
     if change.kind == "unit":
         factor = float(change.factor[change.columns[0]])
         return f"{look} {times(factor)}{unit_words(unit, factor)}"
-    return f"{look} {({'rotated': 'rotated by one', 'swapped': 'swapped', 'sign': 'turned in sign'})[change.kind]}"
+    words = {"rotated": "shifted by one column", "swapped": "swapped", "sign": "reversed in sign"}
+    return f"{look} {words[change.kind]}"

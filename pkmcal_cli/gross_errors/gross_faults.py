@@ -21,8 +21,8 @@ from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
 from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
-from pkmcal_cli.gross_errors.sample import Scene
-from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.gross_errors.sample import Sample
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import parse_unit
 
 IntArray = NDArray[np.intp]
@@ -64,41 +64,41 @@ def gross_faults(
     numbers = np.unique(sessions)
     if len(numbers) < 2:
         return whole
-    found = []
+    messages = []
     for number in numbers:
         rows = np.nonzero(sessions == number)[0]
         part = problem.take(rows)
-        mine = _suspected(part, values, parameters, sessions[rows], lambda row, rows=rows: place(int(rows[row])))  # type: ignore[misc]
+        reason = _suspected(part, values, parameters, sessions[rows], lambda row, rows=rows: place(int(rows[row])))  # type: ignore[misc]
         words = f"in session `{names[number]}` " if len(names) else ""
-        for h in mine:
-            found.append(replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)))
-    same = {(h.kind, h.names) for h in found} <= {(h.kind, h.names) for h in whole}
-    return whole if same else tuple(found)
+        for h in reason:
+            messages.append(replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)))
+    same = {(h.kind, h.names) for h in messages} <= {(h.kind, h.names) for h in whole}
+    return whole if same else tuple(messages)
 
 
 def _suspected(
     problem: Problem, values: Array, parameters: Sequence[str], sessions: IntArray, place: Callable[[int], str]
 ) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
-    scene = Scene.of(problem, values, tuple(parameters))
-    steady = _steady(scene)
-    if not scene.gross:
+    sample = Sample.of(problem, values, tuple(parameters))
+    steady = _steady(sample)
+    if not sample.gross:
         return steady
-    reasons = [_channels(scene, True), _rows(scene, sessions, place)]
+    reasons = [_channels(sample, True), _rows(sample, sessions, place)]
     if not reasons[0].hints:
-        reasons.append(_channels(scene, False))  # a wrong unit of an angle is lost when whole turns are taken off
+        reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
     if reasons[0].before > EXPLAINED and not reasons[1].complete:  # no less than what an explanation may leave
-        reasons.append(_drives(scene))
-        unplaced = scene.loose or np.isinf(reasons[-1].before)  # drives cannot be judged by poses
+        reasons.append(_drives(sample))
+        unplaced = sample.of_unknown_frames or np.isinf(reasons[-1].before)  # drives cannot be judged by poses
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
-            hints, before = explain_by_prediction(scene.sample, values, scene.seen)
+            hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
     return (*_chosen([r for r in reasons if r.hints]), *steady)
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:
     """Whether channels of an explanation are readings of drives, so that it may as well be other drives."""
-    drives = {c.name for c in problem.model.channels if c.quantity == "drive"}
+    drives = {c.name for c in problem.model.channels if c.measurand is Measurand.DRIVE}
     return any(drives & set(h.names) for h in reason.hints)
 
 
@@ -112,93 +112,97 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     good = [r for r in complete if r.after <= _ALIKE * least]
     fewest = min(len(r.hints) for r in good)
     first, *others = sorted((r.hints for r in good if len(r.hints) == fewest), key=lambda h: h[0].kind != "rotated")
-    told = {(h.kind, h.names) for h in first}
-    others = [o for o in others if not told & {(h.kind, h.names) for h in o}]
-    return (*first, *(replace(h, message=f"or else {h.message}") for o in others for h in o))
+    explained = {(h.kind, h.names) for h in first}
+    others = [o for o in others if not explained & {(h.kind, h.names) for h in o}]
+    return (*first, *(replace(h, message=f"alternatively, {h.message}") for o in others for h in o))
 
 
-def _channels(scene: Scene, turns: bool) -> _Reason:
+def _channels(sample: Sample, turns: bool) -> _Reason:
     """What explains the measured channels; `turns`: with turns by the shorter way."""
-    names, units = _named(scene)
-    readings, predicted = scene.readings, scene.predicted
-    seen = scene.seen(readings, predicted) if turns else np.where(scene.telling, readings, np.nan)
+    names, units = _named(sample)
+    readings, predicted = sample.readings, sample.predicted
+    seen = sample.seen(readings, predicted) if turns else np.where(sample.informative, readings, np.nan)
     firm = seen.copy()
-    firm[:, scene.loose] = np.nan
-    found = explain_columns(firm, predicted, names, units, scene.usual)
-    hints, corrected = list(found.hints), found.corrected
-    for points in scene.frames:
-        told, changed = explain_frame(readings, predicted, points, names, units)
-        hints += told
+    firm[:, sample.of_unknown_frames] = np.nan
+    explanation = explain_columns(firm, predicted, names, units, sample.prior_rms)
+    hints, corrected = list(explanation.hints), explanation.corrected
+    for points in sample.frames:
+        hint, changed = explain_frame(readings, predicted, points, names, units)
+        hints += hint
         columns = [k for p in points for k in p]
         corrected[:, columns] = brought_back(changed, predicted, points)[:, columns]
     return _Reason(tuple(hints), *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 
-def _steady(scene: Scene) -> tuple[Hint, ...]:
+def _steady(sample: Sample) -> tuple[Hint, ...]:
     """Signs and units of channels that hardly vary but are large."""
-    names, units = _named(scene)
-    alone = np.where(scene.telling, np.nan, scene.readings)
-    alone[:, scene.loose] = np.nan
-    return explain_columns(alone, scene.predicted, names, units, scene.usual, steady=True).hints
+    names, units = _named(sample)
+    alone = np.where(sample.informative, np.nan, sample.readings)
+    alone[:, sample.of_unknown_frames] = np.nan
+    return explain_columns(alone, sample.predicted, names, units, sample.prior_rms, steady=True).hints
 
 
-def _named(scene: Scene) -> tuple[list[str], list[str]]:
-    channels = scene.sample.model.channels
+def _named(sample: Sample) -> tuple[list[str], list[str]]:
+    channels = sample.part.model.channels
     return [c.name for c in channels], [c.unit for c in channels]
 
 
-def _drives(scene: Scene) -> _Reason:
+def _drives(sample: Sample) -> _Reason:
     """What explains the drives, by the positions that they have at the measured poses."""
-    few = np.linspace(0, len(scene.rows) - 1, min(_POSES, len(scene.rows))).round().astype(int)
-    part, values, model = scene.sample.take(few), scene.evaluation.values, scene.sample.model
-    poses, rows = measured_poses(part, values)
-    if len(rows) < _FEWEST:
+    few = np.linspace(0, len(sample.rows) - 1, min(_POSES, len(sample.rows))).round().astype(int)
+    part, values, model = sample.part.take(few), sample.evaluation.values, sample.part.model
+    found = measured_poses(part, values)
+    if len(found.rows) < _FEWEST:
         return _Reason((), np.inf, np.inf)
-    expected, readings = drive_positions(model, poses, values).readings, part.rows.readings[rows]
-    found = explain_columns(readings, expected, [a.name for a in model.actuators], [a.unit for a in model.actuators])
-    return _Reason(found.hints, *(misfit(table, expected, readings) for table in (readings, found.corrected)))
+    expected, readings = found.drive_readings(values), part.rows.readings[found.rows]
+    explanation = explain_columns(
+        readings, expected, [a.name for a in model.actuators], [a.unit for a in model.actuators]
+    )
+    return _Reason(
+        explanation.hints, *(misfit(table, expected, readings) for table in (readings, explanation.corrected))
+    )
 
 
-def _rows(scene: Scene, sessions: IntArray, place: Callable[[int], str]) -> _Reason:
+def _rows(sample: Sample, sessions: IntArray, place: Callable[[int], str]) -> _Reason:
     """Whether readings belong to other rows: all of them, or those of some instruments."""
     best = _Reason((), np.inf, np.inf)
-    for channels in _blocks(scene):
-        found = _shifted(scene, channels, sessions, place)
-        if found.complete:
-            return found
-        best = min(best, found, key=lambda r: r.after)
+    for channels in _blocks(sample):
+        shifted = _shifted(sample, channels, sessions, place)
+        if shifted.complete:
+            return shifted
+        best = min(best, shifted, key=lambda r: r.after)
     return best
 
 
-def _blocks(scene: Scene) -> list[list[int]]:
+def _blocks(sample: Sample) -> list[list[int]]:
     """Channels that may be shifted together: all, of instruments outside the drives, of one instrument or drive."""
-    model = scene.sample.model
-    measured = [k for k in range(len(model.channels)) if scene.sample.measured[:, k].any()]
-    outside = [k for k in measured if model.channels[k].quantity not in ("drive", "force")]
+    model = sample.part.model
+    measured = [k for k in range(len(model.channels)) if sample.part.measured[:, k].any()]
+    outside = [k for k in measured if not model.channels[k].measurand.of_drive]
     by_name: dict[str, list[int]] = {}
     for sensor in model.sensors:
         by_name.setdefault(sensor.name, []).extend(int(k) for k in sensor.channels)
-    by_name |= {c.name: [k] for k, c in enumerate(model.channels) if c.quantity == "drive"}
+    by_name |= {model.channels[k].name: [k] for k in model.measuring(Measurand.DRIVE)}
     blocks = [measured, outside, *([k for k in each if k in measured] for each in by_name.values())]
     return [list(b) for b in dict.fromkeys(tuple(sorted(b)) for b in blocks) if b]
 
 
-def _shifted(scene: Scene, channels: list[int], sessions: IntArray, place: Callable[[int], str]) -> _Reason:
+def _shifted(sample: Sample, channels: list[int], sessions: IntArray, place: Callable[[int], str]) -> _Reason:
     """Whether the readings of some channels belong to other rows."""
-    readings = np.where(scene.whole.measured, scene.whole.readings, np.nan)
-    predicted = scene.predicted
+    readings = np.where(sample.whole.measured, sample.whole.readings, np.nan)
+    predicted = sample.predicted
     some = np.full_like(readings, np.nan)
     some[:, channels] = readings[:, channels]
-    shifts = find_row_shifts(some, predicted, scene.rows, sessions, scene.seen)
+    shifts = find_row_shifts(some, predicted, sample.rows, sessions, sample.seen)
     right = readings.copy()
     right[:, channels] = apply_shifts(some, sessions, shifts)[:, channels]
-    seen, corrected = (scene.seen(table[scene.rows], predicted) for table in (readings, right))
+    seen, corrected = (sample.seen(table[sample.rows], predicted) for table in (readings, right))
     alike = len({s.shift for s in shifts}) == 1 and all(s.whole for s in shifts)
     every = alike and len(shifts) == len(np.unique(sessions))
-    told = shifts[:1] if every else shifts
-    names, _ = _named(scene)
+    shown = shifts[:1] if every else shifts
+    names, _ = _named(sample)
     whose = "" if len(channels) == len(names) else " of " + ", ".join(f"`{names[k]}`" for k in channels)
-    hints = tuple(_row_hint(scene, s, whose, "" if every else _where(s, place)) for s in told)
+    hints = tuple(_row_hint(sample, s, whose, "" if every else _where(s, place)) for s in shown)
     return _Reason(hints, *(misfit(table, predicted, seen) for table in (seen, corrected)))
 
 
@@ -206,19 +210,19 @@ def _where(shift: RowShift, place: Callable[[int], str]) -> str:
     return f" from {place(int(shift.rows[0]))} to {place(int(shift.rows[-1]))}"
 
 
-def _row_hint(scene: Scene, found: RowShift, whose: str, where: str) -> Hint:
+def _row_hint(sample: Sample, shift: RowShift, whose: str, where: str) -> Hint:
     """The channel that shows a shift most clearly gives the figures."""
-    channels = scene.sample.model.channels
+    channels = sample.part.model.channels
     with np.errstate(invalid="ignore", divide="ignore"):
-        fall = np.nan_to_num(found.before / np.maximum(found.after, scene.usual))
+        fall = np.nan_to_num(shift.before / np.maximum(shift.after, sample.prior_rms))
     k = int(fall.argmax())
     unit = parse_unit(channels[k].unit)
-    rows = {1: "one row", 2: "two rows"}[abs(found.shift)]
-    other = {1: "next row", -1: "row before", 2: "row two further on", -2: "row two before"}[found.shift]
-    before, after = float(found.before[k]), float(found.after[k])
+    rows = {1: "one row", 2: "two rows"}[abs(shift.shift)]
+    other = {1: "next row", -1: "row before", 2: "row two after", -2: "row two before"}[shift.shift]
+    before, after = float(shift.before[k]), float(shift.after[k])
     message = (
         f"the readings{whose} look shifted by {rows}{where}: "
-        f"{evidence(unit, before, after).replace('residual', f'residual of `{channels[k].name}`,')} "
+        f"`{channels[k].name}` {evidence(unit, before, after)} "
         f"when each row takes the readings of the {other}"
     )
-    return Hint("rows", (channels[k].name,), message, before, after, tuple(found.rows.tolist()))
+    return Hint("rows", (channels[k].name,), message, before, after, tuple(shift.rows.tolist()))

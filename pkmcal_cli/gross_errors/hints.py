@@ -13,9 +13,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import find_limit_faults
-from pkmcal_cli.loading.machine import LoadedMachine
+from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import Place, place_of
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.measurands import Measurand
 
 _LARGE = 1e50  # standard uncertainties: whatever it is, it is no measurement
 _REACH = 20.0  # sizes of the machine: no TCP is as far away
@@ -28,14 +29,14 @@ def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
         far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)
         anywhere = {k for s in problem.model.sensors if s.name in problem.model.fitted_frames for k, _ in s.places}
         channels = enumerate(problem.model.channels)
-        places = np.array([c.quantity == "position" and k not in anywhere for k, c in channels])
-        reach = _REACH * problem.model.length + np.abs(problem.model.tcp_drawn[:3]).max()
+        places = np.array([c.measurand is Measurand.POSITION and k not in anywhere for k, c in channels])
+        reach = _REACH * problem.model.length + np.abs(problem.model.measured.reference[:3]).max()
         far |= problem.measured & places & (np.abs(problem.readings) > reach)
     faults = []
     for row, channel in np.argwhere(far)[:MAX_FAULTS]:
         name = problem.model.channels[channel].name
-        found = place(int(row)).fault(f"the reading of `{name}` is far outside the machine")
-        faults.append(replace(found, hint="correct the cell or the unit, or leave it empty"))
+        fault = place(int(row)).fault(f"the reading of `{name}` is far outside the machine")
+        faults.append(replace(fault, hint="correct the cell or its unit, or leave the cell empty"))
     return faults
 
 
@@ -43,9 +44,12 @@ def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
     """Why there is no measured value that has a weight."""
     if np.isnan(problem.readings).all():
         return Fault(
-            "measurements", "nothing was measured: the cells of all channels are empty", None, "is it the file?"
+            "measurements",
+            "nothing was measured: the cells of all channels are empty",
+            None,
+            "check that this is the right file",
         )
-    what = "no channel that was measured has a sigma: nothing can be weighed"
+    what = "no measured channel has a `sigma`, so the readings cannot be weighted"
     hint = "declare `sigma:` of the sensor or drive, or give a column `sigma.CHANNEL`"
     return Fault("sigma", what, Location(loaded.model.name), hint)
 
@@ -73,6 +77,6 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     shown = [" and ".join(str(place_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
     more = f", and {len(groups) - _SHOWN} more" if len(groups) > _SHOWN else ""
     extra = sum(len(group) - 1 for group in groups)
-    what = f"{count(extra, 'row')} {'is a copy' if extra == 1 else 'are copies'} of another"
+    what = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"
     same = f"{'; '.join(shown)}{more}"
-    return (f"{what}, the same to the last digit ({same}): a copy tells nothing new, and is not used",)
+    return (f"{what} ({same}): not used, as copies add no information",)

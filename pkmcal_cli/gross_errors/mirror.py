@@ -82,11 +82,11 @@ class _Change:
         kind: Kind
         if self.others:
             kind, half = "swapped", len(words) // 2
-            message = f"{', '.join(words[:half])} and {', '.join(words[half:])} look swapped: {proof} when exchanged"
+            message = f"{', '.join(words[:half])} and {', '.join(words[half:])} look swapped: {proof} when swapped back"
         elif self.factor < 0:
             kind = "mirrored"
-            message = f"{', '.join(words)} look mirrored: one axis turned in sign, or two columns swapped: "
-            message += f"{proof} with one axis turned"
+            message = f"{', '.join(words)} look mirrored (one axis reversed in sign, or two columns swapped): "
+            message += f"{proof} with one axis reversed"
         else:
             kind, look = "unit", f"look{'s' if len(words) == 1 else ''}"
             message = f"{', '.join(words)} {look} {times(self.factor)}{unit_words(unit, self.factor)}: "
@@ -131,10 +131,10 @@ def _misfit(readings: FloatArray, predicted: FloatArray, points: Points) -> tupl
     """Rms of what no rigid motion explains, and rms of the predicted points about their mean; infinite without any."""
     moved = brought_back(readings, predicted, points)
     columns = [k for p in points for k in p]
-    rest = (moved - predicted)[:, columns]
-    known = np.isfinite(rest)
+    misfit = (moved - predicted)[:, columns]
+    known = np.isfinite(misfit)
     if not known.any():
         return np.inf, 0.0
     there = np.concatenate([predicted[:, list(p)] for p in points])
     there = there[np.isfinite(there).all(axis=1)]
-    return float(np.sqrt(np.mean(rest[known] ** 2))), float(np.sqrt(np.mean((there - there.mean(axis=0)) ** 2)))
+    return float(np.sqrt(np.mean(misfit[known] ** 2))), float(np.sqrt(np.mean((there - there.mean(axis=0)) ** 2)))

@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.model.travel_limits import limit_excess
+from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits"]
 
-_PREFIXES, _INCH = (1e3, 1e-3), 25.4
+_PREFIXES = (1e3, 1e-3)
 BETTER = 0.2  # an explanation leaves at most this share of the residual
 EXPLAINED = 0.1  # and at most this share of what is predicted
 FEW = 4  # rows below which a coincidence is likely, so that the residual itself must be gross
@@ -89,13 +89,13 @@ def _inside(readings: FloatArray, limits: FloatArray, i: int, names: Sequence[st
         alike = j != i and units[j].dimension == units[i].dimension
         both = alike and _outside(readings[:, j], limits[j]).any()
         if both and fits(readings[:, j], i) and fits(values, j):
-            return f"; exchanged with `{name}` all are inside"
+            return f"; all are inside when swapped with `{name}`"
     if fits(-values, i):
-        return "; with the other sign all are inside"
+        return "; all are inside with the opposite sign"
     wrong = _outside(values[np.isfinite(values)], limits[i]).mean() > 0.5  # a unit is wrong in all rows
     for factor in factors_of(units[i]) if wrong else ():
         if fits(factor * values, i):
-            return f"; multiplied by {factor:.4g} all are inside{unit_words(units[i], factor)}"
+            return f"; all are inside when multiplied by {factor:.4g}{unit_words(units[i], factor)}"
     return ""
 
 
@@ -137,7 +137,7 @@ def evidence(unit: Unit, before: float, after: float) -> str:
 def factors_of(unit: Unit) -> tuple[float, ...]:
     """By what a column may be too small if its unit is mistaken: units of its dimension for each other, prefixes."""
     others = [u.scale / unit.scale for u in UNITS.values() if u.dimension == unit.dimension and u.text != "1"]
-    others += list(_PREFIXES) + ([_INCH] if unit.dimension == UNITS["mm"].dimension else [])
+    others += _PREFIXES
     ratios = {float(f"{r:.12g}") for o in others for r in (o, 1 / o)}
     return tuple(sorted(ratios - {1.0}, key=lambda r: (abs(np.log(r)), r)))
 
@@ -148,9 +148,9 @@ def times(factor: float) -> str:
 
 
 def unit_words(unit: Unit, factor: float) -> str:
-    """The words " (is it in m, not mm, or in mm, not um?)" where units of the table fit."""
+    """The words " (is it in `m`, not `mm`, or in `mm`, not `um`?)" where units of the table fit."""
     others = [u for u in UNITS.values() if u.dimension == unit.dimension and unit.text != "1"]
     real = [u.text for u in others if np.isclose(u.scale, unit.scale * factor, rtol=1e-9)][:1]
     taken = [u.text for u in others if np.isclose(u.scale * factor, unit.scale, rtol=1e-9)][:1]
-    words = [f"in {name}, not {unit.text}" for name in real] + [f"in {unit.text}, not {name}" for name in taken]
+    words = [f"in `{name}`, not `{unit.text}`" for name in real] + [f"in `{unit.text}`, not `{name}`" for name in taken]
     return f" (is it {', or '.join(words)}?)" if words else ""

@@ -53,34 +53,34 @@ def find_row_shifts(
     size = np.where(size > 0, size, np.inf)  # what does not move shows no shift
     residual = {k: seen(shifted(readings, session, k)[rows], predicted) - predicted for k in (0, *SHIFTS)}
     cost = {k: ((r / size) ** 2) for k, r in residual.items()}
-    found = []
+    shifts = []
     for number in np.unique(session[rows]).tolist():
-        mine = np.nonzero(session[rows] == number)[0]
-        best = _best(cost, mine)
+        in_session = np.nonzero(session[rows] == number)[0]
+        best = _best(cost, in_session)
         if best is not None:
             shift, first = best
-            part = mine[first:]
+            part = in_session[first:]
             before, after = (np.sqrt(_mean(residual[k][part] ** 2, residual[shift][part])) for k in (0, shift))
-            found.append(RowShift(shift, rows[part], before, after, first == 0))
-    return found
+            shifts.append(RowShift(shift, rows[part], before, after, first == 0))
+    return shifts
 
 
-def _best(cost: dict[int, FloatArray], mine: IntArray) -> tuple[int, int] | None:
-    """The shift, and the place among rows `mine` from which on it holds, that explain most; None if none does."""
+def _best(cost: dict[int, FloatArray], in_session: IntArray) -> tuple[int, int] | None:
+    """The shift, and the place among rows `in_session` from which on it holds, that explain most; None if none does."""
     best: tuple[float, int, int] | None = None
     for shift in SHIFTS:
-        both = np.isfinite(cost[0][mine]) & np.isfinite(cost[shift][mine])
-        still, moved = (np.where(both, cost[k][mine], 0.0).sum(axis=1) for k in (0, shift))
+        both = np.isfinite(cost[0][in_session]) & np.isfinite(cost[shift][in_session])
+        still, moved = (np.where(both, cost[k][in_session], 0.0).sum(axis=1) for k in (0, shift))
         tail = np.cumsum((still - moved)[::-1])[::-1]  # what is gained by shifting from a row on
         start = int(tail.argmax())
-        last = min(start + abs(shift), len(mine) - 1)
+        last = min(start + abs(shift), len(in_session) - 1)
         for first in range(start, last + 1):
             if first < last and moved[first] > BETTER**2 * still[first]:
                 continue
-            told = both[first:]  # a reading that was left out makes the rows where the shift begins fit neither way
+            readings = both[first:]  # a reading that was left out makes the rows where the shift begins fit neither way
             before, after = still[first:].sum(), moved[first:].sum()
-            clear = after <= BETTER**2 * before and after <= EXPLAINED**2 * told.sum()
-            if clear and told.any(axis=1).sum() >= _FEWEST and (best is None or tail[first] > best[0]):
+            clear = after <= BETTER**2 * before and after <= EXPLAINED**2 * readings.sum()
+            if clear and readings.any(axis=1).sum() >= _FEWEST and (best is None or tail[first] > best[0]):
                 best = (float(tail[first]), shift, first)
                 break
     return None if best is None else best[1:]
@@ -100,10 +100,10 @@ def apply_shifts(readings: FloatArray, session: IntArray, shifts: Sequence[RowSh
     Nan in the rows where a shift begins: a reading was left out or entered twice there.
     """
     out = readings.copy()
-    for found in shifts:
-        first = int(found.rows[0])
-        edge = np.arange(max(0, first - abs(found.shift)), first)
+    for shift in shifts:
+        first = int(shift.rows[0])
+        edge = np.arange(max(0, first - abs(shift.shift)), first)
         out[edge[session[edge] == session[first]]] = np.nan
         rows = first + np.nonzero(session[first:] == session[first])[0]
-        out[rows] = shifted(readings, session, found.shift)[rows]
+        out[rows] = shifted(readings, session, shift.shift)[rows]
     return out

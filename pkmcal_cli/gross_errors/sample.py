@@ -20,31 +20,33 @@ _HALF = 0.5
 
 
 @dataclass(frozen=True)
-class Scene:
+class Sample:
     """A sample of the table, predicted at the starting values.
 
-    whole: the whole table; rows (n,): numbers of the sample's rows in it; usual (C,): rms that errors of parameters
+    whole: the whole table; rows (n,): numbers of the sample's rows in it; prior_rms (C,): rms that errors of parameters
     and noise cause.
     """
 
     whole: Problem
     rows: IntArray
-    sample: Problem
+    part: Problem
     evaluation: Evaluation
-    usual: Array
+    prior_rms: Array
 
     @classmethod
-    def of(cls, problem: Problem, values: Array, parameters: tuple[str, ...]) -> Scene:
+    def of(cls, problem: Problem, values: Array, parameters: tuple[str, ...]) -> Sample:
         """Predict a sample of rows, drawn so that it does not keep step with a grid."""
         count = len(problem)
         rows = np.arange(count)
         if count > _ROWS:
             rows = np.sort(np.random.default_rng(0).choice(count, _ROWS, replace=False))
         sample = problem.take(rows)
-        loose = {n for e in problem.model.effects if e.at in problem.model.fitted_frames for n in e.parameters}
-        asked = tuple(n for n in parameters if n not in loose)
+        of_unknown_frames = {
+            n for e in problem.model.effects if e.at in problem.model.fitted_frames for n in e.parameters
+        }
+        asked = tuple(n for n in parameters if n not in of_unknown_frames)
         evaluation = evaluate(sample, values, asked)
-        return cls(problem, rows, sample, evaluation, _usual(sample, evaluation, asked))
+        return cls(problem, rows, sample, evaluation, _prior_rms(sample, evaluation, asked))
 
     @cached_property
     def predicted(self) -> Array:
@@ -52,31 +54,31 @@ class Scene:
         return np.where(self.evaluation.prediction.solved[:, None], self.evaluation.prediction.values, np.nan)
 
     @cached_property
-    def telling(self) -> NDArray[np.bool_]:
+    def informative(self) -> NDArray[np.bool_]:
         """Channels (C,) that vary far more than errors of parameters and noise cause; all where few rows are known."""
         known = self.evaluation.prediction.solved.mean() > _HALF
         varies = np.maximum(spread(self.predicted), spread(self.readings))
-        return np.asarray((varies > GROSS * self.usual) | (not known))
+        return np.asarray((varies > GROSS * self.prior_rms) | (not known))
 
     @cached_property
     def gross(self) -> bool:
         """Whether rows cannot be predicted, or more is left than parameters explain."""
-        rest = self.seen(self.readings, self.predicted) - self.predicted
-        large = [rms(r) > GROSS * u for r, u in zip(rest.T, self.usual, strict=True) if np.isfinite(r).any()]
+        residual = self.seen(self.readings, self.predicted) - self.predicted
+        large = [rms(r) > GROSS * u for r, u in zip(residual.T, self.prior_rms, strict=True) if np.isfinite(r).any()]
         return any(large) or not self.evaluation.prediction.solved.all()
 
     @property
     def readings(self) -> Array:
         """What was measured (n, C), nan elsewhere."""
-        return np.where(self.sample.measured, self.sample.readings, np.nan)
+        return np.where(self.part.measured, self.part.readings, np.nan)
 
     def seen(self, readings: Array, predicted: Array) -> Array:
-        """Readings (n, C) as they compare with predictions: turns by the shorter way, loose frames brought back.
+        """Readings (n, C) as they compare with predictions: turns by the shorter way, unknown frames brought back.
 
         Nan for channels that parameters may move as much as poses do: they tell nothing.
         """
-        out = np.where(np.isfinite(readings) & self.telling, self._nearest(readings, predicted), np.nan)
-        out[:, self.loose] = np.nan
+        out = np.where(np.isfinite(readings) & self.informative, self._nearest(readings, predicted), np.nan)
+        out[:, self.of_unknown_frames] = np.nan
         for points in self.frames:
             columns = [k for p in points for k in p]
             out[:, columns] = brought_back(readings, predicted, points)[:, columns]
@@ -85,35 +87,35 @@ class Scene:
     def _nearest(self, readings: Array, predicted: Array) -> Array:
         known = np.isfinite(readings)
         part = Problem(
-            model=self.sample.model,
-            rows=self.sample.rows,
+            model=self.part.model,
+            rows=self.part.rows,
             readings=readings,
-            sigma=self.sample.sigma,
-            drive_sigma=self.sample.drive_sigma,
+            sigma=self.part.sigma,
+            drive_sigma=self.part.drive_sigma,
             measured=known,
         )
         return residuals(part, predicted) + predicted
 
     @cached_property
-    def loose(self) -> list[int]:
+    def of_unknown_frames(self) -> list[int]:
         """Channels of instruments that stand anywhere."""
-        model = self.sample.model
+        model = self.part.model
         return [int(k) for s in model.sensors if s.name in model.fitted_frames for k in s.channels]
 
     @cached_property
     def frames(self) -> list[list[list[int]]]:
         """By instrument that stands anywhere, the channels of the coordinates of its points, if it reads all."""
-        model = self.sample.model
-        axes = 2 if model.layout.planar else 3
-        found: dict[str, list[list[int]]] = {}
+        model = self.part.model
+        axes = 2 if model.topology.planar else 3
+        by_frame: dict[str, list[list[int]]] = {}
         for sensor in model.sensors:
             point = [channel for channel, _ in sorted(sensor.places, key=lambda place: place[1])]
             if sensor.name in model.fitted_frames and len(point) == axes:
-                found.setdefault(sensor.name, []).append(point)
-        return list(found.values())
+                by_frame.setdefault(sensor.name, []).append(point)
+        return list(by_frame.values())
 
 
-def _usual(sample: Problem, evaluation: Evaluation, parameters: tuple[str, ...]) -> Array:
+def _prior_rms(sample: Problem, evaluation: Evaluation, parameters: tuple[str, ...]) -> Array:
     """Rms (C,) of residuals that noise and errors of parameters within their ranges cause."""
     ranges = {p.name: p.range for p in sample.model.parameters}
     prior = np.array([ranges[n] for n in parameters]).reshape(-1) / 2

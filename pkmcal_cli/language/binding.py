@@ -1,4 +1,4 @@
-"""Binding of drafts: dimensions checked, bare numbers given their unit, the term made SI.
+"""Binding of values as written: dimensions checked, bare numbers given their unit, the term made SI.
 
 A plain number ("bare": only numbers, or a sine of something) has no dimension of its own: in a
 sum it takes the file's unit of the other terms, as a result that of the field.
@@ -7,21 +7,24 @@ sum it takes the file's unit of the other terms, as a result that of the field.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pkmcal_cli.expressions.parse import (
+from pkmcal_cli.base.plural import with_article
+from pkmcal_cli.expressions.parser import (
     CONSTANTS,
+    UNIT_HINT,
     Term,
     fold,
     operator_of,
     source_of,
 )
-from pkmcal_cli.language.quantities import Draft, Quantity
+from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.units.dimensions import ANGLE, DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import HINT, beyond
-from pkmcal_cli.units.unit_text import Unit
+from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit
 
 Typed = tuple[Term, Dimension | None]
 """A term in SI (as far as it has a dimension) and its dimension; None for a bare number."""
@@ -42,35 +45,43 @@ class Slip(ValueError):
 
 @dataclass(frozen=True)
 class Binder:
-    """Binds drafts of a file with these units and these dimensions of its parameters."""
+    """Binds values as written of a file with these units and these dimensions of its parameters."""
 
     units: FileUnits
     dimensions: Mapping[str, Dimension]
 
-    def bind(self, draft: Draft, wanted: Sequence[Dimension] = (), bare: Unit | None = None) -> Quantity:
-        """The quantity of a draft; `wanted` instead of the field's dimensions, `bare` instead of
-        the file's unit. Raises `Slip`."""
-        dimensions = tuple(wanted) or draft.measure.dimensions
-        if draft.tree is None:
-            unit = draft.unit or bare or self.units.unit(dimensions[0])
+    def bind(
+        self,
+        written: WrittenValue,
+        expected: Sequence[Dimension] = (),
+        bare: Unit | None = None,
+        example: Unit | None = None,
+    ) -> Quantity:
+        """The quantity of a value; `expected`, `bare`: instead of the field's dimensions and the file's unit.
+
+        `example`: the unit that a hint offers, instead of the one of a bare number. Raises `Slip`.
+        """
+        dimensions = tuple(expected) or written.measure.dimensions
+        example = example or bare or self.units.unit(dimensions[0])
+        if written.unknown_unit:
+            raise unknown_unit(written, dimensions, example)
+        if written.tree is None:
+            unit = written.unit or bare or self.units.unit(dimensions[0])
             fitting = _fitting(unit.dimension, dimensions)
-            if fitting is None and draft.unit is not None:
-                what = f"`{draft.text}` is {article(unit.dimension)}, {_a_of(dimensions)} is wanted here"
-                raise Slip(what, 0, self._unit_hint(dimensions[0]))
-            term: Term = ("number", unit.to_si(draft.number))
-            return Quantity(draft.text, fitting or dimensions[0], (), _sized(term, draft))
-        term, dimension = self.typed(draft.tree, draft.text)
+            if fitting is None and written.unit is not None:
+                what = f"`{written.text}` is {article(unit.dimension)}; expected {_a_of(dimensions)}"
+                raise Slip(what, 0, _unit_hint(example))
+            term: Term = ("number", unit.to_si(written.number))
+            return Quantity(written.text, fitting or dimensions[0], (), _sized(term, written))
+        term, dimension = self.typed(written.tree, written.text)
         if dimension is None:
             unit = bare or self.units.unit(dimensions[0])
-            term, dimension = self._scaled(term, unit, draft.tree), dimensions[0]
+            term, dimension = self._scaled(term, unit, written.tree), dimensions[0]
         fitting = _fitting(dimension, dimensions)
         if fitting is None:
-            what = f"`{draft.text}` is {article(dimension)}, {_a_of(dimensions)} is wanted here"
-            raise Slip(what, draft.tree.col_offset)
-        return Quantity(draft.text, fitting, draft.names, _sized(term, draft))
-
-    def _unit_hint(self, dimension: Dimension) -> str:
-        return f"give it in {self.units.unit(dimension).text}, for example"
+            what = f"`{written.text}` is {article(dimension)}; expected {_a_of(dimensions)}"
+            raise Slip(what, written.tree.col_offset)
+        return Quantity(written.text, fitting, written.names, _sized(term, written))
 
     def _scaled(self, term: Term, unit: Unit, node: ast.expr) -> Term:
         """A bare term in a unit."""
@@ -88,7 +99,7 @@ class Binder:
             if isinstance(error, Slip):
                 raise
             what = f"`{source_of(node, text)}` has no finite value"
-            hint = "check for a division by zero, a root of a negative number, an overflow"
+            hint = "check for a division by zero, a root of a negative number or an overflow"
             raise Slip(what, node.col_offset, hint, "value") from None
 
     def _typed(self, node: ast.expr, text: str) -> Typed:
@@ -124,11 +135,11 @@ class Binder:
         term, dimension = exponent
         if dimension not in (None, NUMBER):
             what = f"exponent `{source_of(node.right, text)}` is {article(dimension)}"
-            raise Slip(what, node.right.col_offset, "an exponent is a plain number")
+            raise Slip(what, node.right.col_offset, "use a plain number as the exponent")
         if base is None or base == NUMBER:
             return base
         if term[0] != "number":
-            what = f"`{source_of(node.left, text)}` is {article(base)}: its exponent must be a number"
+            what = f"`{source_of(node.left, text)}` is {article(base)}; its exponent must be a constant number"
             raise Slip(what, node.right.col_offset)
         return base ** float(term[1])
 
@@ -143,8 +154,8 @@ class Binder:
                 common, first = dimension, node
             elif not dimension.fits(common):
                 what = (
-                    f"`{source_of(first, text)}` is {article(common)},"
-                    f" `{source_of(node, text)}` is {article(dimension)}: they cannot be joined"
+                    f"cannot combine `{source_of(first, text)}` ({article(common)})"
+                    f" with `{source_of(node, text)}` ({article(dimension)})"
                 )
                 raise Slip(what, node.col_offset)
         if common is None:
@@ -165,25 +176,40 @@ class Binder:
             return ("call", name, term), None if dimension is None else dimension**0.5
         allowed = (None, NUMBER, ANGLE) if name in ("sin", "cos", "tan") else (None, NUMBER)
         if dimension not in allowed:
-            wanted = "an angle" if ANGLE in allowed else "a plain number"
-            what = f"`{source_of(node.args[0], text)}` is {article(dimension)}, `{name}` wants {wanted}"
+            expected = "an angle" if ANGLE in allowed else "a plain number"
+            what = f"`{source_of(node.args[0], text)}` is {article(dimension)}; `{name}` expects {expected}"
             raise Slip(what, node.args[0].col_offset)
         return ("call", name, term), ANGLE if name in ("asin", "acos", "atan") else None
 
 
-def _sized(term: Term, draft: Draft) -> Term:
+def unknown_unit(written: WrittenValue, fitting: tuple[Dimension, ...], example: Unit | None = None) -> Slip:
+    """The slip of a value whose unit is none; only units that are `fitting` are suggested, where any is."""
+    try:
+        parse_unit(written.unknown_unit, fitting)
+    except UnitError as error:
+        inside = re.search(r"\s[-+*]\s|[()]", written.unknown_unit)
+        hint = UNIT_HINT if inside else error.hint or (None if example is None else _unit_hint(example))
+        return Slip(error.what, 0, hint, "unit")
+    raise AssertionError(f"`{written.unknown_unit}` is a unit")
+
+
+def _unit_hint(example: Unit) -> str:
+    return "write a plain number" if example.text == "1" else f"use a unit such as `{example.text}`"
+
+
+def _sized(term: Term, written: WrittenValue) -> Term:
     """The term itself; raises `Slip` for a number beyond what can be computed with."""
-    wrong = beyond(term[1], draft.tree is None) if term[0] == "number" else None
+    wrong = beyond(term[1], written.tree is None) if term[0] == "number" else None
     if wrong is not None:
-        raise Slip(f"`{draft.text}` is {wrong}", 0, HINT, "value")
+        raise Slip(f"`{written.text}` is {wrong}", 0, HINT, "value")
     return term
 
 
-def _fitting(dimension: Dimension, wanted: Sequence[Dimension]) -> Dimension | None:
+def _fitting(dimension: Dimension, expected: Sequence[Dimension]) -> Dimension | None:
     """The wanted dimension that a value has: the same one, else the same with rad = 1."""
-    if dimension in wanted:
+    if dimension in expected:
         return dimension
-    return next((each for each in wanted if dimension.fits(each)), None)
+    return next((each for each in expected if dimension.fits(each)), None)
 
 
 def article(dimension: Dimension | None) -> str:
@@ -191,7 +217,7 @@ def article(dimension: Dimension | None) -> str:
     name = (dimension or NUMBER).name
     if dimension not in (None, *DIMENSIONS.values()):
         return f"a quantity in {name}"
-    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
+    return with_article(name)
 
 
 def _a_of(dimensions: Sequence[Dimension]) -> str:

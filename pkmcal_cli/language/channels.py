@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from pkmcal_cli.language.instruments import Actuator
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.quantities import Quantity, V
 from pkmcal_cli.language.sensing import Sensor
+from pkmcal_cli.language.stated_sigma import StatedSigma
 from pkmcal_cli.sensors import SensorKind, sensor_kinds
 from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, TORQUE, Dimension
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 ORIENTATION: Final = ("rx", "ry", "rz")
@@ -29,7 +32,7 @@ class SensorChannel:
     target: str
     direction: str
     output: int
-    quantity: str
+    measurand: Measurand
     unit: Unit
 
     @property
@@ -38,32 +41,30 @@ class SensorChannel:
         return self.unit.dimension
 
 
-def kind_of_sensor(sensor: Sensor) -> SensorKind:
+def kind_of_sensor(sensor: Sensor[Any]) -> SensorKind:
     """The kind of a sensor of the machine file."""
     return sensor_kinds()[sensor.kind]
 
 
-def measured_dimension(machine: Machine, sensor: Sensor) -> Dimension:
+def measured_dimension(machine: Machine[Any, Any], sensor: Sensor[Any]) -> Dimension:
     """Of what a sensor with one reading measures, before zero and scale."""
     kind = kind_of_sensor(sensor)
-    if kind.quantity == "angle":
-        return ANGLE
-    if kind.quantity == "force":
-        drive: Actuator | None = machine.actuators.get(sensor.drive or "")
+    if kind.measurand is Measurand.FORCE:
+        drive: Actuator[Any] | None = machine.actuators.get(sensor.drive or "")
         return TORQUE if drive is not None and drive.travel_dimension == ANGLE else FORCE
     if sensor.of is not None:
-        return getattr(sensor.of, "dimension", LENGTH)  # a draft has none yet
-    return LENGTH
+        return sensor.of.dimension if isinstance(sensor.of, Quantity) else LENGTH
+    return kind.measurand.dimension or LENGTH
 
 
-def reading_unit(machine: Machine, sensor: Sensor) -> Unit:
+def reading_unit(machine: Machine[Any, Any], sensor: Sensor[Any]) -> Unit:
     """Of the numbers that a sensor with one reading gives."""
     if sensor.unit is not None:
         return parse_unit(sensor.unit)
     return machine.file_units.unit(measured_dimension(machine, sensor))
 
 
-def directions_read(sensor: Sensor, planar: bool) -> tuple[str, ...]:
+def directions_read(sensor: Sensor[Any], planar: bool) -> tuple[str, ...]:
     """Names of what a sensor reads, among its kind's channels."""
     kind = kind_of_sensor(sensor)
     if "reads" not in (*kind.needs, *kind.may):
@@ -73,17 +74,17 @@ def directions_read(sensor: Sensor, planar: bool) -> tuple[str, ...]:
     return known or ((normal,) if normal and not sensor.reads else ())
 
 
-def channels_of(machine: Machine) -> tuple[SensorChannel, ...]:
+def channels_of(machine: Machine[Any, Any]) -> tuple[SensorChannel, ...]:
     """Channels of all sensors, in the order of the machine file."""
     one = len(machine.sensors) == 1
     return tuple(c for name, sensor in machine.sensors.items() for c in _channels(machine, name, sensor, one))
 
 
-def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterator[SensorChannel]:
+def _channels(machine: Machine[Any, Any], name: str, sensor: Sensor[Any], one: bool) -> Iterator[SensorChannel]:
     kind = kind_of_sensor(sensor)
     read = directions_read(sensor, machine.space == "planar")
     if len(read) == 1 and not kind.reads_coordinates:
-        column = "" if kind.quantity == "bench" else sensor.column or next(iter(sensor.reads.values()), "") or name
+        column = "" if kind.measurand.once else sensor.column or next(iter(sensor.reads.values()), "") or name
         output = kind.channels.index(read[0])
         yield SensorChannel(
             name=name,
@@ -92,7 +93,7 @@ def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterato
             target=_first(sensor),
             direction="",
             output=output,
-            quantity=kind.quantity,
+            measurand=kind.measurand,
             unit=reading_unit(machine, sensor),
         )
         return
@@ -103,8 +104,8 @@ def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterato
             header = sensor.reads.get(direction, "")  # type: ignore[call-overload]
             column = own if header in ("", direction) else point + header
             turning = direction in ORIENTATION
-            unit = machine.file_units.angle if turning else machine.file_units.length
-            quantity = "orientation" if turning else kind.quantity
+            unit = machine.file_units.angle if turning else reading_unit(machine, sensor)
+            measurand = Measurand.ORIENTATION if turning else kind.measurand
             yield SensorChannel(
                 name=own,
                 column=column,
@@ -112,16 +113,16 @@ def _channels(machine: Machine, name: str, sensor: Sensor, one: bool) -> Iterato
                 target=target,
                 direction=direction,
                 output=kind.channels.index(direction),
-                quantity=quantity,
+                measurand=measurand,
                 unit=unit,
             )
 
 
-def _first(sensor: Sensor) -> str:
+def _first(sensor: Sensor[Any]) -> str:
     return sensor.at[0] if sensor.at else ""
 
 
-def stated_sigma(sensor: Sensor, direction: str) -> object:
+def stated_sigma(sensor: Sensor[V], direction: str) -> StatedSigma[V] | None:
     """The stated uncertainty of a channel: its own, that of its kind, or that of all; None without."""
     kind = "orientation" if direction in ORIENTATION else "position"
     return next((s for key in (direction, kind, "") if (s := sensor.sigma.get(key)) is not None), None)

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import BadInput, Fault, FaultList, Location, did_you_mean
-from pkmcal_cli.expressions.parse import ExpressionError, parse_expression
+from pkmcal_cli.expressions.parser import ExpressionError, parse_expression
 from pkmcal_cli.yaml_source.read import MAX_NODES
 from pkmcal_cli.yaml_source.tree import Pasted, SourceNode
 
@@ -53,7 +53,7 @@ class Expansion:
     def _counted(self, node: SourceNode) -> None:
         self.count += 1
         if self.count > MAX_NODES:
-            what = f"`each` makes more than {MAX_NODES} values"
+            what = f"`each` produces more than {MAX_NODES} values"
             raise BadInput([Fault("each", what, node.where)])
 
     def _expanded_map(self, node: SourceNode, entries: dict[str, SourceNode], env: Environment) -> SourceNode:
@@ -64,7 +64,7 @@ class Expansion:
                 new = self._expanded(_without_each(child), inner)
                 key = self._text(name, inner, where) if "{" in name and inner else name
                 if key in made:
-                    self._fault(f"`{key}` is made twice", where, "use every variable in the name")
+                    self._fault(f"`each` produces `{key}` twice", where, "use every variable in the name")
                     continue
                 made[key] = SourceNode(new.value, new.where, where, new.text, new.quoted)
         return SourceNode(made, node.where, node.key)
@@ -79,36 +79,38 @@ class Expansion:
             return []
         if not any(f"{{{variable}}}" in name for variable in lists):
             variable = next(iter(lists))
-            hint = f'for example "{name}{{{variable}}}"'
-            self._fault(f"the name `{name}` has no variable of its `each`", where, hint)
+            hint = f'write, for example, "{name}{{{variable}}}"'
+            self._fault(f"the name `{name}` contains no variable of its `each`", where, hint)
             return []
         count = len(next(iter(lists.values())))
         return [{**env, **{v: values[i] for v, values in lists.items()}} for i in range(count)]
 
     def _lists(self, each: SourceNode, env: Environment) -> dict[str, list[SourceNode]] | None:
         """The values of every variable, or None after a fault."""
-        example = "each: {i: [1, 2, 3]}"
+        example = "write, for example, `each: {i: [1, 2, 3]}`"
         if not isinstance(each.value, dict) or not each.value:
-            self._fault("`each` wants a map of variables to lists", each.where, example)
+            self._fault("`each` must be a map of variables to lists", each.where, example)
             return None
         lists: dict[str, list[SourceNode]] = {}
         for variable, values in each.value.items():
             if not variable.isidentifier():
-                self._fault(f"`{variable}` is no name of a variable", values.where, example)
+                self._fault(f"`{variable}` is not a valid variable name", values.where, example)
                 return None
             if not isinstance(values.value, list) or not values.value:
-                self._fault(f"variable `{variable}` wants a list of values", values.where, example)
+                self._fault(f"variable `{variable}` needs a list of values", values.where, example)
                 return None
             lists[variable] = [self._expanded(item, env) for item in values.value]
             for item in lists[variable]:
                 if item.text is None or item.value is None or isinstance(item.value, bool):
-                    self._fault("a name, text or number is wanted here", item.where, example)
+                    self._fault("expected a name, text or number", item.where, example)
                     return None
         first = next(iter(lists))
         for variable, items in lists.items():
             if len(items) != len(lists[first]):
-                what = f"`{variable}` has {len(items)} values, `{first}` has {len(lists[first])}"
-                self._fault(what, each.value[variable].where, "variables of one `each` go together")
+                what = f"`{variable}` has {len(items)} values, but `{first}` has {len(lists[first])}"
+                self._fault(
+                    what, each.value[variable].where, "give all variables of one `each` the same number of values"
+                )
                 return None
         return lists
 
@@ -126,8 +128,8 @@ class Expansion:
         def value(match: re.Match[str]) -> str:
             item = env.get(match[1])
             if item is None:
-                hint = did_you_mean(match[1], env, "variables: " + ", ".join(env))
-                self._fault(f"`{match[0]}` is no variable of `each` here", where, hint)
+                hint = did_you_mean(match[1], env, "use one of " + ", ".join(env))
+                self._fault(f"`{match[0]}` is not a variable of this `each`", where, hint)
                 return next(iter(env.values())).text or ""
             return item.text or ""
 

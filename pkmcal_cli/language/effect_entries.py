@@ -3,54 +3,68 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Generic, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, Field
 
 from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.effects import Effect, EffectParameter, Option, catalogue
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.fields import Entity
-from pkmcal_cli.language.parts import ParameterValue
-from pkmcal_cli.language.quantities import Draft, fault
+from pkmcal_cli.language.parts import NONE, ParameterValue
+from pkmcal_cli.language.quantities import F, WrittenNumber, WrittenValue, fault
+from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
-_NAME = re.compile(r"[a-z][a-z0-9_]*@[A-Za-z0-9][A-Za-z0-9_.:+-]*")
+_NAME = re.compile(r"[a-z][a-z0-9_]*@[A-Za-z0-9][A-Za-z0-9_.:+-]*(\[[^\[\]]+\])?")
 
 
 def _check_name(name: str) -> str:
     if not _NAME.fullmatch(name):
-        raise fault("name", f"`{name}` is no name of an effect", "KEYWORD@PLACE, for example backlash@q1")
+        hint = "write KEYWORD@PLACE, for example `backlash@q1`, or `zero@q1[SESSION]` in one session"
+        raise fault("name", f"`{name}` is not a valid effect name", hint)
     return name
 
 
 EffectName = Annotated[str, AfterValidator(_check_name)]
 
 
-class EffectNumber(Entity):
-    """A parameter of an effect, or a constant of it: a value, or an interval [from, to]."""
+class EffectNumber(Entity, Generic[F]):
+    """A parameter or constant of an effect: a value, or an interval [from, to]."""
 
     shorthand: ClassVar[str | None] = "value"
 
-    value: ParameterValue = Field(default=0.0, description="Estimate; 0 is no effect")
-    std: ParameterValue | None = Field(default=None, description="Standard uncertainty of the estimate, for people")
-    range: ParameterValue | None = Field(default=None, description="Half-width, 2 std of the prior; default plausible")
-    bounds: tuple[ParameterValue, ParameterValue] | None = Field(default=None, description="[min, max] of a fit")
-    interval: tuple[ParameterValue, ParameterValue] | None = Field(default=None, description="[from, to]")
-    identify: bool = Field(default=True, description="false: a fit leaves it alone unless selected")
-    note: str | None = Field(default=None, description="A remark for people")
+    value: ParameterValue[F] = Field(default=NONE, description="Estimate; 0: no effect")
+    std: ParameterValue[F] | None = Field(
+        default=None, description="Standard uncertainty of the estimate (for information only)"
+    )
+    range: ParameterValue[F] | None = Field(
+        default=None, description="Half-width, 2 std of the prior; default: plausible range"
+    )
+    bounds: tuple[ParameterValue[F], ParameterValue[F]] | None = Field(
+        default=None, description="[min, max] that a fit respects"
+    )
+    interval: tuple[ParameterValue[F], ParameterValue[F]] | None = Field(
+        default=None, description="Interval [from, to]"
+    )
+    identify: bool | None = Field(
+        default=None, description="false: held fixed in a fit unless selected; default: true, unless its value is known"
+    )
+    note: str | None = Field(default=None, description="Comment")
+
+    @classmethod
+    def expanded(cls, raw: Any) -> Any:
+        """The map that a bare value stands for: a list is an interval."""
+        return {"interval": tuple(raw)} if isinstance(raw, list | tuple) else super().expanded(raw)
 
 
-def _expanded(raw: Any) -> Any:
-    """A list as an interval."""
-    return {"interval": tuple(raw)} if isinstance(raw, list | tuple) else raw
-
-
-Entries = dict[str, Annotated[EffectNumber, BeforeValidator(_expanded)]]
+Entries = dict[str, EffectNumber]
+WrittenEntries: TypeAlias = "Mapping[str, EffectNumber[WrittenNumber]]"
 
 
 @dataclass(frozen=True)
@@ -59,34 +73,38 @@ class EffectResolver:
 
     units: FileUnits
     rotary: frozenset[str]  # names of drives that turn
+    angular: frozenset[str]  # names of sensors that read an angle
     source: SourceMap
     faults: FaultList
 
-    def run(self, effects: dict[str, Entries]) -> dict[str, Entries]:
+    def run(self, effects: Mapping[str, WrittenEntries]) -> dict[str, Entries]:
         """Effects with SI numbers, options as intervals or values."""
         out = {}
         for name, entries in effects.items():
             keyword, _, at = name.partition("@")
             effect = catalogue().get(keyword)
             if effect is None:
-                hint = did_you_mean(keyword, catalogue(), "`pkmcal effects` lists them")
+                hint = did_you_mean(keyword, catalogue(), "list the effects with `pkmcal effects`")
                 self._fault("unknown-name", f"unknown effect `{keyword}`", ("effects", name), hint, True)
                 continue
             out[name] = self._resolved(effect, at, name, entries)
         return out
 
-    def _resolved(self, effect: Effect, at: str, name: str, entries: Entries) -> Entries:
+    def _resolved(self, effect: Effect, at: str, name: str, entries: WrittenEntries) -> Entries:
         every: tuple[EffectParameter | Option, ...] = (*effect.parameters, *effect.options)
-        known = {p.name: unit_at(p, at in self.rotary) for p in every}
+        turning = self.angular if effect.enters == "frame" else self.rotary
+        known = {p.name: unit_at(p, at.partition("[")[0] in turning) for p in every}
         for option in effect.options:
             if option.needed and option.name not in entries:
                 what = f"`{name}` needs `{option.name}`: {option.text}"
-                self._fault("effect", what, ("effects", name), f"{option.name}: 5 {option.unit}", True)
+                self._fault(
+                    "effect", what, ("effects", name), f"add, for example, `{option.name}: 5 {option.unit}`", True
+                )
         out: Entries = {}
         for key, entry in entries.items():
             path: Path = ("effects", name, key)
             if key not in known:
-                hint = did_you_mean(key, known, f"it has {', '.join(known)}")
+                hint = did_you_mean(key, known, f"use one of {', '.join(known)}")
                 self._fault("unknown-name", f"`{effect.keyword}` has no parameter `{key}`", path, hint, True)
             else:
                 out[key] = self._number(entry, known[key], path)
@@ -99,38 +117,46 @@ class EffectResolver:
         what, value = f"`{spec.name}` of `{path[1]}`", entry.value / unit.scale
         if isinstance(spec, Option):
             if spec.positive and not entry.value >= SMALLEST:
-                self._fault("value", f"{what} must be positive", (*path, "value"), f"{spec.name}: 5 {unit.text}")
+                self._fault(
+                    "value",
+                    f"{what} must be positive",
+                    (*path, "value"),
+                    f"write, for example, `{spec.name}: 5 {unit.text}`",
+                )
         elif not spec.possible[0] <= value <= spec.possible[1]:
             low, high = (f"{limit:g}" for limit in spec.possible)
-            hint = f"{spec.text}: from {low} to {high}" + ("" if unit.text == "1" else f" {unit.text}")
+            hint = f"use {low} to {high}" + ("" if unit.text == "1" else f" {unit.text}") + f" ({spec.text})"
             self._fault("value", f"{what} cannot be {value:g}", (*path, "value"), hint)
 
-    def _number(self, entry: EffectNumber, unit: Unit, path: Path) -> EffectNumber:
+    def _number(self, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path) -> EffectNumber:
         changes: dict[str, Any] = {}
         for field in ("value", "std", "range", "bounds", "interval"):
             given = getattr(entry, field)
-            if isinstance(given, Draft):
+            if isinstance(given, WrittenValue):
                 changes[field] = self._bound(given, unit, (*path, field), field != "value")
             elif isinstance(given, tuple):
                 parts = [self._bound(d, unit, (*path, field), False) for d in given]
                 changes[field] = tuple(parts)
                 if not parts[0] < parts[1]:
-                    self._fault("range", "the first of two limits must be below the second", path, "[from, to]")
+                    self._fault("range", "the first limit must be below the second", path, "write [from, to]")
         if changes.get("range", 1.0) < SMALLEST:
-            self._fault("range", "a range must be positive", (*path, "range"), "two standard deviations of the prior")
-        return entry.model_copy(update=changes)
+            self._fault(
+                "range", "a range must be positive", (*path, "range"), "give two standard deviations of the prior"
+            )
+        read: EffectNumber = with_values(entry, changes)
+        return read
 
-    def _bound(self, draft: Draft | float, unit: Unit, path: Path, difference: bool) -> float:
-        if not isinstance(draft, Draft):
-            return float(draft)
-        if draft.names:
-            what = f"an effect's parameter is a number, not an expression of `{draft.names[0]}`"
-            self._fault("parameter", what, path, f"for example 12 {unit.text}")
+    def _bound(self, written: WrittenNumber, unit: Unit, path: Path, difference: bool) -> float:
+        if not isinstance(written, WrittenValue):
+            return float(written)
+        if written.names:
+            what = f"a parameter of an effect must be a number, not an expression of `{written.names[0]}`"
+            self._fault("parameter", what, path, f"write, for example, `12 {unit.text}`")
             return 0.0
         bare = self.units.unit(unit.dimension)
         try:
-            bound = Binder(self.units, {}).bind(draft, (unit.dimension,), bare.difference if difference else bare)
-            return bound.number({})
+            bare = bare.difference if difference else bare
+            return Binder(self.units, {}).bind(written, (unit.dimension,), bare, unit).number({})
         except Slip as slip:
             self._fault(slip.code, slip.what, path, slip.hint)
             return 0.0

@@ -25,10 +25,16 @@ from pkmcal_cli.language.walk import quantities
 _PLACES = ("ground", "frames")
 """Sections of which only those count that depend on parameters: the others are numbers, or are named by what joins."""
 
-_LEFT_OUT = {"limits", "sigma", "sigma_per_length", "correlation", "period", "column", "unit", "reads", "reading"}
+_LEFT_OUT = {
+    "limits", "sigma", "sigma_is", "sigma_per_length", "correlation", "period", "column", "unit", "reads", "reading",
+}  # fmt: skip
 _AXES = {"along", "axis", "axes"}
 _POINTS = {"between", "at", "to"}
 _SETS = {"fixed"}
+_WOUND = "winds"
+"""Ropes by their weights, which are numbers."""
+_OFFSETS = "points"
+"""Of a body, which has them even where all are numbers."""
 _DIGITS = 8
 _LISTED = 3
 _OF = "of"
@@ -54,11 +60,11 @@ class Fingerprint:
 
     def difference(self, other: Fingerprint) -> str | None:
         """What this machine has, lacks and has otherwise than the other, in words; None where they are alike."""
-        mine, others = dict(self._flat()), dict(other._flat())
+        own, others = dict(self._flat()), dict(other._flat())
         parts = (
-            ("has {} in addition", [k for k in mine if k not in others]),
-            ("lacks {}", [k for k in others if k not in mine]),
-            ("has {} joined or made otherwise", [k for k in mine if mine[k] != others.get(k, mine[k])]),
+            ("additional: {}", [k for k in own if k not in others]),
+            ("missing: {}", [k for k in others if k not in own]),
+            ("changed: {}", [k for k in own if own[k] != others.get(k, own[k])]),
         )
         return "; ".join(words.format(_listed(keys)) for words, keys in parts if keys) or None
 
@@ -95,11 +101,11 @@ def read_fingerprint(plain: Any) -> Fingerprint:
     """The fingerprint of a file's plain value. Raises ValueError where it is none."""
     if not isinstance(plain, dict) or not isinstance(plain.get(_OF, ""), str):
         raise ValueError("no map")
-    things = {section: found for section, found in plain.items() if section != _OF}
-    for section, found in things.items():
-        if not isinstance(found, dict) or not all(isinstance(v, str) for v in found.values()):
+    things = {section: entries for section, entries in plain.items() if section != _OF}
+    for section, entries in things.items():
+        if not isinstance(entries, dict) or not all(isinstance(v, str) for v in entries.values()):
             raise ValueError("no hashes by name")
-        if not all(text.isprintable() for text in (section, *found)):
+        if not all(text.isprintable() for text in (section, *entries)):
             raise ValueError("no names")
     return Fingerprint(plain.get(_OF, ""), things)
 
@@ -123,8 +129,11 @@ def _form(value: Any, owners: Mapping[str, str] | None = None, key: str = "") ->
     if isinstance(value, Entity):
         forms = {name: _form(child, owners, name) for name, child in value.__dict__.items() if name not in _LEFT_OUT}
         return {name: form for name, form in forms.items() if form is not None}
-    if isinstance(value, dict):  # points of a body
-        return {name: form for name, child in value.items() if (form := _form(child, owners))}
+    if isinstance(value, dict):
+        if key == _WOUND:
+            return next(iter(value)) if len(value) == 1 else sorted(value)
+        forms = {name: form for name, child in value.items() if (form := _form(child, owners))}
+        return forms if forms or key == _OFFSETS else None
     if isinstance(value, tuple) and value:
         parts = [_form(part, owners, key) for part in value]
         if key in _SETS:

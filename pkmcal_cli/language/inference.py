@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from pkmcal_cli.expressions.parse import CONSTANTS, operator_of
+from pkmcal_cli.expressions.parser import CONSTANTS, operator_of
 from pkmcal_cli.units.dimensions import ANGLE, NUMBER, Dimension
 
 _BARE = "bare"
@@ -25,7 +25,7 @@ class Inference:
     known: dict[str, Dimension]
     origin: dict[str, int] = field(default_factory=dict)
     _use: int = 0
-    _loose: bool = False
+    _wide: bool = False
 
     def run(self, uses: Iterable[tuple[ast.expr, Dimension]]) -> None:
         """Infer from all uses: the tree of a field's expression and the field's dimension."""
@@ -33,7 +33,7 @@ class Inference:
         progress = True
         while progress:
             progress = False
-            for self._loose in (False, True):
+            for self._wide in (False, True):
                 before = len(self.known)
                 for self._use, (tree, dimension) in enumerate(listed):
                     self._spread(tree, dimension)
@@ -61,7 +61,7 @@ class Inference:
     def _binary(self, node: ast.BinOp, dimension: Dimension | None) -> None:
         kind = operator_of(node)
         if kind in ("add", "sub"):
-            shared = dimension if self._loose is False else self._common([node.left, node.right])
+            shared = dimension if self._wide is False else self._common([node.left, node.right])
             shared = shared or dimension
             self._spread(node.left, shared)
             self._spread(node.right, shared)
@@ -81,18 +81,18 @@ class Inference:
         """What a factor is when the whole and the other factor (or the divisor) are known."""
         if whole is None or other == _BARE:
             return whole
-        if not self._loose or not isinstance(other, Dimension):
+        if not self._wide or not isinstance(other, Dimension):
             return None
         return whole * other if divided else whole / other
 
     def _divisor(self, whole: Dimension | None, left: Dimension | str) -> Dimension | None:
-        if whole is None or not self._loose or left == _UNKNOWN:
+        if whole is None or not self._wide or left == _UNKNOWN:
             return None
         return (left if isinstance(left, Dimension) else NUMBER) / whole
 
     def _root(self, node: ast.BinOp, dimension: Dimension | None) -> Dimension | None:
         exponent = node.right
-        if dimension is None or not self._loose or not isinstance(exponent, ast.Constant):
+        if dimension is None or not self._wide or not isinstance(exponent, ast.Constant):
             return None
         power = exponent.value
         if isinstance(power, int | float) and power:
@@ -157,8 +157,8 @@ class Inference:
         return ANGLE if name in ("asin", "acos", "atan", "atan2") else _BARE
 
     @staticmethod
-    def _either(found: list[Dimension | str]) -> Dimension | str:
-        known = next((d for d in found if isinstance(d, Dimension)), None)
+    def _either(dimensions: list[Dimension | str]) -> Dimension | str:
+        known = next((d for d in dimensions if isinstance(d, Dimension)), None)
         if known is not None:
             return known
-        return _UNKNOWN if _UNKNOWN in found else _BARE
+        return _UNKNOWN if _UNKNOWN in dimensions else _BARE

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 
 from pkmcal_cli.base.errors import FaultList
-from pkmcal_cli.language.checks.consistency import SenseCheck
+from pkmcal_cli.language.checks.consistency import ConsistencyCheck
 from pkmcal_cli.language.checks.references import NameCheck
-from pkmcal_cli.language.checks.validation import shape
+from pkmcal_cli.language.checks.validation import validated
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.overlay import load
 from pkmcal_cli.language.resolve import Resolver
@@ -21,13 +21,13 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     faults = FaultList()
     loaded = load(os.fspath(path), faults)
     source = loaded.source
-    drafted, aside = shape(source, faults)
-    if drafted is None:
+    as_written, quarantined = validated(source, faults)
+    if as_written is None:
         faults.raise_if_any()
         raise AssertionError("a machine without faults")
-    NameCheck(machine=drafted, source=source, faults=faults, aside=aside).run()
-    SenseCheck(drafted, source, faults, aside).run()
-    machine = Resolver(machine=drafted, source=source, faults=faults, aside=aside).run()
+    NameCheck(machine=as_written, source=source, faults=faults, quarantined=quarantined).run()
+    ConsistencyCheck(as_written, source, faults, quarantined).run()
+    machine = Resolver(machine=as_written, source=source, faults=faults, quarantined=quarantined).run()
     faults.raise_if_any()
     machine._source = source
     machine._files = loaded.files

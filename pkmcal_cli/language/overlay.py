@@ -63,21 +63,21 @@ class _Chain:
     def base(self, extends: SourceNode, file: str, read: Source) -> SourceNode:
         line = read.lines[extends.where.line - 1]
         if not isinstance(extends.value, str) or not extends.value.isprintable():
-            what = "`extends` wants the path of a machine file"
-            raise BadInput.single(what, extends.where, "extends: machine.yaml", "extends", line)
+            what = "`extends` must be the path of a machine file"
+            raise BadInput.single(what, extends.where, "write, for example, `extends: machine.yaml`", "extends", line)
         folder = os.path.dirname(file)
         path = os.path.normpath(os.path.join(folder, extends.value))
         if os.path.realpath(path) in self.seen or len(self.seen) >= MAX_CHAIN:
-            what = f"`{extends.value}` extends this file in turn: a cycle"
+            what = f"circular `extends`: `{extends.value}` extends this file"
             if os.path.realpath(path) == self.seen[-1]:
                 what = "the file extends itself"
             elif os.path.realpath(path) not in self.seen:
-                what = f"more than {MAX_CHAIN} files extend one another"
-            remedy = "delete one `extends:` of the chain"
+                what = f"more than {MAX_CHAIN} files in one `extends` chain"
+            remedy = "delete one `extends:` from the chain"
             raise BadInput.single(what, extends.where, remedy, "extends", line)
         if not os.path.isfile(path):
-            what = f"there is no file `{extends.value}` beside this one"
-            hint = did_you_mean(extends.value, _yaml_files(folder), "the path is relative to this file")
+            what = f"the file `{extends.value}` does not exist"
+            hint = did_you_mean(extends.value, _yaml_files(folder), "give the path relative to this file")
             raise BadInput.single(what, extends.where, hint, "extends", line)
         return self.read(path)
 
@@ -102,9 +102,9 @@ class _Chain:
         if made.pop(key, None) is not None:
             return
         where = child.key or child.where
-        what = f"there is no `{'.'.join((*path, key))}` to delete"
+        what = f"cannot delete `{'.'.join((*path, key))}`: it does not exist"
         close = nearest(key, made)
-        hint = f"did you mean `{close}`?" if close else "`null` deletes an entry of the extended file"
+        hint = f"did you mean `{close}`?" if close else "use `null` only to delete an entry of the extended file"
         line = self.lines[where.file][where.line - 1]
         self.faults.add(Fault("extends", what, where, hint, line))
 
@@ -125,7 +125,7 @@ def _promoted(base: SourceNode, over: SourceNode, key: str) -> tuple[SourceNode,
 
 def _yaml_files(folder: str) -> list[str]:
     try:
-        found = os.listdir(folder or ".")
+        entries = os.listdir(folder or ".")
     except OSError:
         return []
-    return [name for name in found if name.endswith((".yaml", ".yml"))]
+    return [name for name in entries if name.endswith((".yaml", ".yml"))]

@@ -1,7 +1,7 @@
 """Quantities: the numeric leaves of a machine.
 
 In the file a quantity is a number, a text "number unit", a parameter's name or an expression.
-`Measure` marks a field as a quantity of a dimension; reading makes a `Draft` (checked, but not
+`Measure` marks a field as a quantity of a dimension; reading makes a `WrittenValue` (checked, but not
 yet bound to units), and binding makes the `Quantity` that the engine evaluates.
 """
 
@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import ast
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from typing_extensions import TypeVar
 
-from pkmcal_cli.expressions.parse import (
+from pkmcal_cli.expressions.parser import (
     EXAMPLE,
-    UNIT_HINT,
     Evaluate,
     ExpressionError,
     Term,
@@ -82,14 +81,18 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Draft:
-    """A quantity as read: its tree or its number with unit, not yet bound to the file's units."""
+class WrittenValue:
+    """A quantity as read: its tree or its number with unit, not yet bound to the file's units.
+
+    `unknown_unit`: the text after the number where it is no unit; binding tells so, since it knows which would fit.
+    """
 
     text: str
     measure: Measure
     tree: ast.expr | None
     number: float = 0.0
     unit: Unit | None = None
+    unknown_unit: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,18 +100,26 @@ class Draft:
         return names_of(self.tree) if self.tree is not None else ()
 
 
+Written: TypeAlias = WrittenValue | Quantity
+WrittenNumber: TypeAlias = WrittenValue | float
+"""Values of entries and of parameters before they have units: those of the file, and the defaults."""
+V = TypeVar("V", default=Quantity)
+F = TypeVar("F", default=float)
+"""Values of entries and of parameters: `Written` and `WrittenNumber`, then `Quantity` and float (SI)."""
+
+
 @dataclass(frozen=True)
 class Measure:
     """Marks a field as a quantity.
 
     `dimension` of the field; `others` that a field may have besides (a bare number takes the
-    first); `usual` the range of magnitudes (SI) outside of which a guess is made; `words` that
+    first); `plausible` the range of magnitudes (SI) outside of which a guess is made; `words` that
     may stand instead of a quantity; `sign` "+" for positive, "0+" for not negative, "+-" for not zero.
     """
 
     dimension: Dimension
     others: tuple[Dimension, ...] = ()
-    usual: tuple[float, float] | None = None
+    plausible: tuple[float, float] | None = None
     words: tuple[str, ...] = ()
     sign: str = ""
 
@@ -117,37 +128,34 @@ class Measure:
         """All dimensions that the field may have."""
         return (self.dimension, *self.others)
 
-    def read(self, raw: object) -> Draft | Quantity | str:
+    def read(self, raw: object) -> WrittenValue | Quantity | str:
         """The raw value of a file, checked; raises PydanticCustomError."""
-        if isinstance(raw, Draft | Quantity):
+        if isinstance(raw, WrittenValue | Quantity):
             return raw
         if isinstance(raw, str) and raw in self.words:
             return raw
         if isinstance(raw, bool) or not isinstance(raw, int | float | str):
-            raise fault("type", f"a number or text is wanted here, not {kind_of(raw)}", hint_of(raw))
+            raise fault("type", f"expected a number or text, found {kind_of(raw)}", hint_of(raw))
         if not isinstance(raw, str):
             if not math.isfinite(raw):
-                raise fault("value", "a finite number is wanted here")
-            return Draft(f"{raw!r}", self, None, float(raw))
+                raise fault("value", "expected a finite number")
+            return WrittenValue(f"{raw!r}", self, None, float(raw))
         return self._read_text(raw)
 
-    def _read_text(self, raw: str) -> Draft:
+    def _read_text(self, raw: str) -> WrittenValue:
         if not raw.strip():
-            raise fault("value", "a number or text is wanted here, not an empty text")
+            raise fault("value", "expected a number or text, found an empty text")
         parts = split_value(raw)
         if parts is not None:
             if not math.isfinite(parts[0]):
-                raise fault("value", f"`{raw}` is too large a number")
+                raise fault("value", f"the number `{raw}` is too large")
             try:
-                unit = parse_unit(parts[1]) if parts[1] else None
-            except UnitError as error:
-                inside = re.search(r"\s[-+*]\s|[()]", parts[1] or "")
-                hint = UNIT_HINT if inside else error.hint
-                raise fault("unit", error.what, hint) from None
-            return Draft(raw, self, None, parts[0], unit)
+                return WrittenValue(raw, self, None, parts[0], parse_unit(parts[1]) if parts[1] else None)
+            except UnitError:
+                return WrittenValue(raw, self, None, parts[0], None, parts[1] or "")
         raw = raw.expression if isinstance(raw, Pasted) else raw
         try:
-            return Draft(raw, self, parse_expression(raw))
+            return WrittenValue(raw, self, parse_expression(raw))
         except ExpressionError as error:
             raise fault("expression", error.what, error.hint, error.offset) from None
 
@@ -182,5 +190,5 @@ def hint_of(raw: object) -> str | None:
     if isinstance(raw, dict) and len(raw) == 1 and list(raw.values()) == [None]:
         return f'quote a name in braces: "{{{next(iter(raw))}}}"'
     if raw is None or isinstance(raw, bool):
-        return f"a number, {EXAMPLE}"
+        return EXAMPLE
     return None

@@ -1,4 +1,4 @@
-"""Resolution of a machine: dimensions of parameters, every draft bound, defaults filled in."""
+"""Resolution of a machine: dimensions of parameters, every value as written bound, defaults filled in."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from typing import Any
 
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.binding import Binder, Slip, article
-from pkmcal_cli.language.checks.bench import check_bench
-from pkmcal_cli.language.checks.expected_dimensions import Wanted, wanted
+from pkmcal_cli.language.channels import kind_of_sensor
+from pkmcal_cli.language.checks.bench_sensors import check_bench
+from pkmcal_cli.language.checks.expected_dimensions import ExpectedDimension, expected_dimension
 from pkmcal_cli.language.checks.magnitudes import MagnitudeCheck, radian_warning
-from pkmcal_cli.language.checks.validation import Aside
+from pkmcal_cli.language.checks.validation import Quarantine
 from pkmcal_cli.language.effect_entries import EffectResolver
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.inference import Inference
 from pkmcal_cli.language.instruments import KINDS, Actuator
-from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimension
+from pkmcal_cli.language.machine import Machine, WrittenMachine
+from pkmcal_cli.language.parameter_values import ParameterResolver, stated_dimension, unknown_units
 from pkmcal_cli.language.parts import Body, Frame, Guide, Load, Parameter
-from pkmcal_cli.language.quantities import Draft, Quantity
+from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.language.sensing import Sensor
-from pkmcal_cli.language.walk import drafts, replaced
+from pkmcal_cli.language.walk import replaced, written_values
 from pkmcal_cli.units.dimensions import ACCELERATION, ANGLE, FORCE, LENGTH, TORQUE, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
@@ -32,14 +33,14 @@ _PLAIN = ("parameters", "ranges", "effects")
 
 @dataclass(kw_only=True)
 class Resolver:
-    """Binds the drafts of one machine; faults are added at their places."""
+    """Binds the values as written of one machine; faults are added at their places."""
 
-    machine: Machine
+    machine: WrittenMachine
     source: SourceMap
     faults: FaultList
-    aside: Aside
+    quarantined: Quarantine
     units: FileUnits = field(init=False)
-    uses: list[tuple[Path, Draft, Wanted]] = field(init=False)
+    uses: list[tuple[Path, WrittenValue, ExpectedDimension]] = field(init=False)
     origin: dict[str, Path] = field(default_factory=dict)
     slipped: set[Path] = field(default_factory=set)
     known: dict[str, Dimension] = field(default_factory=dict)
@@ -47,8 +48,8 @@ class Resolver:
     def __post_init__(self) -> None:
         self.units = self.machine.file_units
         self.uses = [
-            (path, draft, wanted(self.machine, path, draft, self.units))
-            for path, draft in drafts(self.machine)
+            (path, written, expected_dimension(self.machine, path, written, self.units))
+            for path, written in written_values(self.machine)
             if path[0] not in _PLAIN
         ]
         self.uses.sort(key=lambda use: self.source[use[0]])
@@ -58,34 +59,36 @@ class Resolver:
         dimensions = self._dimensions()
         binder = Binder(self.units, dimensions)
         ranges = replaced(self.machine.ranges, self._constant, ("ranges",))
-        resolver = ParameterResolver(self.units, ranges, self.source, self.faults, self.aside)
+        resolver = ParameterResolver(self.units, ranges, self.source, self.faults, self.quarantined)
         parameters = {
             name: resolver.resolve(name, parameter, dimensions[name])
             for name, parameter in self.machine.parameters.items()
             if name in dimensions
         }
-        bound = {path: self._bind(binder, path, draft, want) for path, draft, want in self.uses}
+        bound = {path: self._bind(binder, path, written, expected) for path, written, expected in self.uses}
         self._check_values(bound, parameters)
         rest = self.machine.model_copy(
             update={"ranges": ranges, "parameters": {}, "effects": {}},
         )
-        made: Machine = replaced(rest, lambda path, draft: bound[path])
-        check_bench(made, parameters, self.source, self.faults)
+        made: Machine = replaced(rest, lambda path, written: bound[path])
+        check_bench(made, parameters, self.slipped, self.source, self.faults)
         turning = frozenset(name for name, a in self.machine.actuators.items() if a.turns is not None)
-        effects = EffectResolver(self.units, turning, self.source, self.faults).run(self.machine.effects)
+        kinds = {name: kind_of_sensor(sensor) for name, sensor in self.machine.sensors.items()}
+        angular = frozenset(name for name, kind in kinds.items() if kind.measurand.dimension == ANGLE)
+        effects = EffectResolver(self.units, turning, angular, self.source, self.faults).run(self.machine.effects)
         return filled(made.model_copy(update={"parameters": parameters, "effects": effects}))
 
     def _check_values(self, bound: Mapping[Path, Quantity], parameters: Mapping[str, Parameter]) -> None:
         """Values at nominal: finite, sign, magnitude; pi in a file of degrees."""
-        written = self.machine.parameters
+        declared = self.machine.parameters
         check = MagnitudeCheck(
-            parameters=parameters, written=written, units=self.units, source=self.source, faults=self.faults
+            parameters=parameters, declared=declared, units=self.units, source=self.source, faults=self.faults
         )
-        for path, draft, _ in self.uses:
+        for path, written, _ in self.uses:
             if path in self.slipped:
                 continue
-            check.check(path, draft, bound[path])
-            doubt = radian_warning(path, draft, self.units, self.source)
+            check.check(path, written, bound[path])
+            doubt = radian_warning(path, written, self.units, self.source)
             if doubt is not None:
                 self.faults.add(doubt)
 
@@ -98,57 +101,60 @@ class Resolver:
                 known[name] = stated
                 self.origin[name] = ("parameters", name)
         inference = Inference(known)
-        plain = [(use, draft, w) for use, draft, w in self.uses if draft.tree and use[2:] != ("of",)]
-        trees = [(use, draft.tree, w.dimensions[0]) for use, draft, w in plain if draft.tree]
+        plain = [(use, written, w) for use, written, w in self.uses if written.tree and use[2:] != ("of",)]
+        trees = [(use, written.tree, w.dimensions[0]) for use, written, w in plain if written.tree]
         inference.run((tree, dimension) for _, tree, dimension in trees)
         for name, index in inference.origin.items():
             self.origin[name] = trees[index][0]
-        used = {name for _, draft, _ in self.uses for name in draft.names}
-        for name in self.machine.parameters:
-            if name not in known and name in used:
-                what = f"what parameter `{name}` measures cannot be told from its uses"
-                found = self.source.fault("dimension", what, ("parameters", name), "give `unit:`", at_key=True)
-                self.faults.add(found)
+        used = {name for _, written, _ in self.uses for name in written.names}
+        for name, parameter in self.machine.parameters.items():
+            slips = [] if name in known else list(unknown_units(parameter))
+            for key, slip in slips:
+                self.faults.add(self.source.fault(slip.code, slip.what, ("parameters", name, *key), slip.hint))
+            if name not in known and name in used and not slips:
+                what = f"the dimension of parameter `{name}` cannot be inferred from its uses"
+                fault = self.source.fault("dimension", what, ("parameters", name), "add `unit:`", at_key=True)
+                self.faults.add(fault)
         return {name: known[name] for name in self.machine.parameters if name in known}
 
-    def _constant(self, path: Path, draft: Draft) -> Quantity:
+    def _constant(self, path: Path, written: WrittenValue) -> Quantity:
         """A quantity of numbers only (default ranges)."""
-        if draft.names:
-            what = f"`{draft.text}` names `{draft.names[0]}`: a range is a number"
+        if written.names:
+            what = f"a range must be a number, not an expression of `{written.names[0]}`"
             self.faults.add(self.source.fault("range", what, path, "give a number"))
-            return Quantity.constant(1.0, draft.measure.dimension)
-        made = self._bind(Binder(self.units, {}), path, draft, Wanted(draft.measure.dimensions))
+            return Quantity.constant(1.0, written.measure.dimension)
+        made = self._bind(Binder(self.units, {}), path, written, ExpectedDimension(written.measure.dimensions))
         if not made.number({}) >= SMALLEST:
             self.faults.add(
-                self.source.fault("range", "a range must be positive", path, "the half-width about nominal")
+                self.source.fault("range", "a range must be positive", path, "give the half-width about nominal")
             )
         return made
 
-    def _bind(self, binder: Binder, path: Path, draft: Draft, want: Wanted) -> Quantity:
-        """The bound draft; a stand-in where a name is unknown or after a fault."""
-        stand_in = Quantity(draft.text, want.dimensions[0], (), ("number", 1.0))
-        if any(name not in binder.dimensions for name in draft.names):
+    def _bind(self, binder: Binder, path: Path, written: WrittenValue, expected: ExpectedDimension) -> Quantity:
+        """The bound value as written; a placeholder where a name is unknown or after a fault."""
+        placeholder = Quantity(written.text, expected.dimensions[0], (), ("number", 1.0))
+        if any(name not in binder.dimensions for name in written.names):
             self.slipped.add(path)
-            return stand_in
+            return placeholder
         try:
-            return binder.bind(draft, want.dimensions, want.bare)
+            return binder.bind(written, expected.dimensions, expected.bare)
         except Slip as slip:
             self.slipped.add(path)
-            hint = slip.hint or self._first_uses(draft, path)
+            hint = slip.hint or self._first_uses(written, path)
             self.faults.add(self.source.fault(slip.code, slip.what, path, hint, slip.offset))
-            return stand_in
+            return placeholder
 
-    def _first_uses(self, draft: Draft, path: Path) -> str | None:
-        """Where the dimensions of the names in a draft come from."""
-        told = []
-        for name in draft.names:
+    def _first_uses(self, written: WrittenValue, path: Path) -> str | None:
+        """Where the dimensions of the names in a value as written come from."""
+        texts = []
+        for name in written.names:
             origin = self.origin.get(name)
             if origin is None or origin == path:
                 continue
             kind, line = article(self.known[name]), self.source[origin].line
-            how = "declared" if origin[0] == "parameters" else "by its use"
-            told.append(f"`{name}` is {kind} {how} in line {line}")
-        return "; ".join(told) or None
+            how = "declared in" if origin[0] == "parameters" else "inferred from"
+            texts.append(f"`{name}` is {kind} ({how} line {line})")
+        return "; ".join(texts) or None
 
 
 _ZEROS: dict[type[Entity], tuple[tuple[str, Dimension, str], ...]] = {

@@ -1,28 +1,28 @@
-"""Walking a machine: all its drafts with their paths, and the same machine with them replaced."""
+"""Walking a machine: all its values as written with their paths, and the same machine with them replaced."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pkmcal_cli.language.fields import Entity
-from pkmcal_cli.language.quantities import Draft, Quantity
+from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.yaml_source.tree import Path
 
 
-def drafts(value: Any, path: Path = ()) -> Iterator[tuple[Path, Draft]]:
-    """Every draft in a model, tuple or map, with its path in the file."""
-    if isinstance(value, Draft):
+def written_values(value: Any, path: Path = ()) -> Iterator[tuple[Path, WrittenValue]]:
+    """Every value as written in a model, tuple or map, with its path in the file."""
+    if isinstance(value, WrittenValue):
         yield path, value
     elif isinstance(value, Entity):
         for name, child in value.__dict__.items():
-            yield from drafts(child, (*path, name))
+            yield from written_values(child, (*path, name))
     elif isinstance(value, dict):
         for name, child in value.items():
-            yield from drafts(child, (*path, name))
+            yield from written_values(child, (*path, name))
     elif isinstance(value, tuple):
         for index, child in enumerate(value):
-            yield from drafts(child, (*path, index))
+            yield from written_values(child, (*path, index))
 
 
 def quantities(value: Any, path: Path = ()) -> Iterator[tuple[Path, Quantity]]:
@@ -40,9 +40,9 @@ def quantities(value: Any, path: Path = ()) -> Iterator[tuple[Path, Quantity]]:
             yield from quantities(child, (*path, index))
 
 
-def replaced(value: Any, make: Callable[[Path, Draft], Any], path: Path = ()) -> Any:
-    """The same with every draft replaced by what `make` gives for it."""
-    if isinstance(value, Draft):
+def replaced(value: Any, make: Callable[[Path, WrittenValue], Any], path: Path = ()) -> Any:
+    """The same with every value as written replaced by what `make` gives for it."""
+    if isinstance(value, WrittenValue):
         return make(path, value)
     if isinstance(value, Entity):
         new = {n: replaced(c, make, (*path, n)) for n, c in value.__dict__.items()}
@@ -55,3 +55,8 @@ def replaced(value: Any, make: Callable[[Path, Draft], Any], path: Path = ()) ->
         parts = tuple(replaced(c, make, (*path, i)) for i, c in enumerate(value))
         return parts if any(a is not b for a, b in zip(parts, value, strict=True)) else value
     return value
+
+
+def with_values(entity: Entity, values: Mapping[str, Any]) -> Any:
+    """The same entity with some of its fields replaced, as they are at the next stage of reading."""
+    return entity.model_copy(update=dict(values))

@@ -53,14 +53,14 @@ def at_rest(model: Model, rows: Rows) -> Rows:
 
 def resting(model: Model) -> str:
     """What is to be said of effects at rest; "" without any."""
-    found = _resting(model)
-    told = ", ".join(words for _, _, words in found.values())
-    return f"effects that need {', '.join(found)} are at rest: {told}" if found else ""
+    rest = _resting(model)
+    texts = ", ".join(words for _, _, words in rest.values())
+    return f"effects that depend on {', '.join(rest)} are evaluated at reference conditions: {texts}" if rest else ""
 
 
 def _resting(model: Model) -> dict[str, tuple[str, float, str]]:
-    needs = {need for e in model.effects for need in e.effect.needs}
-    return {need: rest for need, rest in _REST.items() if need in needs}
+    needs = {need for e in model.effects if e.sites for need in e.effect.needs}
+    return {need: resting for need, resting in _REST.items() if need in needs}
 
 
 def directions(readings: Array, session: NDArray[np.int64]) -> Array:

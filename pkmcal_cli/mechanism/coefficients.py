@@ -1,8 +1,8 @@
-"""Slots: the flat vector of everything that a parameter or an effect can set in the engine, one array per row.
+"""Coefficients c: the flat vector of everything that a parameter or an effect can set in the engine, one line a row.
 
-Every length, offset, guide angle, stiffness, force ... of the compiled machine is one slot (SI units). Slots come
-from the parameters by formulas; a stage of the prediction may give each row its own value. The engine differentiates
-with respect to slots only, and everything else chains to them.
+Every length, offset, guide angle, stiffness, force ... of the compiled machine is one coefficient (SI units), a formula
+c = c(xi) of the parameters; a stage of the prediction may give each row its own value. The engine differentiates with
+respect to c only, and dz/dxi = dz/dc dc/dxi: a new kind of parameter or effect needs no derivative of its own.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ _STEP = 1e-40  # imaginary step; formulas are analytic, so the derivative is exa
 
 @dataclass(frozen=True)
 class Formula:
-    """A slot's value as a function of parameters (SI in, SI out), safe for complex arguments."""
+    """A coefficient's value as a function of parameters (SI in, SI out), safe for complex arguments."""
 
     names: tuple[str, ...]
     function: Callable[[Mapping[str, complex]], complex]
 
 
 @dataclass(frozen=True)
-class SlotTable:
-    """All slots of a model: constants, and formulas for those that depend on parameters."""
+class CoefficientTable:
+    """All coefficients of a model: constants, and formulas for those that depend on parameters."""
 
-    constants: Array  # (S,) value of each slot at nominal parameters
+    constants: Array  # (S,) value of each coefficient at nominal parameters
     formulas: tuple[tuple[int, Formula], ...]
-    labels: tuple[str, ...]  # (S,) what each slot is, for messages
+    labels: tuple[str, ...]  # (S,) what each coefficient is, for messages
 
     def values(self, parameters: Mapping[str, float]) -> Array:
-        """Slot values (S,) at the given parameters."""
+        """Coefficient values (S,) at the given parameters."""
         out = self.constants.copy()
         for index, formula in self.formulas:
             out[index] = np.real(formula.function(parameters))
         return out
 
     def jacobian(self, parameters: Mapping[str, float], names: Sequence[str]) -> Array:
-        """d slots / d parameters, (S, len(names)), by complex step through the formulas."""
+        """d coefficients / d parameters, (S, len(names)), by complex step through the formulas."""
         out = np.zeros((len(self.constants), len(names)))
         column = {name: j for j, name in enumerate(names)}
         for index, formula in self.formulas:

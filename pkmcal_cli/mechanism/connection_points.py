@@ -1,7 +1,12 @@
-"""Points as sums of arms, ports, and links between ports, while a layout is being built."""
+"""Points as sums of offset vectors, connection points, and links between them, while a topology is being built.
+
+A link is the difference of two such sums; what both share (the platform's own translation, say) cancels here, once,
+instead of in every iteration.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,14 +14,14 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.elements import Element
 from pkmcal_cli.mechanism.coefficients import Formula
-from pkmcal_cli.mechanism.topology import GROUND
+from pkmcal_cli.mechanism.topology import GROUND, OffsetVectors
 
 Number = float | Formula
 
 
 @dataclass(frozen=True)
 class Point:
-    """A sum of arms: offsets (sign, number) and travels (number, axis) by the rotation that carries them."""
+    """A sum of offset vectors: offsets (sign, number) and travels (number, axis) by the rotation that carries them."""
 
     offsets: tuple[tuple[int, float, int], ...] = ()  # (rotation, sign, offset)
     travels: tuple[tuple[int, int, tuple[float, float, float]], ...] = ()  # (rotation, travel, axis)
@@ -26,51 +31,106 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Port:
+class ConnectionPoint:
     """A point and the rotation of the body that it belongs to."""
 
     point: Point
     rotation: int
 
 
-@dataclass(frozen=True)
+Ends = tuple[ConnectionPoint, ConnectionPoint]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Rail:
-    """A guide: origin and frame rotation, unit vector along it in the frame's axes."""
+    """A guide: origin and frame rotation, unit vector along it at nominal in the frame's axes.
+
+    `tilted`: the rotation that carries this vector; `turn`: how far parameters turn it, rotation vector in base axes.
+    """
 
     origin: Point
     rotation: int
     along: Array
+    tilted: int
+    turn: tuple[Number, Number, Number] | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
-    """What a link carries: an element between two ports, with its numbers."""
+    """The vector between two connection points, with triads at rest and sizes; `weight`: in the sum of a path."""
 
-    element: Element | None
+    connections: tuple[ConnectionPoint, ConnectionPoint]
+    triads: tuple[Array, Array] = (np.eye(3), np.eye(3))
+    sizes: tuple[Number, ...] = ()
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Member:
+    """An element on the links that it sees, with its numbers; `path`: its strain is a sum over them."""
+
+    element: Element
     name: str
-    ports: tuple[Port, Port]
-    triads: tuple[Array, Array]
+    links: tuple[Link, ...]
     rest: tuple[Number, ...]
     stiffness: tuple[Number, ...]
     prestress: tuple[Number, ...]
     rigid: tuple[bool, ...]
     rope: bool
+    path: bool = False
+    slides: tuple[tuple[int, float], ...] = ()  # travels that add to the natural length, with factors
 
 
-def arms_of(link: Link) -> list[tuple[int, list[tuple[float, int]], list[tuple[int, Array]]]]:
-    """Arms of port j minus port i by rotation; what both share cancels."""
+def slides_of(members: Sequence[Member], travels: int) -> Array:
+    """What each travel adds to the natural lengths of members, (travels, E)."""
+    out = np.zeros((travels, len(members)))
+    for e, member in enumerate(members):
+        for travel, factor in member.slides:
+            out[travel, e] += factor
+    return out
+
+
+def offset_vectors_of(links: Sequence[Link], offsets: Sequence[tuple[int, int, int]], travels: int) -> OffsetVectors:
+    """The offset vectors of links, in order; offsets: coefficients of the constant ones; travels: how many."""
+    rows: list[tuple[int, int, list[tuple[float, int]], list[tuple[int, Array]]]] = []
+    start = []
+    for number, link in enumerate(links):
+        start.append(len(rows))
+        rows += [(number, r, placed, moved) for r, placed, moved in _of_link(link)]
+    width = max(len(row[2]) for row in rows)
+    offset = np.zeros((len(rows), width), dtype=np.intp)
+    sign = np.zeros((len(rows), width))
+    travel = np.zeros((travels, len(rows) * 3))
+    for a, (_, _, placed, moved) in enumerate(rows):
+        for p, (factor, index) in enumerate(placed):
+            offset[a, p], sign[a, p] = index, factor
+        for t, axis in moved:
+            travel[t, 3 * a : 3 * a + 3] += axis
+    return OffsetVectors(
+        link=np.array([row[0] for row in rows], dtype=np.intp),
+        rotation=np.array([row[1] for row in rows], dtype=np.intp),
+        start=np.array(start, dtype=np.intp),
+        offset=offset,
+        sign=sign,
+        travel=travel,
+        offset_coefficients=np.array(offsets, dtype=np.intp),
+    )
+
+
+def _of_link(link: Link) -> list[tuple[int, list[tuple[float, int]], list[tuple[int, Array]]]]:
+    """Arms of point j minus point i by rotation; what both share cancels."""
     offsets: dict[tuple[int, int], float] = {}
     travels: dict[tuple[int, int], Array] = {}
-    for factor, port in ((-1.0, link.ports[0]), (1.0, link.ports[1])):
-        for r, sign, index in port.point.offsets:
+    for factor, connection in ((-1.0, link.connections[0]), (1.0, link.connections[1])):
+        for r, sign, index in connection.point.offsets:
             offsets[r, index] = offsets.get((r, index), 0.0) + factor * sign
-        for r, t, axis in port.point.travels:
+        for r, t, axis in connection.point.travels:
             travels[r, t] = travels.get((r, t), np.zeros(3)) + factor * np.array(axis)
     rotations = sorted({r for r, _ in offsets} | {r for r, _ in travels}) or [GROUND]
     out = []
     for r in rotations:
-        mine = [(sign, index) for (q, index), sign in offsets.items() if q == r and sign] or [(0.0, 0)]
+        constant = [(sign, index) for (q, index), sign in offsets.items() if q == r and sign] or [(0.0, 0)]
         moved = [(t, axis) for (q, t), axis in travels.items() if q == r and axis.any()]
-        if mine != [(0.0, 0)] or moved or len(rotations) == 1:
-            out.append((r, mine, moved))
+        if constant != [(0.0, 0)] or moved or len(rotations) == 1:
+            out.append((r, constant, moved))
     return out or [(GROUND, [(0.0, 0)], [])]

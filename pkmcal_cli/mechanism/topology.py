@@ -1,9 +1,10 @@
-"""The compiled machine as index arrays: coordinates, arms, links between ports, elements. It never changes.
+"""The compiled machine as index arrays: coordinates, offset vectors, links, elements. It never changes.
 
 Coordinates are *travels* (lengths along an axis carried by a rotation; the position of a free node is three travels
-along the base axes) and *rotations*. A point is a sum of *arms*: vectors, each constant in one rotation's triad but
-for the travels along it. So points of bodies, carriages on guides, pinned member ends and rigid telescopes need no
-unknowns of their own, and no constraint either. A *link* is the vector between the points of two ports.
+along the base axes) and *rotations*. A point is a sum of *offset vectors*, x = sum R_r (o + travel a): each is constant
+in the triad of one rotation r but for the travels along it. So points of bodies, carriages on guides, pinned member
+ends and rigid telescopes need no unknowns of their own, and no constraint either. A *link* is the vector between the
+points of two connection points. An element sees one link, or several: a rope over pulleys is a path of links.
 """
 
 from __future__ import annotations
@@ -18,67 +19,87 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap
 from pkmcal_cli.elements import Element
-from pkmcal_cli.mechanism.coefficients import SlotTable
+from pkmcal_cli.mechanism.coefficients import CoefficientTable
 
 Index = NDArray[np.intp]
 GROUND = 0  # rotation number of the base
 
 
-class Turn(IntEnum):
-    """How a rotation moves."""
+class RotationKind(IntEnum):
+    """How a rotation moves; a frame as what carries it does."""
 
-    FIXED = 0  # prescribed rotation vector (frames; zero for the base)
+    FIXED = 0  # not, but for its prescribed rotation vector
     FREE = 1  # three unknowns
     AXIS = 2  # one unknown: about an axis fixed to the base
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rotations:
-    """The B rotations: kind, axis of those with one freedom, drawn orientation, and slots of what is prescribed.
+    """The B rotations: kind, axis of those with one freedom, reference orientation, coefficients if prescribed.
 
-    `drawn` is the assembled drawing; orientations are read against `filed`, the drawing as the machine file has it.
+    `reference` is the assembled reference configuration; orientations are read against `filed`, the reference
+    configuration as the machine file has it. A *frame* is turned by coefficients against its carrier, the base or
+    another rotation before it, and moves with it: R = R_carrier exp(vector) reference.
     """
 
-    kind: Index  # (B,)
+    kind: Index  # (B,) of a frame: that of its carrier
     axis: Array  # (B, 3) unit vector in base axes
-    drawn: Array  # (B, 3, 3) orientation at the assembled drawing
-    filed: Array  # (B, 3, 3) orientation in the file's drawing
-    slots: Index  # (B, 3) rotation vector slots (FIXED), or the angle in column 0 (AXIS, when driven); -1: none
+    reference: Array  # (B, 3, 3) orientation at the assembled reference configuration; of a frame: as carried
+    filed: Array  # (B, 3, 3) orientation in the file's configuration
+    coefficients: Index  # (B, 3) of the rotation vector of a frame, or the angle in column 0 (AXIS, driven); -1: none
+    carrier: Index  # (B,) rotation that carries a frame; -1: it is none
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arms:
+class OffsetVectors:
     """Vectors that add up to links, ordered by link."""
 
     link: Index  # (A,)
     rotation: Index  # (A,)
-    start: Index  # (links,) first arm of each link
+    start: Index  # (links,) first offset vector of each link
     offset: Index  # (A, P) which offset vectors, padded with the zero offset 0
     sign: Array  # (A, P)
-    travel: Array  # (T, A * 3): travel values to arm vectors, in the arm's triad
-    offset_slots: Index  # (O, 3) slots of the offset vectors
+    travel: Array  # (T, A * 3): travel values to offset vectors, in their triads
+    offset_coefficients: Index  # (O, 3) coefficients of the offset vectors
 
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Links that carry elements of one kind."""
+    """K links that carry E elements of one kind: one each, or paths of several.
+
+    The strain of a path is the sum of its links' lengths by their weights, less its rest value.
+    """
 
     element: Element
     names: tuple[str, ...]  # (E,)
     links: slice
-    rotation: Index  # (2, E) rotations of the ports i and j
-    triads: Array  # (2, E, 3, 3) the element's triads at rest, in the coordinates of the port's rotation
-    rest: slice  # slots, (E, m)
-    stiffness: slice  # slots, (E, P)
-    prestress: slice  # slots, (E, m)
+    rotation: Index  # (2, K) rotations of the connection points i and j
+    triads: Array  # (2, K, 3, 3) the element's triads at rest, in the coordinates of the connection point's rotation
+    sizes: slice  # coefficients, (K, p)
+    path: Index | None  # (K,) element of each link, ascending; None: one link each
+    weights: Array  # (K,)
+    rest: slice  # coefficients, (E, m)
+    stiffness: slice  # coefficients, (E, P)
+    prestress: slice  # coefficients, (E, m)
     rigid: NDArray[np.bool_]  # (E, m) constraint instead of stiffness
     rope: NDArray[np.bool_]  # (E,) carries no compression
+    slides: Array  # (T, E) what travels add to natural lengths; zero but where the element slides
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of elements and of strains of each."""
         return len(self.names), len(self.element.strains)
+
+    @cached_property
+    def owners(self) -> Index:
+        """Element of each link, (K,)."""
+        return np.arange(len(self.names)) if self.path is None else self.path
+
+    @cached_property
+    def summing(self) -> Array:
+        """From lengths of links to those of paths, (E, K)."""
+        return np.equal.outer(np.arange(len(self.names)), self.owners) * self.weights
 
 
 class DriveKind(IntEnum):
@@ -91,55 +112,69 @@ class DriveKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """Where an actuator enters: the slot that its position sets, and how it is released or force-controlled."""
+    """Where an actuator enters: the coefficient that its position sets, and how it is released or force-controlled."""
 
     name: str
     kind: DriveKind
-    slot: int  # set to zero + law(reading)
+    coefficient: int  # set to zero + law(reading)
     target: tuple[int, ...]  # (travel,), (rotation,) or (group, element, strain)
-    force_slot: int  # constant drive force; prestress of the strain, or force on the coordinate
-    force_sign: float  # slot value = force_sign * force
+    force_coefficient: int  # constant drive force; prestress of the strain, or force on the coordinate
+    force_sign: float  # coefficient value = force_sign * force
     redundant: bool
     force_controlled: bool
     rigid: bool
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class Topology:
     """Index arrays of one machine."""
 
     planar: bool
-    slots: SlotTable
-    travel_slots: Index  # (T,) prescribed value of each travel; -1 where it can only be free
-    travel_drawn: Array  # (T,)
+    coefficients: CoefficientTable
+    travel_coefficients: Index  # (T,) prescribed value of each travel; -1 where it can only be free
+    travel_reference: Array  # (T,)
     travel_free: NDArray[np.bool_]  # (T,) free unless a drive commands it
     travel_names: tuple[str, ...]
     rotations: Rotations
-    arms: Arms
+    offset_vectors: OffsetVectors
     groups: tuple[Group, ...]
-    aims: tuple[Group, ...]  # constraints that put the TCP at a pose; act in inverse positions only
+    aims: tuple[Group, ...]  # constraints that put points at poses; act in inverse positions only
     points: Index  # links from the base to the points that sensors read
     force_dofs: Index  # (W,) coordinates on which constant forces act, numbered as in `dof`
-    force_slots: Index  # (W,)
+    force_coefficients: Index  # (W,)
     drives: tuple[Drive, ...]
-    held: tuple[int, ...] = field(default=())  # coordinates of free motions that carry no load
+    parked: tuple[int, ...] = field(default=())  # coordinates of free motions that carry no load
 
     @cached_property
     def rotation_dofs(self) -> Index:
-        """First coordinate of each rotation, -1 for FIXED; travels come first."""
-        width = np.array([0, 3, 1])[self.rotations.kind]
-        start = len(self.travel_slots) + np.cumsum(width) - width
-        return np.where(width > 0, start, -1)
+        """First coordinate of each rotation, that of its carrier for a frame, -1 for FIXED; travels come first."""
+        width = self._widths
+        start = np.where(width > 0, len(self.travel_coefficients) + np.cumsum(width) - width, -1)
+        for r in self.frames:
+            start[r] = start[self.rotations.carrier[r]]
+        return start
+
+    @cached_property
+    def _widths(self) -> Index:
+        """Coordinates of each rotation, none of a frame."""
+        return np.where(self.rotations.carrier < 0, np.array([0, 3, 1])[self.rotations.kind], 0)
 
     @cached_property
     def n_dof(self) -> int:
         """Travels plus rotational coordinates."""
-        return int(len(self.travel_slots) + np.array([0, 3, 1])[self.rotations.kind].sum())
+        return int(len(self.travel_coefficients) + self._widths.sum())
 
     @cached_property
     def inputs(self) -> Index:
-        """Element inputs that can be non-zero: all nine, or x, y and the rotations about z."""
-        return np.array([0, 1, 5, 8]) if self.planar else np.arange(9)
+        """Element inputs that can be non-zero: all ten, or x, y, the rotations about z and the natural length."""
+        return np.array([0, 1, 5, 8, 9]) if self.planar else np.arange(10)
+
+    def moves_length(self, drive: Drive) -> bool:
+        """Whether a drive's position is a length, not an angle."""
+        if drive.kind is DriveKind.STRAIN:
+            group, _, strain = drive.target
+            return self.groups[group].element.strains[strain] in ("elongation", "x", "y", "z")
+        return drive.kind is DriveKind.TRAVEL
 
     @property
     def width(self) -> int:
@@ -147,55 +182,59 @@ class Layout:
         return 2 if self.planar else 3
 
     @cached_property
-    def carried_arms(self) -> Index:
+    def carried_offset_vectors(self) -> Index:
         """Arms that another rotation than the base carries."""
-        return np.nonzero(self.arms.rotation != GROUND)[0]
+        return np.nonzero(self.offset_vectors.rotation != GROUND)[0]
 
     @cached_property
     def frames(self) -> Index:
-        """Rotations that slots prescribe by a rotation vector."""
-        return np.nonzero((self.rotations.kind == Turn.FIXED) & (self.rotations.slots[:, 0] >= 0))[0]
+        """Rotations that coefficients turn against their carriers, carriers before what they carry."""
+        return np.nonzero(self.rotations.carrier >= 0)[0]
 
     @property
     def moved_blocks(self) -> tuple[Block, Block]:
-        """Rotations (B, 3, 3) and arms (A, 3): the stacked array out of which links and triads are made."""
+        """Rotations (B, 3, 3) and offset vectors (A, 3): the stacked array out of which links and triads are made."""
         rotations = Block(0, (len(self.rotations.kind), 3, 3))
-        return rotations, Block(rotations.stop, (len(self.arms.link), 3))
+        return rotations, Block(rotations.stop, (len(self.offset_vectors.link), 3))
 
     @property
-    def arm_block(self) -> Block:
+    def offset_vector_block(self) -> Block:
         """Arms (A, 3) alone."""
-        return Block(0, (len(self.arms.link), 3))
+        return Block(0, (len(self.offset_vectors.link), 3))
 
     @property
     def link_block(self) -> Block:
         """Links (links, 3) alone."""
-        return Block(0, (len(self.arms.start), 3))
+        return Block(0, (len(self.offset_vectors.start), 3))
 
     @cached_property
     def moved(self) -> int:
-        """Length of the stacked array of rotations and arms."""
+        """Length of the stacked array of rotations and offset vectors."""
         return self.moved_blocks[1].stop
 
     @cached_property
     def offset_map(self) -> SparseMap:
-        """From slots (S) to the constant part of the arms (A, 3) in the arms' triads."""
-        arms, out, entries = self.arms, self.arm_block, Entries.none()
-        for p in range(arms.offset.shape[1]):
-            entries.add(out.numbers, arms.offset_slots[arms.offset[:, p]], arms.sign[:, p, None])
-        return entries.build(out.stop, len(self.slots.constants))
+        """From coefficients (S) to the constant part of the offset vectors (A, 3) in their triads."""
+        offset_vectors, out, entries = self.offset_vectors, self.offset_vector_block, Entries.none()
+        for p in range(offset_vectors.offset.shape[1]):
+            entries.add(
+                out.numbers,
+                offset_vectors.offset_coefficients[offset_vectors.offset[:, p]],
+                offset_vectors.sign[:, p, None],
+            )
+        return entries.build(out.stop, len(self.coefficients.constants))
 
     @cached_property
     def travel_map(self) -> SparseMap:
-        """From travels (T) to their part of the arms (A, 3) in the arms' triads."""
-        out, entries = self.arm_block, Entries.none()
-        axes = self.arms.travel.reshape(len(self.travel_slots), *out.shape)
+        """From travels (T) to their part of the offset vectors (A, 3) in their triads."""
+        out, entries = self.offset_vector_block, Entries.none()
+        axes = self.offset_vectors.travel.reshape(len(self.travel_coefficients), *out.shape)
         entries.add(out.numbers, np.arange(len(axes))[:, None, None], axes)
         return entries.build(out.stop, len(axes))
 
     @cached_property
     def link_map(self) -> SparseMap:
-        """From arms (A, 3) to links (links, 3)."""
-        arms, links, entries = self.arm_block, self.link_block, Entries.none()
-        entries.add(links.numbers[self.arms.link], arms.numbers, 1.0)
-        return entries.build(links.stop, arms.stop)
+        """From offset vectors (A, 3) to links (links, 3)."""
+        offset_vectors, links, entries = self.offset_vector_block, self.link_block, Entries.none()
+        entries.add(links.numbers[self.offset_vectors.link], offset_vectors.numbers, 1.0)
+        return entries.build(links.stop, offset_vectors.stop)

@@ -1,48 +1,67 @@
-"""Where effects can enter a compiled machine: sockets of the ports, by name of the place; effects put into them."""
+"""Where effects can enter a compiled machine, by name of the place; the effects that are put there."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.effects import Effect, Port
+from pkmcal_cli.effects import Effect, EffectParameter, Entry
 from pkmcal_cli.mechanism.topology import Index
 
+_STEP = 1e-40
 _FELT = 1e-12  # m, rad, ... at effects of the size of one: less is rounding
 NONE: Index = np.zeros(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Socket:
-    """Slots that one port displaces by numbers d (W,): slots += matrix d, or slots *= exp(matrix d) where `scales`.
+class EffectSite:
+    """Coefficients c that one entry displaces by numbers d (W,): c += matrix d, or c *= exp(matrix d) where `scales`.
 
     The rest is what formulas may ask for: the drive, the member (group, element), a length (m), the place (m), the
-    share of gravity along the port's directions. `part`: name of a temperature column.
+    share of gravity along the entry's directions. `part`: name of a temperature column; `weight`: pull at this site
+    over that of the member; `straight`: whether the member has a direction.
     """
 
     part: str
-    slots: Index = field(default_factory=lambda: NONE)  # (K,)
+    coefficients: Index = field(default_factory=lambda: NONE)  # (K,)
     matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (K, W)
     scales: bool = False
     actuator: int = -1
     member: tuple[int, int] = (-1, -1)
+    weight: float = 1.0
+    straight: bool = True
     length: float = 1.0
+    folds: float = 1.0  # line that a spool winds per travel of its rope
     at: Array = field(default_factory=lambda: np.zeros(3))
     down: Array = field(default_factory=lambda: np.zeros(3))
-    kind: str = "linear"  # of a drive: linear, rotary, spool
+    kind: str = "linear"  # of a drive: linear, rotary, spool; of a sensor: coordinates, linear, rotary
     period: float = float("nan")  # lead of its screw or period of its encoder, m or rad of travel
 
     @property
     def place(self) -> tuple[int, int, int]:
-        """What tells the forces of sockets apart: the drive, the member."""
+        """What tells the forces of effect sites apart: the drive, the member."""
         return (self.actuator, *self.member)
 
 
-Sockets = Mapping[Port, Mapping[str, tuple[Socket, ...]]]
-"""By port and name of the place; a place may have several sockets (carriages of a guide, pieces of a beam)."""
+EffectSites = Mapping[Entry, Mapping[str, tuple[EffectSite, ...]]]
+"""By entry and name of the place; a place may have several effect sites (carriages of a guide, pieces of a beam)."""
+ALL = "all"
+"""Name of the place of an effect that is the same everywhere."""
+
+
+def in_session(place: str, session: str) -> str:
+    """Where an effect sits that acts in one session only: `q1[s2]`."""
+    return f"{place}[{session}]"
+
+
+def place_and_session(at: str) -> tuple[str, str]:
+    """The place, and the session in whose rows an effect acts that sits there: "" for all."""
+    place, bracket, session = at.partition("[")
+    return place, session.removesuffix("]") if bracket else ""
 
 
 @dataclass(frozen=True)
@@ -51,15 +70,26 @@ class PlacedEffect:
 
     effect: Effect
     at: str
-    sockets: tuple[Socket, ...]
+    sites: tuple[EffectSite, ...]
     parameters: tuple[str, ...]
     options: Mapping[str, tuple[float, ...]]
-    session: str = ""  # in whose rows it acts; "": in all
+    session: str = ""  # whose instance it is, where each session has its own
 
     @property
     def name(self) -> str:
         """`KEYWORD@PLACE`."""
         return f"{self.effect.keyword}@{self.at}" + (f"[{self.session}]" if self.session else "")
+
+    @property
+    def acts_in(self) -> str:
+        """The session in whose rows it acts; "" for all."""
+        of_place = self.at if self.effect.places == "session" else place_and_session(self.at)[1]
+        return self.session or of_place
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Names of its parameters in its formula."""
+        return tuple(p.removesuffix(f"[{self.session}]").rpartition(".")[2] for p in self.parameters)
 
     def of_session(self, session: str) -> PlacedEffect:
         """Its instance for a session, with parameters of its own."""
@@ -67,62 +97,103 @@ class PlacedEffect:
 
 
 @dataclass(frozen=True)
-class AtSocket:
+class AtSite:
     """What formulas may ask for that is the same in every row."""
 
-    socket: Socket
+    site: EffectSite
 
     @property
     def length(self) -> float:
         """Nominal length of the member, or radius of the spool, m."""
-        return self.socket.length
+        return self.site.length
+
+    @property
+    def folds(self) -> float:
+        """Line that the spool winds per travel of its rope."""
+        return self.site.folds
 
     @property
     def at(self) -> Array:
         """Place (3,) of a base point."""
-        return self.socket.at
+        return self.site.at
 
     @property
     def down(self) -> Array:
-        """Gravity along the port's directions."""
-        return self.socket.down
+        """Gravity along the entry's directions."""
+        return self.site.down
 
 
 @dataclass(frozen=True)
-class _Ordinary(AtSocket):
+class _Ordinary(AtSite):
     """What formulas may ask for in an ordinary row: nothing is zero by chance; see `effects.Inputs`."""
 
     rows: int = 1
-    travel = share = reading = warmth = time = moment = payload = spindle = pull = np.array([0.7])
+    travel = normalised_travel = centred_travel = reading = pull = np.array([0.7])
+    time = normalised_time = temperature_rise = payload = spindle = np.array([0.7])
     direction = np.array([1.0])
-    chord = np.array([[0.48, 0.6, 0.64]])
 
-    def lagged(self, tau: float) -> Array:
-        return self.warmth
+    @property
+    def chord(self) -> Array:
+        """A direction, of what has one."""
+        return np.array([[0.48, 0.6, 0.64]]) * self.site.straight
+
+    def lagged(self, tau: Any) -> Array:
+        return np.asarray(self.temperature_rise / (1.0 + tau))
 
     def option(self, name: str) -> float:
         return 1.9
 
 
-def _acts(effect: Effect, socket: Socket) -> bool:
-    """Whether an effect displaces a socket at all: sag needs gravity across the guide, growth something that grows."""
-    sizes = [0.3 + 0.1 * k for k in range(len(effect.parameters))]
-    moved = effect.displacement(_Ordinary(socket), sizes, planar=False) @ socket.matrix.T
+def _sizes(effect: Effect) -> dict[str, complex]:
+    """Ordinary values of the parameters of an effect."""
+    return {p.name: 0.3 + 0.1 * k for k, p in enumerate(effect.parameters)}
+
+
+def _acts(effect: Effect, site: EffectSite) -> bool:
+    """Whether an effect displaces an effect site at all: sag needs gravity across the guide, growth a length."""
+    moved = effect.displacement(_Ordinary(site), _sizes(effect)) @ site.matrix.T
     return bool(np.abs(moved).max(initial=0.0) > _FELT)
 
 
-def places(sockets: Sockets, effect: Effect, sessions: tuple[str, ...] = ()) -> dict[str, tuple[Socket, ...]]:
-    """Where an effect can sit and does something, by name; `all` where it can be the same at several places."""
-    named = {
-        name: fitting
-        for name, found in sockets.get(effect.port, {}).items()
-        if (fitting := tuple(s for s in found if effect.where in ("any", s.kind) and _acts(effect, s)))
-    }
-    everywhere = tuple(s for found in named.values() for s in found)
+def parameters_at(effect: Effect, sites: Sequence[EffectSite], planar: bool) -> tuple[EffectParameter, ...]:
+    """The parameters of an effect that displace something at some of its effect sites: a ballbar has no rotation.
+
+    All of them where it has no effect site, as without gravity.
+    """
+    used = effect.used(planar)
+    return tuple(p for p in used if any(_displaces(effect, p, site) for site in sites)) if sites else used
+
+
+def _displaces(effect: Effect, parameter: EffectParameter, site: EffectSite) -> bool:
+    sizes = _sizes(effect)
+    sizes[parameter.name] += 1j * _STEP
+    by_parameter = np.imag(effect.displacement(_Ordinary(site), sizes)) / _STEP
+    return bool(np.abs(by_parameter @ site.matrix.T).max(initial=0.0) > _FELT)
+
+
+def places(sites: EffectSites, effect: Effect, sessions: tuple[str, ...] = ()) -> dict[str, tuple[EffectSite, ...]]:
+    """Where an effect can sit and does something, by name; `all` where it can be the same at several places.
+
+    `sessions`: those in one of which it can act.
+    """
+    named = fitting(sites, effect, lambda site: _acts(effect, site))
+    everywhere = tuple(s for sites_here in named.values() for s in sites_here)
     if effect.places == "session":
         return dict.fromkeys(sessions if everywhere else (), everywhere)
     if effect.places == "all":
-        return {"all": everywhere} if everywhere else {}
+        return {ALL: everywhere} if everywhere else {}
+    of_sessions = {in_session(at, s): own for at, own in named.items() for s in sessions} if effect.by_session else {}
     if effect.common and len(named) > 1:
-        named["all"] = everywhere
-    return named
+        named[ALL] = everywhere
+    return named | of_sessions
+
+
+def fitting(
+    sites: EffectSites, effect: Effect, wanted: Callable[[EffectSite], bool] = lambda site: True
+) -> dict[str, tuple[EffectSite, ...]]:
+    """Effect sites of an effect's kind, by name of the place; those that are `wanted`."""
+    return {
+        name: kept
+        for name, every in sites.get(effect.enters, {}).items()
+        if (kept := tuple(s for s in every if effect.where in ("any", s.kind) and wanted(s)))
+    }

@@ -5,81 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import nan
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.branch import Mode, drawn_mode
-from pkmcal_cli.equilibrium.kinematics import drawn_state
-from pkmcal_cli.equilibrium.mobility import rank, strain_rows
+from pkmcal_cli.equilibrium.branch import Mode, reference_mode
+from pkmcal_cli.equilibrium.kinematics import reference_state
+from pkmcal_cli.equilibrium.readings import ObservedQuantity
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.language.fingerprint import Fingerprint
-from pkmcal_cli.mechanism.topology import GROUND, Index, Layout
-from pkmcal_cli.model.effect_sites import PlacedEffect, Sockets
-from pkmcal_cli.model.observed import PlacedSensor, View
+from pkmcal_cli.mechanism.topology import Drive, Index, Topology
+from pkmcal_cli.model.effect_sites import EffectSites, PlacedEffect
+from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
+from pkmcal_cli.model.held_points import HeldPoints
+from pkmcal_cli.model.observed import PlacedSensor
+from pkmcal_cli.model.parts import Actuator, Channel, LeastTension, ModelParameter
+from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint, ToolMotion
+from pkmcal_cli.model.workspace import Workspace
+from pkmcal_cli.units.measurands import Measurand
 
-_SYSTEMS = ("exact", "rigid", "released", "independent_coordinates", "inverse", "drawn_slots", "drawn_mode")
-"""Cached properties that depend on the layout only."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModelParameter:
-    """A parameter in SI: `range` is the half-width about nominal, two standard deviations of the prior.
-
-    `session`: the session in whose rows it holds, "" in all; `per_session`: each session of a table has its own.
-    """
-
-    name: str
-    nominal: float
-    range: float
-    bounds: tuple[float, float]
-    unit: str  # for display
-    dimension: str
-    identify: bool
-    per_session: bool = False
-    session: str = ""
-
-    @property
-    def shared_name(self) -> str:
-        """The name without its session."""
-        return self.name.removesuffix(f"[{self.session}]")
-
-    def of_session(self, session: str) -> ModelParameter:
-        """Its instance for a session."""
-        return replace(self, name=f"{self.name}[{session}]", per_session=False, session=session)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Actuator:
-    """A drive seen from the control: position = value of its slot at reading zero + gain * reading."""
-
-    name: str
-    gain_slot: int
-    limits: tuple[float, float]
-    sigma: float  # standard uncertainty of the position, m or rad of travel (a spool's: of its line); nan: none
-    unit: str
-    dimension: str
-    force_slot: int  # constant force of a force-controlled drive where no column gives it, N or N m
-
-
-@dataclass(frozen=True, kw_only=True)
-class Channel:
-    """One measured quantity.
-
-    quantity: "position" (coordinate of a point), "orientation", "drive" (reading of a drive that does not hold its
-    position), "distance", "angle", "force" or "bench".
-    """
-
-    name: str
-    quantity: str
-    index: int  # point, rotation or drive
-    component: int
-    sigma: float  # SI; nan where none is declared
-    unit: str
-    dimension: str
-    sigma_per_length: float = 0.0  # growth of sigma with distance or length
-    once: float = nan  # what was measured once, on the bench, SI
+_SYSTEMS = (
+    "exact",
+    "rigid",
+    "released",
+    "held_points",
+    "reference_coefficients",
+    "reference_mode",
+)
+"""Cached properties that depend on the topology only."""
+_AT_REST = ("overdetermined", "freedoms", "starts", "expected_misfit")
+"""Those that effects, which are null there, do not move."""
+_DOUBT, _LEAST_MISFIT = 3.0, 1e-3  # of the expected misfit, and in sizes of the machine: less is no doubt
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,22 +43,28 @@ class Model:
     """What `predict` works on."""
 
     name: str
-    layout: Layout
+    topology: Topology
     parameters: tuple[ModelParameter, ...]
     actuators: tuple[Actuator, ...]
     channels: tuple[Channel, ...]
     length: float  # size of the machine, m
-    drawn_readings: Array  # (A,) readings of the drives at the assembled drawing
-    tcp: tuple[int, int]  # point and rotation (-1: none) at which poses are given
-    tcp_drawn: Array  # (6,) coordinates there at the assembled drawing
-    views: tuple[View, ...]  # what sensors and channels see of the structure
-    direct: tuple[tuple[int, int], ...]  # (channel, view): channels that are views as they are
+    reference_readings: Array  # (A,) readings of the drives at the assembled reference configuration
+    tool: AimedPoint  # at which poses are given
+    measured: AimedPoint  # at which the first `tcp` sensor measures poses; the tool point where there is none
+    observed: tuple[ObservedQuantity, ...]  # what sensors and channels observe of the structure
+    direct: tuple[tuple[int, int], ...]  # (channel, index in `observed`): channels that are observed quantities
     sensors: tuple[PlacedSensor, ...] = ()
-    base: Index = field(default_factory=lambda: np.zeros((0, 3), dtype=np.intp))  # (B, 3) slots of places of the base
-    base_turns: Index = field(default_factory=lambda: np.zeros((0, 3), dtype=np.intp))  # (F, 3) of its frames' turns
+    base: Index = field(
+        default_factory=lambda: np.zeros((0, 3), dtype=np.intp)
+    )  # (B, 3) coefficients of places of the base
+    base_rotations: Index = field(
+        default_factory=lambda: np.zeros((0, 3), dtype=np.intp)
+    )  # (F, 3) of its frames' turns
+    workspace: Workspace | None = None
     datum: tuple[str, ...] = ()  # parameters that define the base frame where nothing else does
     correlated: tuple[tuple[int, int, float], ...] = ()  # channels whose noise is correlated, and how much
-    sockets: Sockets = field(default_factory=dict)  # empty unless compiled to take effects
+    least_tensions: tuple[LeastTension, ...] = ()
+    sites: EffectSites = field(default_factory=dict)  # empty unless compiled to take effects
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
     fingerprint: Fingerprint = field(default_factory=Fingerprint)  # of the machine that was read
@@ -125,20 +87,28 @@ class Model:
     @property
     def gains(self) -> Array:
         """Travel per reading of each drive (A,), without sign, at nominal parameters."""
-        return np.abs(self.layout.slots.constants[[a.gain_slot for a in self.actuators]])
+        return np.abs(self.topology.coefficients.constants[[a.gain_coefficient for a in self.actuators]])
+
+    def measuring(self, measurand: Measurand) -> list[int]:
+        """Channels that measure it."""
+        return [k for k, c in enumerate(self.channels) if c.measurand is measurand]
 
     def by_name(self, values: Array) -> Mapping[str, float]:
-        """Values (P,) as a mapping; those of the first session also by their shared names."""
-        return self.by_session(values)[0]
+        """Values (P,) as a mapping; by the shared name of what each session has for itself, the nominal value.
+
+        So the machine at rest, of no session: the reference configuration, what drives are set to.
+        """
+        shared = {p.shared_name: p.nominal for p in self.parameters if p.session}
+        return {**dict(zip(self.names, (float(v) for v in values), strict=True)), **shared}
 
     def by_session(self, values: Array) -> tuple[Mapping[str, float], ...]:
         """Values (P,) as mappings, one for each of `sessions` (one where there is none)."""
         every = dict(zip(self.names, (float(v) for v in values), strict=True))
-        found = []
+        mappings = []
         for session in self.sessions or ("",):
-            mine = {p.shared_name: every[p.name] for p in self.parameters if p.session and p.session == session}
-            found.append({**every, **mine})
-        return tuple(found)
+            of_session = {p.shared_name: every[p.name] for p in self.parameters if p.session and p.session == session}
+            mappings.append({**every, **of_session})
+        return tuple(mappings)
 
     @cached_property
     def sessions(self) -> tuple[str, ...]:
@@ -160,102 +130,165 @@ class Model:
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""
-        return self._with(self.effects + effects, self.parameters + parameters)
+        return self._with(self.effects + effects, self.parameters + parameters, _AT_REST)
 
     def with_options(self, effects: tuple[PlacedEffect, ...]) -> Model:
         """The model with other constants of its effects."""
-        return self._with(effects, self.parameters)
+        return self._with(effects, self.parameters, _AT_REST)
 
     def with_nominal(self, values: Array) -> Model:
         """The model with other nominal values (P,)."""
         parameters = tuple(replace(p, nominal=float(v)) for p, v in zip(self.parameters, values, strict=True))
         return self._with(self.effects, parameters)
 
-    def _with(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
+    def with_ranges(self, ranges: Array) -> Model:
+        """The model with other ranges (P,)."""
+        parameters = tuple(replace(p, range=float(r)) for p, r in zip(self.parameters, ranges, strict=True))
+        return self._with(self.effects, parameters)
+
+    def with_taut_ropes(self) -> Model:
+        """The model whose ropes push too."""
+        groups = tuple(replace(g, rope=np.zeros_like(g.rope)) for g in self.topology.groups)
+        made = replace(self, topology=replace(self.topology, groups=groups))
+        made.__dict__.update({n: self.__dict__[n] for n in _SYSTEMS if n in self.__dict__ and n != "exact"})
+        return made
+
+    def _with(
+        self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...], same: tuple[str, ...] = ()
+    ) -> Model:
+        """The model with others; `same`: what else has been computed and stays."""
         made = replace(self, effects=effects, parameters=parameters)
-        made.__dict__.update({name: self.__dict__[name] for name in _SYSTEMS if name in self.__dict__})
+        made.__dict__.update({name: self.__dict__[name] for name in (*_SYSTEMS, *same) if name in self.__dict__})
         return made
 
     @cached_property
     def exact(self) -> System:
         """All drives hold position or force; loads act."""
-        forced = [d.force_controlled for d in self.layout.drives]
+        forced = [d.force_controlled for d in self.topology.drives]
         states = tuple(DriveState.FORCED if f else DriveState.ENGAGED for f in forced)
-        return build_system(self.layout, states, loaded=True)
+        return build_system(self.topology, states, loaded=True)
 
     @cached_property
     def rigid(self) -> System:
         """Redundant drives released, no loads: the non-redundant substructure (Ecorchard 2010, section 3.1.1)."""
-        free = [d.force_controlled or d.redundant for d in self.layout.drives]
+        free = [d.force_controlled or d.redundant for d in self.topology.drives]
         states = tuple(DriveState.RELEASED if f else DriveState.ENGAGED for f in free)
-        return build_system(self.layout, states, loaded=False)
+        return build_system(self.topology, states, loaded=False)
 
     @cached_property
     def released(self) -> System:
         """All drives released, no loads: the mechanism's own freedom."""
-        return build_system(self.layout, (DriveState.RELEASED,) * len(self.layout.drives), loaded=False)
+        return build_system(self.topology, (DriveState.RELEASED,) * len(self.topology.drives), loaded=False)
 
-    @cached_property
+    @property
+    def tool_motion(self) -> ToolMotion:
+        """How the mechanism's freedoms move the tool point."""
+        return self.motion_of(self.tool)
+
+    def motion_of(self, aimed: AimedPoint) -> ToolMotion:
+        """How the mechanism's freedoms move a point."""
+        return self.held_points.motion(aimed)
+
+    @property
     def independent_coordinates(self) -> tuple[str, ...]:
-        """TCP coordinates that the mechanism moves independently, in the order x ... rz."""
-        chosen: tuple[str, ...] = ()
-        best = 0
-        for direction in ("", *(d for group in self.layout.aims for d in group.element.strains)):
-            aim = (*chosen, direction) if direction else ()
-            system = self._aimed(aim)
-            state = drawn_state(self.layout, self.drawn_slots, 1, system.constraints)
-            now = rank(strain_rows(system, self.drawn_slots, state, self.length).jacobian)
-            if direction and now > best:
-                chosen = aim
-            best = max(best, now)
-        return chosen
+        """Coordinates of the tool point that usually say where it is, in the order x ... rz."""
+        return self.tool_motion.sets[0]
 
-    @cached_property
+    @property
     def inverse(self) -> System:
-        """All drives released, the TCP held at its independent coordinates: inverse positions."""
-        return self._aimed(self.independent_coordinates)
+        """All drives released, the tool point held at its independent coordinates: inverse positions."""
+        return self.holding(self.independent_coordinates, self.tool)
 
-    def _aimed(self, aim: tuple[str, ...]) -> System:
-        return build_system(self.layout, (DriveState.RELEASED,) * len(self.layout.drives), False, aim)
-
-    @cached_property
-    def drawn_slots(self) -> Array:
-        """Slots (1, S) at nominal parameters with every drive at the assembled drawing; not to be written to."""
-        slots = self.layout.slots.values(self.by_name(self.nominal))[None]
-        for a, (drive, actuator) in enumerate(zip(self.layout.drives, self.actuators, strict=True)):
-            slots[:, drive.slot] += slots[:, actuator.gain_slot] * self.drawn_readings[a]
-        slots.flags.writeable = False
-        return slots
+    def holding(self, coordinates: tuple[str, ...], aimed: AimedPoint) -> System:
+        """All drives released, a point held at some of its coordinates."""
+        return self.held_points.system(aimed, coordinates)
 
     @cached_property
-    def drawn_mode(self) -> Mode | None:
-        """Assembly mode of the substructure at the drawing."""
-        state = drawn_state(self.layout, self.drawn_slots, 1, self.rigid.constraints)
-        return drawn_mode(self.rigid, self.drawn_slots, state, self.length)
+    def held_points(self) -> HeldPoints:
+        """What has been made of points that are held."""
+        return HeldPoints(self.topology, self.reference_coefficients, self.length)
 
+    @property
+    def held_drives(self) -> tuple[Drive, ...]:
+        """Drives that hold a position."""
+        return tuple(d for d in self.topology.drives if not d.force_controlled)
 
-def tcp_model(model: Model) -> Model:
-    """The model with all coordinates of the TCP as channels, whatever its sensors read."""
-    point, rotation = model.tcp
-    axes = 2 if model.layout.planar else 3
-    channels = [
-        Channel(name=c, quantity="position", index=point, component=k, sigma=np.nan, unit="m", dimension="length")
-        for k, c in enumerate("xyz"[:axes])
-    ]
-    if rotation != GROUND:
-        turns = [2] if model.layout.planar else [0, 1, 2]
-        channels += [
-            Channel(
-                name=f"r{'xyz'[k]}",
-                quantity="orientation",
-                index=rotation,
-                component=k,
-                sigma=np.nan,
-                unit="rad",
-                dimension="angle",
-            )
-            for k in turns
-        ]
-    views = tuple(View(c.quantity, c.index, c.component) for c in channels)  # type: ignore[arg-type]
-    direct = tuple((k, k) for k in range(len(channels)))
-    return replace(model, channels=tuple(channels), views=views, direct=direct, sensors=(), correlated=())
+    @property
+    def redundant_drives(self) -> tuple[Drive, ...]:
+        """Those of them that are outside the substructure."""
+        return tuple(d for d in self.held_drives if d.redundant)
+
+    @property
+    def posed(self) -> AimedPoint:
+        """A point whose pose says where the mechanism is, if there is one: results do not depend on the tool point."""
+        points = (self.measured, self.tool)
+        shown = (p for p in points if self.motion_of(p).shown == self.motion_of(p).freedoms)
+        return next(shown, self.tool)
+
+    @cached_property
+    def overdetermined(self) -> bool:
+        """Whether the drives' positions determine the pose more than once, and a point's pose says where that is."""
+        motion = self.motion_of(self.posed)
+        shown = motion.shown == motion.freedoms
+        return bool(self.redundant_drives) and shown and len(self.held_drives) > motion.freedoms
+
+    @cached_property
+    def freedoms(self) -> Freedoms:
+        """The mechanism with its drives released, a point held at its independent coordinates."""
+        topology, posed = self.topology, self.posed
+        names, groups = self.motion_of(posed).sets[0], [topology.aims[g] for g in posed.aims]
+        held = {name: group.rest.start + k for group in groups for k, name in enumerate(group.element.strains)}
+        drives = np.array([a for a, d in enumerate(topology.drives) if not d.force_controlled], dtype=np.intp)
+        commanded = np.array([topology.drives[a].coefficient for a in drives], dtype=np.intp)
+        unit = np.array([self.length if name in ("x", "y", "z") else 1.0 for name in names])
+        lengths = [topology.moves_length(topology.drives[a]) for a in drives]
+        return Freedoms(
+            system=self.holding(names, posed),
+            length=self.length,
+            held=np.array([held[name] for name in names], dtype=np.intp),
+            unit=unit,
+            drives=drives,
+            gains=np.array([self.actuators[a].gain_coefficient for a in drives], dtype=np.intp),
+            size=np.where(lengths, self.length, 1.0),
+            turn=np.where(lengths, np.inf, 2 * np.pi),
+            home=posed.reference[[DIRECTIONS.index(n) for n in names]] / unit,
+            commanded=commanded,
+            reference=self.reference_coefficients[0, commanded],
+        )
+
+    @cached_property
+    def starts(self) -> ClosedPoses:
+        """Poses all over the workspace from which common poses are looked for; nominal geometry."""
+        state = reference_state(self.topology, self.reference_coefficients, 1, self.freedoms.system.constraints)
+        return self.freedoms.spread(self.reference_coefficients, state)
+
+    @cached_property
+    def expected_misfit(self) -> float:
+        """What ranges and noise explain of the drives' misfit, in sizes of the machine."""
+        names = list(dict.fromkeys(p.shared_name for p in self.parameters))
+        ranges = {p.shared_name: p.range for p in self.parameters}
+        by_parameter = self.topology.coefficients.jacobian(self.by_name(self.nominal), names)
+        sigma = np.nan_to_num([self.actuators[a].sigma for a in self.freedoms.drives]) / self.freedoms.size
+        expected = self.freedoms.expected_misfit(
+            self.reference_coefficients,
+            self.starts.state.take(np.zeros(1, dtype=np.intp)),
+            by_parameter * np.array([ranges[n] for n in names]),
+            sigma,
+        )
+        return max(_DOUBT * expected, _LEAST_MISFIT)
+
+    @cached_property
+    def reference_coefficients(self) -> Array:
+        """Coefficients (1, S) at nominal parameters, drives in the reference configuration; not to be written to."""
+        coefficients = self.topology.coefficients.values(self.by_name(self.nominal))[None]
+        for a, (drive, actuator) in enumerate(zip(self.topology.drives, self.actuators, strict=True)):
+            gain = coefficients[:, actuator.gain_coefficient]
+            coefficients[:, drive.coefficient] += gain * self.reference_readings[a]
+        coefficients.flags.writeable = False
+        return coefficients
+
+    @cached_property
+    def reference_mode(self) -> Mode | None:
+        """Assembly mode of the substructure at the reference configuration."""
+        state = reference_state(self.topology, self.reference_coefficients, 1, self.rigid.constraints)
+        return reference_mode(self.rigid, self.reference_coefficients, state, self.length)

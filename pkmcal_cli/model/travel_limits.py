@@ -8,12 +8,13 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.units.unit_text import parse_unit
 
 
 @dataclass
-class Travels:
+class TravelLimits:
     """How far the drives go, block by block, against their limits of travel."""
 
     model: Model
@@ -28,8 +29,8 @@ class Travels:
             excess = limit_excess(readings[:, k], actuator.limits)
             if (excess > 0).any():
                 self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
-                found = np.array([readings[excess.argmax(), k], self.worst.get(k, np.nan)])
-                self.worst[k] = float(found[limit_excess(found, actuator.limits).argmax()])
+                two = np.array([readings[excess.argmax(), k], self.worst.get(k, np.nan)])
+                self.worst[k] = float(two[limit_excess(two, actuator.limits).argmax()])
 
     def warnings(self) -> list[str]:
         """One line for every drive that would leave its limits."""
@@ -39,14 +40,5 @@ class Travels:
         actuator = self.model.actuators[k]
         unit = parse_unit(actuator.unit)
         low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, self.worst[k]))
-        rows = f"{outside} of {count(self.rows, 'position')}"
-        return f"warning: `{actuator.name}` would leave its limits ({low} to {high}) at {rows}, at worst {worst}"
-
-
-def limit_excess(values: Array | float, limits: Array | tuple[float, float]) -> Array:
-    """By how much values lie outside [low, high]; 0 inside, within rounding of a limit, and where unknown (nan)."""
-    ends = np.asarray(limits)
-    finite = ends[np.isfinite(ends)]
-    slack = 1e-9 * float(np.abs(finite).max()) if finite.size else 0.0
-    excess = np.maximum(ends[0] - values, values - ends[1])
-    return np.where(excess > slack, excess, 0.0)
+        rows = f"{outside} of {count(self.rows, 'pose')}"
+        return f"warning: `{actuator.name}` exceeds its limits ({low} to {high}) at {rows}; worst: {worst}"

@@ -1,4 +1,4 @@
-"""What formulas of effects may ask for: quantities of the whole table at one socket."""
+"""What formulas of effects may ask for: quantities of the whole table at one effect site."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model.effect_sites import AtSocket, PlacedEffect
+from pkmcal_cli.model.effect_sites import AtSite, PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.units.unit_text import UNITS
@@ -35,8 +35,8 @@ class Reactions:
 
 
 @dataclass(frozen=True)
-class SocketInputs(AtSocket):
-    """Inputs of one effect at one socket; see `effects.base.Inputs`."""
+class SiteInputs(AtSite):
+    """Inputs of one effect at one effect site; see `effects.effect.Inputs`."""
 
     model: Model
     table: Rows
@@ -53,22 +53,28 @@ class SocketInputs(AtSocket):
     @property
     def reading(self) -> Array:
         """Reading of the drive; 0 where nobody read it: then nothing is compared with it either."""
-        read = np.nan_to_num(self.table.readings[:, self.socket.actuator])
+        read = np.nan_to_num(self.table.readings[:, self.site.actuator])
         return np.asarray(read + self.step if self.step else read)
 
     @property
     def travel(self) -> Array:
         """Travel of the drive from its reading zero, by its nominal law."""
-        return np.asarray(self._gain(self.socket.actuator) * self.reading)
+        return np.asarray(self._gain(self.site.actuator) * self.reading)
 
     def _gain(self, actuator: int) -> float:
-        return float(self.model.layout.slots.constants[self.model.actuators[actuator].gain_slot])
+        return float(self.model.topology.coefficients.constants[self.model.actuators[actuator].gain_coefficient])
 
     @cached_property
-    def share(self) -> Array:
+    def normalised_travel(self) -> Array:
         """Place in the travel, -1 at its start, 1 at its end."""
         low, high = self.over
         return 2 * (self.travel - low) / (high - low) - 1
+
+    @property
+    def centred_travel(self) -> Array:
+        """Travel of the drive from the middle of the travel, m or rad."""
+        low, high = self.over
+        return self.travel - 0.5 * (low + high)
 
     @property
     def over(self) -> tuple[float, float]:
@@ -76,7 +82,7 @@ class SocketInputs(AtSocket):
         given = self.placed.options.get("over")
         if given is not None:
             return given[0], given[1]
-        drives = sorted({s.actuator for s in self.placed.sockets if s.part == self.socket.part})
+        drives = sorted({s.actuator for s in self.placed.sites if s.part == self.site.part})
         ends: list[float] = []
         for a in drives:
             gain = self._gain(a)
@@ -89,18 +95,18 @@ class SocketInputs(AtSocket):
     @property
     def direction(self) -> Array:
         """Direction of the last motion of the drive."""
-        return self._column(f"dir.{self.model.actuators[self.socket.actuator].name}")
+        return self._column(f"dir.{self.model.actuators[self.site.actuator].name}")
 
     @property
-    def warmth(self) -> Array:
+    def temperature_rise(self) -> Array:
         """Temperature above the reference, of the part's own column where there is one, K."""
-        return self._column(f"T.{self.socket.part}", "T") - self.placed.options.get("reference", (_REFERENCE,))[0]
+        return self._column(f"T.{self.site.part}", "T") - self.placed.options.get("reference", (_REFERENCE,))[0]
 
     def lagged(self, tau: Any) -> Array:
-        """Warmth behind a first-order lag: tau w' = T - w, from the first row's, linear between the rows."""
+        """Temperature rise w behind a first-order lag: tau w' = T - w, w = T in the first row, T linear between."""
         if np.real(tau) == 0 and "time" not in self.table.columns:
-            return self.warmth  # a lag cannot be seen then
-        return lag(self._column("time"), self.warmth, tau)
+            return self.temperature_rise  # a lag cannot be seen then
+        return lag(self._column("time"), self.temperature_rise, tau)
 
     @property
     def time(self) -> Array:
@@ -108,7 +114,7 @@ class SocketInputs(AtSocket):
         return self._column("time")
 
     @cached_property
-    def moment(self) -> Array:
+    def normalised_time(self) -> Array:
         """Place in time, -1 at the start, 1 at the end."""
         first, last = self.during
         return 2 * (self.time - first) / (last - first) - 1
@@ -136,36 +142,36 @@ class SocketInputs(AtSocket):
     def pull(self) -> Array:
         """Force of the earlier pass in the member, or of the drive, N."""
         assert self.reactions is not None
-        value = self.reactions.values[:, self.reactions.places.index(self.socket.place)]
-        return np.asarray(value + self.pull_step if self.pull_step else value)
+        value = self.reactions.values[:, self.reactions.places.index(self.site.place)]
+        return np.asarray(self.site.weight * (value + self.pull_step if self.pull_step else value))
 
     @property
     def chord(self) -> Array:
         """Unit vectors (N, 3) along the member in the earlier pass."""
         assert self.reactions is not None
-        return self.reactions.chords[self.socket.member]
+        return self.reactions.chords[self.site.member]
 
     def option(self, name: str) -> float:
         """A constant of the effect."""
         given = self.placed.options.get(name)
         if given is not None:
             return given[0]
-        value = self.socket.period if name == "period" else _DEFAULTS[name]
+        value = self.site.period if name == "period" else _DEFAULTS[name]
         if np.isnan(value):
-            hint = f"give `{name}` here, or `period` of actuator `{self.socket.part}`"
+            hint = f"give `{name}` here, or `period` of actuator `{self.site.part}`"
             raise BadInput.single(
                 f"effect `{self.placed.name}` needs `{name}`", Location(self.model.name), hint, "effect"
             )
         return value
 
     def _column(self, *names: str) -> Array:
-        found = next((self.table.columns[name] for name in names if name in self.table.columns), None)
-        if found is None or np.isnan(found).any():
+        column = next((self.table.columns[name] for name in names if name in self.table.columns), None)
+        if column is None or np.isnan(column).any():
             what = f"effect `{self.placed.name}` needs the column {' or '.join(f'`{n}`' for n in names)}"
-            what += "" if found is None else " in every row"
+            what += "" if column is None else " in every row"
             hint = "log it with the measurement, or delete the effect from the machine file"
             raise BadInput.single(what, Location(self.model.name), hint, "csv-missing")
-        return np.asarray(found)
+        return np.asarray(column)
 
 
 def lag(time: Array, value: Array, tau: Any) -> Array:
@@ -175,16 +181,16 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
     """
     order = np.argsort(time, kind="stable")
     step = np.diff(time[order], prepend=time[order[:1]])
-    now, before = value[order], np.concatenate([value[order[:1]], value[order[:-1]]])
+    current, before = value[order], np.concatenate([value[order[:1]], value[order[:-1]]])
     if np.real(tau) == 0:  # at once, and what a small lag would change
-        slope = np.divide(now - before, step, out=np.zeros_like(now), where=step > 0)
-        return np.asarray((now - tau * slope)[np.argsort(order)])
+        slope = np.divide(current - before, step, out=np.zeros_like(current), where=step > 0)
+        return np.asarray((current - tau * slope)[np.argsort(order)])
     ratio = step / tau
     decay = np.exp(-ratio)
     safe = np.where(step == 0, 1.0, ratio)
     weight = np.where(step == 0, 0.0, (1 - decay) / safe)  # mean of the kernel over the step
-    rest = now * (1 - weight) + before * (weight - decay)
-    rest[0], decay[0] = now[0], 0.0
+    rest = current * (1 - weight) + before * (weight - decay)
+    rest[0], decay[0] = current[0], 0.0
     distance = 1
     while distance < len(time):
         rest[distance:] = rest[distance:] + decay[distance:] * rest[:-distance]
@@ -195,12 +201,12 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
     return np.asarray(out)
 
 
-def settled_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, tuple[tuple[float, ...], str]]:
+def fixed_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, tuple[tuple[float, ...], str]]:
     """Constants of an effect as the table settles them, SI, with the unit in which they are written."""
     out: dict[str, tuple[tuple[float, ...], str]] = {}
-    inputs = SocketInputs(placed.sockets[0], model, rows, placed, None)
+    inputs = SiteInputs(placed.sites[0], model, rows, placed, None)
     for option in placed.effect.options:
-        unit = option.rotary if option.rotary is not None and placed.sockets[0].kind == "rotary" else option.unit
+        unit = option.rotary if option.rotary is not None and placed.sites[0].kind == "rotary" else option.unit
         given = placed.options.get(option.name)
         if given is not None:
             out[option.name] = (given, unit)
@@ -227,7 +233,7 @@ def _frozen(model: Model, rows: Rows, placed: PlacedEffect) -> PlacedEffect:
     options = dict(placed.options)
     for option in placed.effect.options:
         if option.name in ("over", "during") and option.name not in options:
-            spans = {getattr(SocketInputs(s, model, rows, placed, None), option.name) for s in placed.sockets}
+            spans = {getattr(SiteInputs(s, model, rows, placed, None), option.name) for s in placed.sites}
             if len(spans) == 1:
                 options[option.name] = next(iter(spans))
     return replace(placed, options=options)

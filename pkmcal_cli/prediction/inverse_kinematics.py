@@ -1,4 +1,8 @@
-"""Inverse positions: the drive readings that put the TCP at a pose, with no drive strained."""
+"""Inverse positions: the drive readings that put the tool point at a pose, with no drive strained.
+
+All drives are released and the tool point is held by constraints at a set of independent coordinates; the others
+follow, and what the drives' coordinates then are is what they must read. No closed form, so any machine has an inverse.
+"""
 
 from __future__ import annotations
 
@@ -9,83 +13,98 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, log
 from pkmcal_cli.equilibrium.assembly import balance
-from pkmcal_cli.equilibrium.kinematics import State, drawn_state
-from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow
+from pkmcal_cli.equilibrium.kinematics import State, point_poses, reference_state
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, coefficients_of, follow
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.mechanism.topology import DriveKind
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import row_chunks
-
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint
+from pkmcal_cli.prediction import Rows, row_chunks
+from pkmcal_cli.prediction.stages import BaseCoefficients
 
 
 @dataclass(frozen=True)
 class DrivePositions:
-    """Readings (N, A), nan where `status` (N,) is not SOLVED, and the coordinates that were aimed at."""
+    """Readings (N, A) and poses (N, 6) of the tool point with what follows, nan where `status` (N,) is not SOLVED."""
 
     readings: Array
+    poses: Array
     status: NDArray[np.int_]
-    aimed: tuple[str, ...]
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Rows with numbers."""
+        return np.asarray(self.status == RowStatus.SOLVED)
 
 
-def independent_coordinates(model: Model) -> tuple[str, ...]:
-    """TCP coordinates that the mechanism moves independently, in the order x ... rz."""
-    return model.independent_coordinates
+def drive_positions(
+    model: Model,
+    poses: Array,
+    values: Array | None = None,
+    held: tuple[str, ...] | None = None,
+    aimed: AimedPoint | None = None,
+    rows: Rows | None = None,
+) -> DrivePositions:
+    """Drive readings for poses (N, 6) of the tool point, m and rad against the reference configuration; nan: as there.
 
-
-def drive_positions(model: Model, poses: Array, values: Array | None = None) -> DrivePositions:
-    """Drive readings for TCP poses (N, 6) in m and rad (rotation vector against the drawing; nan: as drawn).
-
-    At parameter values (P,), by default the nominal ones. All drives are free, so the redundant ones are
-    strain-free; each takes up what the pose asks.
+    At parameter values (P,), by default the nominal ones. `held`: coordinates that are held there exactly, by default
+    the usual ones; the others follow. `aimed`: another point than the tool point. `rows` (N): whose sessions the poses
+    belong to; without them, what each session has for itself is nominal. All drives are free, so the redundant ones are
+    strain-free.
     """
-    base = model.layout.slots.values(model.by_name(model.nominal if values is None else values))
-    system = model.inverse
-    parts = [_chunk(model, system, poses[rows], base) for rows in row_chunks(system, len(poses))]
-    readings, status = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return DrivePositions(readings, status, model.independent_coordinates)
+    values, aimed = model.nominal if values is None else values, aimed or model.tool
+    if rows is not None and model.sessions:
+        base = BaseCoefficients.of(model, values).rows(rows)
+    else:
+        base = model.topology.coefficients.values(model.by_name(values))[None]
+    system = model.holding(model.motion_of(aimed).sets[0] if held is None else held, aimed)
+    parts = [
+        _chunk(model, system, aimed, poses[some], coefficients_of(base, np.arange(len(poses))[some]))
+        for some in row_chunks(system, len(poses))
+    ]
+    return DrivePositions(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _chunk(model: Model, system: System, poses: Array, base: Array) -> tuple[Array, NDArray[np.int_]]:
-    layout = model.layout
-    begin = _aimed(model, model.drawn_slots, model.tcp_drawn[None])
-    target = _aimed(model, base[None], np.where(np.isnan(poses), model.tcp_drawn, poses))
-    state = drawn_state(layout, begin, len(poses), system.constraints)
+def _chunk(
+    model: Model, system: System, aimed: AimedPoint, poses: Array, base: Array
+) -> tuple[Array, Array, NDArray[np.int_]]:
+    topology = model.topology
+    begin = _at_poses(model, aimed, model.reference_coefficients, aimed.reference[None])
+    target = _at_poses(model, aimed, base, np.where(np.isnan(poses), aimed.reference, poses))
+    state = reference_state(topology, begin, len(poses), system.constraints)
     options = NewtonOptions(curved=False)
-    state, status, _ = follow(system, begin, target, state=state, length=model.length, options=options, effort=Effort())
+    state, status = follow(system, begin, target, state=state, length=model.length, options=options, effort=Effort())
     status = np.where(status == RowStatus.SOLVED, status, RowStatus.OUT_OF_REACH)
     readings = _readings(model, system, target, state)
-    readings[status != RowStatus.SOLVED] = np.nan
-    return readings, status
+    reached = point_poses(topology, target, state, aimed.point, aimed.rotation)
+    for numbers in (readings, reached):
+        numbers[status != RowStatus.SOLVED] = np.nan
+    return readings, reached, status
 
 
-def _aimed(model: Model, slots: Array, poses: Array) -> Array:
-    """Slots with the TCP's pose (N, 6) set."""
-    out: Array = np.empty((len(poses), slots.shape[1]), order="F")
-    out[:] = slots
-    place, *turn = model.layout.aims
-    count = len(place.element.strains)
-    out[:, place.rest] = poses[:, :count]
-    if turn:
-        frame = int(turn[0].rotation[0, 0])
-        out[:, model.layout.rotations.slots[frame]] = poses[:, 3:]
+def _at_poses(model: Model, aimed: AimedPoint, coefficients: Array, poses: Array) -> Array:
+    """Coefficients with the poses (N, 6) of a point set."""
+    out: Array = np.empty((len(poses), coefficients.shape[1]), order="F")
+    out[:] = coefficients
+    for group in (model.topology.aims[g] for g in aimed.aims):
+        out[:, group.rest] = poses[:, [DIRECTIONS.index(name) for name in group.element.strains]]
     return out
 
 
-def _readings(model: Model, system: System, slots: Array, state: State) -> Array:
+def _readings(model: Model, system: System, coefficients: Array, state: State) -> Array:
     """Readings (N, A) of released drives at a state: (position - position at reading zero) / gain."""
-    strains = balance(system, slots, state, 1.0, tangent=False).strains
-    out = np.empty((len(state), len(model.layout.drives)))
-    for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
+    strains = balance(system, coefficients, state, 1.0, tangent=False).strains
+    out = np.empty((len(state), len(model.topology.drives)))
+    for a, (drive, actuator) in enumerate(zip(model.topology.drives, model.actuators, strict=True)):
         if drive.kind is DriveKind.TRAVEL:
-            moved = state.travel[:, drive.target[0]] - slots[:, drive.slot]
+            moved = state.travel[:, drive.target[0]] - coefficients[:, drive.coefficient]
         elif drive.kind is DriveKind.ROTATION:
             r = drive.target[0]
-            turned = log(state.rotation[:, r] @ model.layout.rotations.drawn[r].T)
-            moved = turned @ model.layout.rotations.axis[r] - slots[:, drive.slot]
+            rotated = log(state.rotation[:, r] @ model.topology.rotations.reference[r].T)
+            moved = rotated @ model.topology.rotations.axis[r] - coefficients[:, drive.coefficient]
         else:
             g, e, m = drive.target
             moved = strains[g][:, e, m]
-        out[:, a] = moved / slots[:, actuator.gain_slot]
+        out[:, a] = moved / coefficients[:, actuator.gain_coefficient]
     return out

@@ -1,4 +1,8 @@
-"""Reading stage: what sensors read at a solution, its derivatives, drive forces and energy."""
+"""Reading stage: what sensors read at a solution, its derivatives, drive forces and energy.
+
+dz/dc = z_c - l^T g_c with K^T l = z_u (see `equilibrium.derivative`): one adjoint solve per channel, whatever the
+number of parameters.
+"""
 
 from __future__ import annotations
 
@@ -7,33 +11,38 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
+from pkmcal_cli.equilibrium.energy import slack_ropes
 from pkmcal_cli.equilibrium.newton import solve_rows
-from pkmcal_cli.equilibrium.readings import Readings, read_channels
+from pkmcal_cli.equilibrium.readings import Readings, read_quantities
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.effects import Displacements
-from pkmcal_cli.prediction.forces import drive_forces, force_derivative
-from pkmcal_cli.prediction.laws import read_sensors
+from pkmcal_cli.prediction.displacements import Displacements
+from pkmcal_cli.prediction.forces import drive_forces, force_derivative, least_tensions
+from pkmcal_cli.prediction.observation import read_sensors
+from pkmcal_cli.prediction.rope_strains import rope_strains
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
+from pkmcal_cli.units.measurands import Measurand
 
 
 def outcome(
     model: Model, solution: Solution, rows: Rows, request: Request, chain: Chain, moved: Displacements
 ) -> Prediction:
     """The prediction of solved rows; rows that failed get nan."""
-    gains = np.array([a.gain_slot for a in model.actuators], dtype=np.intp)
-    slots, state, bad = solution.slots, solution.state, solution.failed
-    jacobian, by_drive, forces, energy = None, None, None, None
-    views, by_slot = _views(model, solution, gains, request.derivatives)
-    values, slopes = read_sensors(model, views, slots, by_slot)
+    gains = np.array([a.gain_coefficient for a in model.actuators], dtype=np.intp)
+    coefficients, state, bad = solution.coefficients, solution.state, solution.failed
+    jacobian, by_drive, forces, energy, tension = None, None, None, None, None
+    observed, by_coefficient = _observed(model, solution, gains, request.derivatives)
+    values, slopes = read_sensors(model, observed, coefficients, by_coefficient, rows.measured)
     if slopes is not None:
-        jacobian, by_drive = chain.apply(rows, slots, slopes, moved)
+        jacobian, by_drive = chain.apply(rows, coefficients, slopes, moved)
     values[bad] = np.nan
     if request.forces:
         forces, energy = drive_forces(model, solution)
-        forces[bad], energy[bad] = np.nan, np.nan
+        tension = least_tensions(model, solution)
+        forces[bad], energy[bad], tension[bad] = np.nan, np.nan, np.nan
     names = _slack_names(solution)
+    ropes = rope_strains(solution, rows, chain, moved) if request.ropes and solution.system.ropes else None
     return Prediction(
         values=values,
         status=solution.status,
@@ -42,53 +51,63 @@ def outcome(
         by_drive=by_drive,
         forces=forces,
         energy=energy,
+        tension=tension,
         slack=names,
+        misfit=solution.misfit,
+        ropes=ropes,
         steps=solution.steps,
     )
 
 
-def _views(model: Model, solution: Solution, gains: Array, derivatives: bool) -> tuple[Array, Array | None]:
-    """All views (N, V), and their derivatives by slots (N, V, S) where these are asked for."""
-    system, slots = solution.system, solution.slots
-    pulls = [k for k, v in enumerate(model.views) if v.quantity == "force"]
-    seen = tuple(v for v in model.views if v.quantity != "force")
-    readings = read_channels(system, slots, solution.state, seen, gains, solution.numbers if derivatives else None)
-    slopes = _slot_jacobian(solution, readings) if derivatives else None
+def _observed(model: Model, solution: Solution, gains: Array, derivatives: bool) -> tuple[Array, Array | None]:
+    """All observed (N, V), and their derivatives by coefficients (N, V, S) where these are asked for."""
+    system, coefficients = solution.system, solution.coefficients
+    pulls = [k for k, v in enumerate(model.observed) if v.measurand is Measurand.FORCE]
+    seen = tuple(v for v in model.observed if v.measurand is not Measurand.FORCE)
+    readings = read_quantities(
+        system, coefficients, solution.state, seen, gains, solution.numbers if derivatives else None
+    )
+    slopes = _coefficient_jacobian(solution, readings) if derivatives else None
     if not pulls:
         return readings.values, slopes
-    drives = [model.views[k].index for k in pulls]
-    others = [k for k in range(len(model.views)) if k not in pulls]
-    values = np.empty((len(slots), len(model.views)))
+    drives = [model.observed[k].index for k in pulls]
+    others = [k for k in range(len(model.observed)) if k not in pulls]
+    values = np.empty((len(coefficients), len(model.observed)))
     values[:, others] = readings.values
     values[:, pulls] = drive_forces(model, solution)[0][:, drives]
     if slopes is None:
         return values, None
-    full = np.empty((len(slots), len(model.views), slots.shape[1]))
+    full = np.empty((len(coefficients), len(model.observed), coefficients.shape[1]))
     full[:, others] = slopes
     for k, drive in zip(pulls, drives, strict=True):
         full[:, k] = force_derivative(model, solution, drive)
     return values, full
 
 
-def _slack_names(solution: Solution) -> dict[int, str]:
+def _slack_names(solution: Solution) -> dict[int, tuple[str, ...]]:
     """Names of the slack ropes by row."""
-    out: dict[int, str] = {}
-    for group, loose in zip(solution.system.groups, solution.slack or (), strict=False):
-        for row in np.nonzero(loose.any(axis=1))[0]:
-            names = [group.group.names[k] for k in np.nonzero(loose[row])[0]]
-            out[int(row)] = ", ".join(filter(None, [out.get(int(row)), *names]))
+    out: dict[int, tuple[str, ...]] = {}
+    if solution.taut or not solution.system.ropes:
+        return out
+    balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False)
+    for group, slack in zip(
+        solution.system.groups, slack_ropes(solution.system, solution.numbers, balanced), strict=True
+    ):
+        for row in np.nonzero(slack.any(axis=1) & ~solution.failed)[0]:
+            names = [group.group.names[k] for k in np.nonzero(slack[row])[0]]
+            out[int(row)] = (*out.get(int(row), ()), *names)
     return out
 
 
-def _slot_jacobian(solution: Solution, readings: Readings) -> Array:
-    """d readings / d slots (N, C, S): direct part minus the adjoint one; nan in unsolved rows."""
-    system, state, slack = solution.system, solution.state, solution.slack
-    assert readings.unknowns is not None and readings.slots is not None
+def _coefficient_jacobian(solution: Solution, readings: Readings) -> Array:
+    """d readings / d coefficients (N, C, S): direct part minus the adjoint one; nan in unsolved rows."""
+    system, state, taut = solution.system, solution.state, solution.taut
+    assert readings.unknowns is not None and readings.coefficients is not None
     scale = typical_stiffness(system, solution.numbers)
-    now = balance(system, solution.numbers, state, scale, slack=slack)
-    assert now.tangent is not None
-    adjoint = solve_rows(np.swapaxes(now.tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
+    balanced = balance(system, solution.numbers, state, scale, taut=taut)
+    assert balanced.tangent is not None
+    adjoint = solve_rows(np.swapaxes(balanced.tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
-    out = readings.slots - adjoint_derivative(system, solution.numbers, state, slack, adjoint, scale)
+    out = readings.coefficients - adjoint_derivative(system, solution.numbers, state, adjoint, scale, taut=taut)
     out[solution.failed] = np.nan
     return np.asarray(out)

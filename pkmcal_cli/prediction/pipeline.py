@@ -1,4 +1,4 @@
-"""All stages, chunk by chunk."""
+"""All stages, chunk by chunk: chunks bound the memory, and a chunk starts from the solution of an earlier call."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.effects import Displacements, displacements
+from pkmcal_cli.prediction.displacements import Displacements, displacements
 from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.joined import join_rows
 from pkmcal_cli.prediction.outcome import outcome
 from pkmcal_cli.prediction.reactions import joined_reactions, reactions
-from pkmcal_cli.prediction.rows import Prediction, Request, Rows
+from pkmcal_cli.prediction.rope_strains import joined_rope_strains
+from pkmcal_cli.prediction.rows import Prediction, Request, Rows, WarmStart
 from pkmcal_cli.prediction.solving import solve
-from pkmcal_cli.prediction.stages import BaseSlots, Chain, commanded_slots
+from pkmcal_cli.prediction.stages import BaseCoefficients, Chain, commanded_coefficients
 
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
 _SMOOTHED = 0.1  # share of the usual force over which the sign of a force is smoothed
@@ -32,68 +33,78 @@ def predict(
     values: Array,
     rows: Rows,
     request: Request | None = None,
-    start: State | None = None,
+    start: WarmStart | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Prediction:
-    """Predicted readings of all rows at parameter values (P,), SI; `start`: states of an earlier prediction.
+    """Predicted readings of all rows at parameter values (P,), SI; `start`: from an earlier prediction.
 
     Works in chunks, so memory is bounded but for the results. Rows that cannot be solved get a status, never numbers.
     Raises ValueError for derivatives of any method but `exact`: they hold at equilibrium only.
     """
     request = request or Request()
     if request.method != "exact" and (request.parameters is not None or request.by_drive):
-        raise ValueError(f"derivatives are those of the equilibrium: no derivatives with method {request.method}")
-    base = BaseSlots.of(model, values)
+        raise ValueError(f"method {request.method} has no derivatives; only the equilibrium has")
+    base = BaseCoefficients.of(model, values)
     chain = Chain.of(model, values, request)
-    moved = _moved(model, values, base, rows, request, chain)
+    moved = _moved(model, values, base, rows, request, chain=chain, start=start)
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        some, mine, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
-        slots = commanded_slots(model, base, some)
-        mine.apply(slots)
-        solution = solve(model, slots, request.method, begin)
-        parts.append(outcome(model, solution, some, request, chain, mine))
+        some, own, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
+        coefficients = commanded_coefficients(model, base, some)
+        own.apply(coefficients)
+        solution = solve(model, coefficients, request.method, begin, request.compare)
+        parts.append(outcome(model, solution, some, request, chain, own))
         if progress is not None:
             progress(chunk.stop - chunk.start)
-    found = _joined(parts)
+    prediction = _joined(parts)
     alone = np.full(len(rows), -1)
-    return join_rows(model, found, alone if rows.partner is None else rows.partner)
+    return join_rows(model, prediction, alone if rows.partner is None else rows.partner)
 
 
-def _moved(model: Model, values: Array, base: BaseSlots, rows: Rows, request: Request, chain: Chain) -> Displacements:
+def _moved(
+    model: Model,
+    values: Array,
+    base: BaseCoefficients,
+    rows: Rows,
+    request: Request,
+    chain: Chain,
+    start: WarmStart | None,
+) -> Displacements:
     """What effects displace in every row of the table; reactive ones by the forces of a pass without them."""
     asked = request.parameters or ()
     numbers = model.by_name(values)
     acting = {e.name for e in model.effects if any(numbers[n] for n in e.parameters)}
-    wanted = acting | {e.name for e in model.effects if any(n in asked for n in e.parameters)}
-    reactive = [e for e in model.effects if e.effect.reactive and e.name in wanted]
+    needed = acting | {e.name for e in model.effects if any(n in asked for n in e.parameters)}
+    reactive = [e for e in model.effects if e.effect.reactive and e.name in needed]
     if not reactive:
         return displacements(model, values, rows, asked, None)
     known = chain if request.derivatives and acting & {e.name for e in reactive} else None
     first = displacements(model, values, rows, asked, None)
-    found = _earlier_pass(model, base, rows, reactive, known, first)
-    return displacements(model, values, rows, asked, found)
+    earlier = _earlier_pass(model, base, rows, reactive, known, first, start=start)
+    return displacements(model, values, rows, asked, earlier)
 
 
 def _earlier_pass(
     model: Model,
-    base: BaseSlots,
+    base: BaseCoefficients,
     rows: Rows,
     reactive: Sequence[PlacedEffect],
     chain: Chain | None,
     moved: Displacements,
+    start: WarmStart | None = None,
 ) -> Reactions:
-    """Forces at the sockets of reactive effects, while these do not act."""
+    """Forces at the effect sites of reactive effects, while these do not act; `start`: states near the solution."""
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        some, mine = rows.take(chunk), moved.take(chunk)
-        slots = commanded_slots(model, base, some)
-        mine.apply(slots)
-        parts.append(reactions(model, solve(model, slots, "exact", None), reactive, some, chain, mine))
+        some, own = rows.take(chunk), moved.take(chunk)
+        coefficients = commanded_coefficients(model, base, some)
+        own.apply(coefficients)
+        begin = None if start is None else start.take(chunk)
+        parts.append(reactions(model, solve(model, coefficients, "exact", begin, True), reactive, some, chain, own))
     return joined_reactions(parts)
 
 
-def settled_smoothing(model: Model, values: Array, rows: Rows) -> Model:
+def fixed_smoothing(model: Model, values: Array, rows: Rows) -> Model:
     """The model with the force over which signs are smoothed stated for every reactive effect that leaves it open.
 
     A tenth of the root mean square force at its place, at parameter values (P,).
@@ -101,13 +112,12 @@ def settled_smoothing(model: Model, values: Array, rows: Rows) -> Model:
     some = [e for e in model.effects if e.effect.reactive and "smooth" not in e.options and _smooths(e)]
     if not some:
         return model
-    base = BaseSlots.of(model, values)
-    found = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None))
-    size = dict(zip(found.places, np.sqrt(np.nanmean(found.values**2, axis=0)), strict=True))
-    settled = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sockets), _LEAST_FORCE) for e in some}
+    base = BaseCoefficients.of(model, values)
+    earlier = _earlier_pass(model, base, rows, some, None, displacements(model, values, rows, (), None))
+    size = dict(zip(earlier.places, np.sqrt(np.nanmean(earlier.values**2, axis=0)), strict=True))
+    fixed = {e.name: max(_SMOOTHED * max(float(size[s.place]) for s in e.sites), _LEAST_FORCE) for e in some}
     effects = tuple(
-        replace(e, options={**e.options, "smooth": (settled[e.name],)}) if e.name in settled else e
-        for e in model.effects
+        replace(e, options={**e.options, "smooth": (fixed[e.name],)}) if e.name in fixed else e for e in model.effects
     )
     return model.with_options(effects)
 
@@ -119,7 +129,12 @@ def _smooths(placed: PlacedEffect) -> bool:
 def row_chunks(system: System, rows: int) -> Iterator[slice]:
     """Rows that are worked on together."""
     maps = system.maps
-    entries = system.size**2 + maps.tangent.columns + system.view_maps.views.height + len(system.layout.slots.constants)
+    entries = (
+        system.size**2
+        + maps.tangent.columns
+        + system.geometry_maps.geometries.height
+        + len(system.topology.coefficients.constants)
+    )
     size = max(_FEWEST, int(_CHUNK_BYTES / (8 * entries)))
     for first in range(0, max(rows, 1), size):
         yield slice(first, min(first + size, rows))
@@ -148,6 +163,9 @@ def _joined(parts: Sequence[Prediction]) -> Prediction:
         by_drive=join("by_drive"),
         forces=join("forces"),
         energy=join("energy"),
+        tension=join("tension"),
         slack=slack,
+        ropes=None if parts[0].ropes is None else joined_rope_strains([p.ropes for p in parts if p.ropes is not None]),
+        misfit=np.concatenate([part.misfit for part in parts]),
         steps=sum(part.steps for part in parts),
     )

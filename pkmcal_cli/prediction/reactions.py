@@ -1,7 +1,8 @@
 """Forces of a pass, for effects that depend on them in the next one: two fixed passes, no iteration.
 
-The force of a drive, and the pull in a member, is the derivative of the Lagrangian with respect to the slot of its
-position, or minus that with respect to its natural length. So its derivatives come from a complex step in that slot.
+The force of a drive, and the pull in a member, is the derivative of the Lagrangian with respect to the coefficient of
+its position, or minus that with respect to its natural length. So its derivatives come from a complex step in that
+coefficient.
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.assembly import group_view
 from pkmcal_cli.equilibrium.derivative import lagrangian_gradient
-from pkmcal_cli.equilibrium.kinematics import arm_vectors, views
-from pkmcal_cli.model.effect_sites import PlacedEffect, Socket
+from pkmcal_cli.equilibrium.kinematics import geometries, offset_vectors_at
+from pkmcal_cli.equilibrium.strains import group_geometry
+from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.effects import Displacements
-from pkmcal_cli.prediction.forces import drive_forces, force_slot, slot_force_derivative
+from pkmcal_cli.prediction.displacements import Displacements
+from pkmcal_cli.prediction.forces import coefficient_force_derivative, drive_forces, force_coefficient
 from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.prediction.solving import Solution
@@ -32,50 +33,50 @@ def reactions(
     chain: Chain | None,
     moved: Displacements,
 ) -> Reactions:
-    """Forces and chords at the sockets of effects, with derivatives where there is a chain; nan in failed rows."""
-    sockets = {s.place: s for e in effects for s in e.sockets}
-    slots = [_slot(model, s) for s in sockets.values()]
-    values, chords = _values(model, solution, list(sockets.values()), slots)
+    """Forces and chords at the effect sites of effects, with derivatives where there is a chain; nan in failed rows."""
+    sites = {s.place: s for e in effects for s in e.sites}
+    coefficients = [_coefficient(model, s) for s in sites.values()]
+    values, chords = _values(model, solution, list(sites.values()), coefficients)
     if chain is None:
-        return Reactions(tuple(sockets), values, chords, None, None)
-    by_slot = np.zeros((len(rows), len(slots), solution.slots.shape[1]))
-    for r, (slot, sign) in enumerate(slots):
-        if slot >= 0:
-            by_slot[:, r] = sign * slot_force_derivative(model, solution, slot)
-    jacobian, by_drive = chain.apply(rows, solution.slots, by_slot, moved)
-    return Reactions(tuple(sockets), values, chords, jacobian, by_drive)
+        return Reactions(tuple(sites), values, chords, None, None)
+    by_coefficient = np.zeros((len(rows), len(coefficients), solution.coefficients.shape[1]))
+    for r, (coefficient, sign) in enumerate(coefficients):
+        if coefficient >= 0:
+            by_coefficient[:, r] = sign * coefficient_force_derivative(model, solution, coefficient)
+    jacobian, by_drive = chain.apply(rows, solution.coefficients, by_coefficient, moved)
+    return Reactions(tuple(sites), values, chords, jacobian, by_drive)
 
 
-def _slot(model: Model, socket: Socket) -> tuple[int, float]:
-    """The slot whose derivative of the Lagrangian is the force, and its sign; -1 where the force is commanded."""
-    if socket.member[0] >= 0:
-        group = model.layout.groups[socket.member[0]]
-        return group.rest.start + socket.member[1] * len(group.element.strains), -1.0
-    return force_slot(model, socket.actuator)
+def _coefficient(model: Model, site: EffectSite) -> tuple[int, float]:
+    """The coefficient whose Lagrangian derivative is the force, and its sign; -1 where the force is commanded."""
+    if site.member[0] >= 0:
+        group = model.topology.groups[site.member[0]]
+        return group.rest.start + site.member[1] * len(group.element.strains), -1.0
+    return force_coefficient(model, site.actuator)
 
 
 def _values(
-    model: Model, solution: Solution, sockets: Sequence[Socket], slots: Sequence[tuple[int, float]]
+    model: Model, solution: Solution, sites: Sequence[EffectSite], coefficients: Sequence[tuple[int, float]]
 ) -> tuple[Array, dict[tuple[int, int], Array]]:
-    """Forces (N, R), and unit chords (N, 3) of the members among the sockets."""
+    """Forces (N, R), and unit chords (N, 3) of the straight members among the effect sites."""
     system, state = solution.system, solution.state
-    gradient = lagrangian_gradient(system, solution.numbers, state, solution.slack)
+    gradient = lagrangian_gradient(system, solution.numbers, state, taut=solution.taut)
     forces = drive_forces(model, solution)[0]
     values = np.stack(
         [
-            sign * gradient[:, slot] if slot >= 0 else forces[:, socket.actuator]
-            for socket, (slot, sign) in zip(sockets, slots, strict=True)
+            sign * gradient[:, coefficient] if coefficient >= 0 else forces[:, site.actuator]
+            for site, (coefficient, sign) in zip(sites, coefficients, strict=True)
         ],
         axis=1,
     )
     values[solution.failed] = np.nan
-    stacked = views(system, state, arm_vectors(model.layout, solution.slots, state))
-    return values, dict(_chords(solution, stacked, sockets))
+    stacked = geometries(system, state, offset_vectors_at(model.topology, solution.coefficients, state))
+    return values, dict(_chords(solution, stacked, sites))
 
 
-def _chords(solution: Solution, stacked: Array, sockets: Sequence[Socket]) -> Iterator[tuple[tuple[int, int], Array]]:
-    for g, e in sorted({s.member for s in sockets if s.member[0] >= 0}):
-        chord = group_view(solution.system, g, stacked).delta[:, e]
+def _chords(solution: Solution, stacked: Array, sites: Sequence[EffectSite]) -> Iterator[tuple[tuple[int, int], Array]]:
+    for g, e in sorted({s.member for s in sites if s.member[0] >= 0 and s.straight}):
+        chord = group_geometry(solution.system, g, stacked).delta[:, e]
         yield (g, e), chord / np.sqrt((chord**2).sum(axis=1, keepdims=True))
 
 

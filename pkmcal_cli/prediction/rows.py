@@ -24,13 +24,15 @@ class Rows:
 
     columns (N,): covariates that effects need, by name: "time", "T", "T.PART", "dir.ACTUATOR" (-1, 0, 1), "payload",
     "spindle", "session.NAME" (1 in the rows of the session, else 0). partner (N,): the row that a measurement joins
-    to this one, -1 without.
+    to this one, -1 without. measured (N, C): what instruments read, nan where nothing: of the rotation vectors of one
+    rotation, that nearer to it is predicted.
     """
 
     readings: Array
     forces: Array
     columns: Mapping[str, Array] = field(default_factory=dict)
     partner: NDArray[np.intp] | None = None
+    measured: Array | None = None
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -38,7 +40,8 @@ class Rows:
     def take(self, rows: slice | NDArray[np.intp]) -> Rows:
         """Some rows."""
         columns = {name: column[rows] for name, column in self.columns.items()}
-        return Rows(self.readings[rows], self.forces[rows], columns, self._partners(rows))
+        measured = None if self.measured is None else self.measured[rows]
+        return Rows(self.readings[rows], self.forces[rows], columns, self._partners(rows), measured)
 
     def _partners(self, rows: slice | NDArray[np.intp]) -> NDArray[np.intp] | None:
         """Partners among some rows, by their numbers there."""
@@ -89,13 +92,46 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
     )
 
 
+@dataclass(frozen=True)
+class RopeStrains:
+    """Elongations (N, R) of elastic ropes beyond the kink where they go slack, m; derivatives (N, R, P'), (N, R, A)."""
+
+    values: Array
+    jacobian: Array
+    by_drive: Array
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """States of N rows from an earlier prediction, and what became of them there.
+
+    misfit (N,): how far the drives' positions disagreed when the pose was compared with all others, in sizes of the
+    machine; 0 where it was not.
+    """
+
+    state: State
+    status: NDArray[np.int_]
+    misfit: Array
+
+    def take(self, rows: slice | NDArray[np.intp]) -> WarmStart:
+        """Some rows."""
+        return WarmStart(self.state.take(rows), self.status[rows], self.misfit[rows])
+
+    def put(self, rows: NDArray[np.intp], other: WarmStart) -> WarmStart:
+        """These with some rows taken from `other`."""
+        status, misfit = self.status.copy(), self.misfit.copy()
+        status[rows], misfit[rows] = other.status, other.misfit
+        return WarmStart(self.state.put(rows, other.state), status, misfit)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
     """Predicted readings (N, C), nan where `status` (N,) is not SOLVED.
 
     jacobian: (N, C, P') with respect to the asked parameters; by_drive: (N, C, A) with respect to drive readings;
     by_partner: (N, C, A) with respect to those of the row that is joined; forces: (N, A) of drives, N or N m; energy:
-    (N,) strain energy, J; slack: names of slack ropes by row.
+    (N,) strain energy, J; tension: (N, R) of ropes with a least tension, N; slack: names of slack
+    ropes by row; misfit: as in `WarmStart`.
     """
 
     values: Array
@@ -105,9 +141,17 @@ class Prediction:
     by_drive: Array | None
     forces: Array | None
     energy: Array | None
-    slack: dict[int, str]
+    tension: Array | None
+    slack: dict[int, tuple[str, ...]]
+    misfit: Array
     steps: int
+    ropes: RopeStrains | None = None
     by_partner: Array | None = None
+
+    @property
+    def start(self) -> WarmStart:
+        """Where a prediction of the same rows may start."""
+        return WarmStart(self.state, self.status, self.misfit)
 
     @property
     def solved(self) -> NDArray[np.bool_]:
@@ -116,8 +160,7 @@ class Prediction:
 
     def reason(self, row: int) -> str:
         """Why a row has no numbers."""
-        status = RowStatus(int(self.status[row]))
-        return f"slack: {self.slack[row]}" if status is RowStatus.SLACK else status.reason
+        return RowStatus(int(self.status[row])).reason
 
 
 @dataclass(frozen=True)
@@ -128,6 +171,8 @@ class Request:
     parameters: tuple[str, ...] | None = None  # derivatives with respect to these
     by_drive: bool = False
     forces: bool = False
+    compare: bool = True  # whether poses in doubt are compared with all others; False: quick, for screening
+    ropes: bool = False  # how far ropes are from going slack; only with `parameters`
 
     @property
     def derivatives(self) -> bool:

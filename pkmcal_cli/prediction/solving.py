@@ -1,8 +1,15 @@
-"""The state of every row: rigid pose of the substructure, then elastic equilibrium or one linear step."""
+"""The state of every row: rigid pose of the substructure, then elastic equilibrium or one linear step.
+
+`linear` is the paper's model, X = fgm(q_nr, xi) + dX_e with K dX_e = F (Ecorchard 2010, eq. 7, 10, 11, 19): one step
+from the rigid pose, which depends to second order on the chosen substructure. `exact` is the stable equilibrium of
+least strain energy, which does not; it starts where released drives have gone, nearly free of stress, so that Newton's
+method converges. Which ropes carry follows from the equilibrium.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,37 +17,51 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
-from pkmcal_cli.equilibrium.branch import left_mode
-from pkmcal_cli.equilibrium.given import Given, given
-from pkmcal_cli.equilibrium.kinematics import State, advance, drawn_state, place_prescribed
-from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, Slack, follow, newton, solve_rows
+from pkmcal_cli.equilibrium.descent import descend
+from pkmcal_cli.equilibrium.energy import slack_ropes, strain_energy
+from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed, without_stress
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton, solve_rows
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.mechanism.topology import DriveKind, Index
+from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
+from pkmcal_cli.mechanism.topology import Drive, Index
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.rows import Method
+from pkmcal_cli.prediction.common_pose import common_pose
+from pkmcal_cli.prediction.rigid_pose import (
+    largest_strain,
+    relaxed_coefficients,
+    rigid_pose,
+    substructure_pose,
+)
+from pkmcal_cli.prediction.rows import Method, WarmStart
 
-_REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close
 _ROUGH = NewtonOptions(curved=False, tolerance=1e-6)
-_RIGID = NewtonOptions(curved=False)
 _ELASTIC = NewtonOptions(contraction=0.9, rebound=0.25, reach=0.5)
+_TAUT = replace(_ELASTIC, taut=True)
+_TORN = 0.1  # of the size of the machine: drives that disagree by more agree on nothing
+_GROWN = 2.0  # a misfit that has grown less than so since the pose was compared with others needs no comparison
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Solution:
-    """States of N rows and how they were found; `system`: the one that they solve, or nearly."""
+    """States of N rows and how they were found.
+
+    system: the one that they solve, or nearly; misfit (N,): up to which the pose was compared with others; taut: ropes
+    push too.
+    """
 
     system: System
-    slots: Array  # (N, S)
+    coefficients: Array  # (N, S)
     state: State
     status: NDArray[np.int_]  # (N,)
-    slack: Slack | None
+    misfit: Array
+    taut: bool
     steps: int
 
     @cached_property
-    def numbers(self) -> Given:
-        """What the slots say about the system."""
-        return given(self.system, self.slots)
+    def numbers(self) -> SystemNumbers:
+        """What the coefficients say about the system."""
+        return system_numbers(self.system, self.coefficients)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -48,146 +69,178 @@ class Solution:
         return np.asarray(self.status != RowStatus.SOLVED)
 
 
-def solve(model: Model, slots: Array, method: Method, start: State | None) -> Solution:
-    """Solve rows by a method; `start`: states near the solution, for `exact`."""
+def solve(model: Model, coefficients: Array, method: Method, start: WarmStart | None, compare: bool) -> Solution:
+    """Solve rows by a method; `start`: states near the solution, for `exact`; `compare`: see `Request`."""
     effort = Effort()
+    beyond = beyond_beams(model.exact, coefficients)
+    if beyond.any():
+        coefficients = coefficients.copy(order="K")
+        coefficients[beyond] = model.reference_coefficients
+    found = _solve(model, coefficients, method, start, compare, effort)
+    found.status[beyond] = RowStatus.OUT_OF_REACH
+    return found
+
+
+def _solve(
+    model: Model, coefficients: Array, method: Method, start: WarmStart | None, compare: bool, effort: Effort
+) -> Solution:
     if method == "exact":
-        state, status, slack = _equilibrium(model, slots, start, effort)
-        return Solution(model.exact, slots, state, status, slack, effort.steps)
-    state, status = rigid_pose(model, slots, _RIGID, effort)
-    if method == "rigid":
-        return Solution(model.rigid, slots, state, status, None, effort.steps)
-    state = _one_step(model, slots, state, status, effort)
-    return Solution(model.exact, slots, state, status, None, effort.steps)
-
-
-def rigid_pose(model: Model, slots: Array, options: NewtonOptions, effort: Effort) -> tuple[State, NDArray[np.int_]]:
-    """Pose of the non-redundant substructure (Ecorchard 2010, fgm of eq. 11), continued from the drawing."""
-    system = model.rigid
-    begin = model.drawn_slots
-    state = drawn_state(model.layout, begin, len(slots), system.constraints)
-    state, status, _ = follow(system, begin, slots, state=state, length=model.length, options=options, effort=effort)
-    elsewhere = left_mode(system, model.drawn_mode, slots, state, model.length)
-    failed = np.nonzero(status != RowStatus.SOLVED)[0]
-    status[elsewhere & (status == RowStatus.SOLVED)] = RowStatus.WRONG_MODE
-    if len(failed):
-        status[failed] = _failure(model, slots[failed])
-    _check_reach(model, slots, state, status)
-    return state, status
-
-
-def _check_reach(model: Model, slots: Array, state: State, status: NDArray[np.int_]) -> None:
-    """Rows whose rigid pose has a gap of more than a share of the machine's size are out of reach."""
-    good = np.nonzero(status == RowStatus.SOLVED)[0]
-    if not len(good):
-        return
-    if len(good) < len(slots):
-        slots, state = slots[good], state.take(good)
-    strains = balance(model.rigid, slots, state, 1.0, tangent=False).strains
-    groups = model.rigid.groups
-    gaps = [e * (group.elastic * group.group.element.gaps) for group, e in zip(groups, strains, strict=True)]
-    status[good[_largest(gaps, len(good)) > _REACH * model.length]] = RowStatus.OUT_OF_REACH
-
-
-def _largest(strains: list[Array], rows: int) -> Array:
-    """The largest strain of each row, (N,)."""
-    out = np.zeros(rows)
-    for e in strains:
-        out = np.maximum(out, np.abs(e).max(axis=(1, 2), initial=0.0))
-    return out
-
-
-def _failure(model: Model, slots: Array) -> NDArray[np.int_]:
-    """Why rows have no rigid pose: the mechanism closes elsewhere, not at all, or is singular there."""
-    system = model.rigid
-    state = drawn_state(model.layout, model.drawn_slots, len(slots), system.constraints)
-    free = NewtonOptions(curved=False, contraction=np.inf, iterations=60, tolerance=1e-8)
-    placed = place_prescribed(model.layout, slots, state, free=system.free)
-    state, status, _ = newton(system, slots, placed, model.length, free, Effort())
-    _check_reach(model, slots, state, status)
-    out = np.full(len(slots), RowStatus.OUT_OF_REACH)
-    out[status == RowStatus.SOLVED] = RowStatus.WRONG_MODE
-    strains = balance(system, slots, state, typical_stiffness(system, slots), tangent=False).strains
-    strain = _largest(list(strains), len(slots))
-    closed = np.isfinite(strain) & (strain < 1e-6 * model.length) & (status != RowStatus.SOLVED)
-    out[closed] = RowStatus.SINGULAR
-    return out
+        rows = _equilibrium(model, coefficients, start, compare, effort)
+        return Solution(
+            system=model.exact, coefficients=coefficients, state=rows.state, status=rows.status, misfit=rows.misfit,
+            taut=False, steps=effort.steps,
+        )  # fmt: skip
+    state, status = substructure_pose(model, coefficients, effort)
+    if method == "linear":
+        state = _one_step(model, coefficients, state, status, effort)
+    return Solution(
+        system=model.rigid if method == "rigid" else model.exact, coefficients=coefficients, state=state, status=status,
+        misfit=np.zeros(len(status)), taut=True, steps=effort.steps,
+    )  # fmt: skip
 
 
 def _equilibrium(
-    model: Model, slots: Array, start: State | None, effort: Effort
-) -> tuple[State, NDArray[np.int_], Slack]:
-    """Elastic equilibrium, from an earlier state; from the rigid pose where there is none or it does not lead there."""
+    model: Model, coefficients: Array, start: WarmStart | None, compare: bool, effort: Effort
+) -> WarmStart:
+    """The stable equilibrium of least strain energy: as found; where that is in doubt, from the common pose too."""
     if start is None:
-        return _from_drawing(model, slots, effort)
-    system = model.exact
-    placed = place_prescribed(model.layout, slots, start, free=system.free)
-    state, status, slack = newton(system, slots, placed, model.length, _ELASTIC, effort)
-    todo = np.nonzero(status != RowStatus.SOLVED)[0]
-    if len(todo):
-        again, status[todo], loose = _from_drawing(model, slots[todo], effort)
-        state = state.put(todo, again)
-        for mine, theirs in zip(slack, loose, strict=True):
-            mine[todo] = theirs
-    return state, status, slack
+        rows = _from_reference(model, coefficients, effort)
+    else:
+        rows = _from_earlier(model, coefficients, start, effort)
+    if not (compare and model.overdetermined):
+        return rows
+    apart = _apart(model, coefficients, rows.state)
+    solved = rows.status == RowStatus.SOLVED
+    fits = solved & (apart <= np.maximum(model.expected_misfit, _GROWN * rows.misfit))
+    doubtful = np.nonzero(~fits & ~_still_out_of_reach(rows))[0]
+    if not len(doubtful):
+        return rows
+    return rows.put(doubtful, _compared(model, coefficients[doubtful], rows.take(doubtful), effort))
 
 
-def _from_drawing(model: Model, slots: Array, effort: Effort) -> tuple[State, NDArray[np.int_], Slack]:
-    """Elastic equilibrium from the rigid pose, which is continued from the drawing."""
-    system, rows = model.exact, len(slots)
-    state, status = rigid_pose(model, slots, _ROUGH, effort)
-    state = without_stress(state, system)
+def _still_out_of_reach(rows: WarmStart) -> NDArray[np.bool_]:
+    """Rows (N,) whose drives were compared with all poses and agree on none."""
+    return np.asarray((rows.status == RowStatus.OUT_OF_REACH) & (rows.misfit > 0))
+
+
+def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort) -> WarmStart:
+    """Rows with the equilibrium next to the common pose where its energy is less, and true reasons where none holds."""
+    pose = common_pose(model, coefficients)
+    state, status = _relaxed_equilibrium(model, coefficients, pose.state, model.held_drives, effort)
+    before = np.where(rows.status == RowStatus.SOLVED, _energy(model, coefficients, rows.state), np.inf)
+    after = np.where(status == RowStatus.SOLVED, _energy(model, coefficients, state), np.inf)
+    won = np.nonzero(after < before)[0]
+    rows = rows.put(won, WarmStart(state, status, rows.misfit).take(won))
+    status, apart = rows.status.copy(), _apart(model, coefficients, rows.state)
+    status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
+    slack = _any_slack(model, coefficients, rows.state)  # a slack rope is longer than the pose needs: no misfit
+    status[(np.maximum(pose.misfit, pose.rival) < model.expected_misfit) & ~slack] = RowStatus.AMBIGUOUS
+    misfit = np.where(slack, apart, pose.misfit)
+    far = np.nonzero(misfit > max(_TORN, model.expected_misfit))[0]
+    status[far] = RowStatus.OUT_OF_REACH
+    state = rows.state.put(far, without_stress(pose.state, model.exact).take(far))
+    apart[far] = misfit[far]
+    return WarmStart(state, status, apart)
+
+
+def _apart(model: Model, coefficients: Array, state: State) -> Array:
+    """How far parts that should meet are apart (N,), in sizes of the machine; slack ropes need not reach."""
+    numbers = system_numbers(model.exact, coefficients)
+    balanced = balance(model.exact, numbers, state, 1.0, tangent=False)
+    slack = slack_ropes(model.exact, numbers, balanced)
+    gaps = [
+        e * (group.elastic * group.group.element.gaps) * ~loose[:, :, None]
+        for group, e, loose in zip(model.exact.groups, balanced.strains, slack, strict=True)
+    ]
+    return largest_strain(gaps, len(state)) / model.length
+
+
+def _any_slack(model: Model, coefficients: Array, state: State) -> NDArray[np.bool_]:
+    """Rows (N,) with a slack rope."""
+    numbers = system_numbers(model.exact, coefficients)
+    balanced = balance(model.exact, numbers, state, 1.0, tangent=False)
+    every = slack_ropes(model.exact, numbers, balanced)
+    return np.asarray(np.concatenate(every, axis=1).any(axis=1))
+
+
+def _energy(model: Model, coefficients: Array, state: State) -> Array:
+    """Strain energy (N,), J."""
+    numbers = system_numbers(model.exact, coefficients)
+    return strain_energy(model.exact, numbers, balance(model.exact, numbers, state, 1.0, tangent=False))
+
+
+def _from_earlier(model: Model, coefficients: Array, start: WarmStart, effort: Effort) -> WarmStart:
+    """Elastic equilibrium from an earlier state; from the rigid pose where there is none or it does not lead there.
+
+    Rows whose drives agreed on no pose stay as they are: only a prediction without a start looks for one again.
+    """
+    system, rows = model.exact, start
+    near = np.nonzero(start.status == RowStatus.SOLVED)[0]
+    if len(near):
+        some = coefficients[near]
+        placed = place_prescribed(model.topology, some, start.state.take(near), free=system.free)
+        state, status = newton(system, some, placed, model.length, _ELASTIC, effort)
+        swung = np.nonzero(status != RowStatus.SOLVED)[0] if system.ropes else near[:0]
+        if len(swung):  # a small tension is less than what the start lacks: ropes seem slack that carry
+            again, status[swung] = newton(system, some[swung], placed.take(swung), model.length, _TAUT, effort)
+            state = state.put(swung, again)
+        rows = rows.put(near, WarmStart(state, status, start.misfit[near]))
+    todo = np.nonzero((rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows))[0]
+    return rows.put(todo, _from_reference(model, coefficients[todo], effort)) if len(todo) else rows
+
+
+def _from_reference(model: Model, coefficients: Array, effort: Effort) -> WarmStart:
+    """Elastic equilibrium from the rigid pose, which is continued from the reference configuration."""
+    state, status = rigid_pose(model, coefficients, _ROUGH, effort)
+    rows = WarmStart(without_stress(state, model.exact), status, np.zeros(len(status)))
     good = np.nonzero(status == RowStatus.SOLVED)[0]
-    slack = tuple(np.zeros((rows, g.group.shape[0]), dtype=bool) for g in system.groups)
     if not len(good):
-        return state, status, slack
-    every = len(good) == rows
-    mine, part = (slots, state) if every else (slots[good], state.take(good))
+        return rows
+    every = len(good) == len(status)
+    goal, pose = (coefficients, state) if every else (coefficients[good], state.take(good))
+    solved = WarmStart(*_relaxed_equilibrium(model, goal, pose, model.redundant_drives, effort), rows.misfit[good])
+    return solved if every else rows.put(good, solved)
+
+
+def _relaxed_equilibrium(
+    model: Model, coefficients: Array, pose: State, drives: Sequence[Drive], effort: Effort
+) -> tuple[State, NDArray[np.int_]]:
+    """Elastic equilibrium from a closed pose, at which some drives are elsewhere than commanded."""
+    system, begin = model.exact, without_stress(pose, model.exact)
+    if system.ropes:
+        return _taut_equilibrium(model, coefficients, begin, effort)
 
     def relaxed(some: Index) -> Array:
-        return _relaxed_slots(model, mine[some], part.take(some))
+        return relaxed_coefficients(model, coefficients[some], begin.take(some), drives)
 
-    part_solved, now, loose = follow(
-        system, relaxed, mine, state=part, length=model.length, options=_ELASTIC, effort=effort
-    )
-    for all_rows, theirs in zip(slack, loose, strict=True):
-        all_rows[good] = theirs
-        now[theirs.any(axis=1)] = RowStatus.SLACK
-    status[good] = now
-    return part_solved if every else state.put(good, part_solved), status, slack
+    return follow(system, relaxed, coefficients, state=begin, length=model.length, options=_ELASTIC, effort=effort)
 
 
-def without_stress(state: State, system: System) -> State:
-    """The same pose as a state of another system, its constraints without force."""
-    return State(state.travel, state.rotation, np.zeros((len(state), system.constraints), order="F"))
+def _taut_equilibrium(
+    model: Model, coefficients: Array, begin: State, effort: Effort
+) -> tuple[State, NDArray[np.int_]]:
+    """Elastic equilibrium of a machine with ropes: where Newton's method fails, the potential falls from the pose."""
+    system = model.exact
+    placed = place_prescribed(model.topology, coefficients, begin, free=system.free)
+    state, status = newton(system, coefficients, placed, model.length, _TAUT, effort)
+    todo = np.nonzero(status != RowStatus.SOLVED)[0]
+    if len(todo):
+        some = coefficients[todo]
+        near = descend(system, some, placed.take(todo), model.length, effort)
+        again, status[todo] = newton(system, some, near, model.length, _ELASTIC, effort)
+        state = state.put(todo, again)
+    return state, status
 
 
-def _relaxed_slots(model: Model, slots: Array, state: State) -> Array:
-    """Slots at which the rigid pose is (nearly) stress-free: no loads, released drives where they have gone."""
-    out, layout, system = slots.copy(order="K"), model.layout, model.released
-    for group in layout.groups:
-        out[:, group.prestress] = 0.0
-    out[:, layout.force_slots] = 0.0
-    strains = balance(system, slots, without_stress(state, system), 1.0, tangent=False).strains
-    for drive in layout.drives:
-        if drive.redundant and not drive.force_controlled:
-            if drive.kind is DriveKind.TRAVEL:
-                out[:, drive.slot] = state.travel[:, drive.target[0]]
-            elif drive.kind is DriveKind.STRAIN:
-                index, e, m = drive.target
-                out[:, drive.slot] += strains[index][:, e, m]
-    return out
-
-
-def _one_step(model: Model, slots: Array, state: State, status: NDArray[np.int_], effort: Effort) -> State:
+def _one_step(model: Model, coefficients: Array, state: State, status: NDArray[np.int_], effort: Effort) -> State:
     """The paper's elastic displacement: one linear step of the whole structure from the rigid pose (eq. 7, 10, 19)."""
     system = model.exact
-    placed = place_prescribed(model.layout, slots, without_stress(state, system), free=system.free)
-    scale = typical_stiffness(system, slots)
-    now = balance(system, slots, placed, scale, curved=False)
-    assert now.tangent is not None
-    step = -solve_rows(now.tangent, now.residual[..., None])[..., 0]
-    effort.add(len(slots))
+    placed = place_prescribed(model.topology, coefficients, without_stress(state, system), free=system.free)
+    scale = typical_stiffness(system, coefficients)
+    balanced = balance(system, coefficients, placed, scale, curved=False, taut=True)
+    assert balanced.tangent is not None
+    step = -solve_rows(balanced.tangent, balanced.residual[..., None])[..., 0]
+    effort.add(len(coefficients))
     lost = ~np.isfinite(step).all(axis=1)
     status[lost & (status == RowStatus.SOLVED)] = RowStatus.SINGULAR
     step[lost] = 0.0

@@ -1,4 +1,7 @@
-"""Command, geometry, stiffness and load stages: the slots of every row, and how they depend on what is asked for."""
+"""Command, geometry, stiffness and load stages: the coefficients of every row and their derivatives.
+
+position = zero + gain * reading for drives that hold their position; a force for those that do not.
+"""
 
 from __future__ import annotations
 
@@ -9,46 +12,46 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.effects import Displacements, displacements
+from pkmcal_cli.prediction.displacements import Displacements, displacements
 from pkmcal_cli.prediction.rows import Request, Rows
 
 
 @dataclass(frozen=True)
-class BaseSlots:
-    """Slots (K, S) that parameters give, one line for each session that has parameters of its own, else one."""
+class BaseCoefficients:
+    """Coefficients (K, S) that parameters give, one line for each session that has parameters of its own, else one."""
 
     lines: Array
     sessions: tuple[str, ...]
 
     @classmethod
-    def of(cls, model: Model, values: Array) -> BaseSlots:
+    def of(cls, model: Model, values: Array) -> BaseCoefficients:
         """At parameter values (P,)."""
-        lines = [model.layout.slots.values(numbers) for numbers in model.by_session(values)]
+        lines = [model.topology.coefficients.values(numbers) for numbers in model.by_session(values)]
         return cls(np.array(lines), model.sessions)
 
     def rows(self, rows: Rows) -> Array:
-        """Slots (N, S) of rows, the row index running fastest."""
+        """Coefficients (N, S) of rows, the row index running fastest."""
         out: Array = np.empty((len(rows), self.lines.shape[1]), order="F")
         out[:] = self.lines[0] if len(self.lines) == 1 else self.lines[rows.session_numbers(self.sessions)]
         return out
 
     @property
     def common(self) -> Array:
-        """Slots (S,) of the mechanism: no session has its own of these."""
+        """Coefficients (S,) of the mechanism: no session has its own of these."""
         return np.asarray(self.lines[0])
 
 
-def commanded_slots(model: Model, given: BaseSlots, rows: Rows) -> Array:
-    """Command, geometry, stiffness and load stages: slots (N, S) of every row from those of the parameters."""
-    slots, base = given.rows(rows), given.common
-    for a, (drive, actuator) in enumerate(zip(model.layout.drives, model.actuators, strict=True)):
+def commanded_coefficients(model: Model, given: BaseCoefficients, rows: Rows) -> Array:
+    """Command, geometry, stiffness and load stages: coefficients (N, S) of every row from those of the parameters."""
+    coefficients, base = given.rows(rows), given.common
+    for a, (drive, actuator) in enumerate(zip(model.topology.drives, model.actuators, strict=True)):
         if drive.force_controlled:
             asked = rows.forces[:, a]
-            force = np.where(np.isnan(asked), base[actuator.force_slot], asked)
-            slots[:, drive.force_slot] += drive.force_sign * force
+            force = np.where(np.isnan(asked), base[actuator.force_coefficient], asked)
+            coefficients[:, drive.force_coefficient] += drive.force_sign * force
         else:
-            slots[:, drive.slot] += base[actuator.gain_slot] * rows.readings[:, a]
-    return slots
+            coefficients[:, drive.coefficient] += base[actuator.gain_coefficient] * rows.readings[:, a]
+    return coefficients
 
 
 def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> Array:
@@ -56,22 +59,22 @@ def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> A
 
     Effects that need reactions are left out.
     """
-    layout, table = model.layout, replace(rows, readings=np.nan_to_num(readings))
-    base = layout.slots.values(model.by_name(values))
-    gains = base[[a.gain_slot for a in model.actuators]]
-    slots = np.tile(base, (len(table), 1))
-    displacements(model, values, table, (), None).apply(slots)
-    places = [drive.slot for drive in layout.drives]
-    return np.asarray(readings * gains + slots[:, places] - base[places])
+    topology, table = model.topology, replace(rows, readings=np.nan_to_num(readings))
+    base = topology.coefficients.values(model.by_name(values))
+    gains = base[[a.gain_coefficient for a in model.actuators]]
+    coefficients = np.tile(base, (len(table), 1))
+    displacements(model, values, table, (), None).apply(coefficients)
+    places = [drive.coefficient for drive in topology.drives]
+    return np.asarray(readings * gains + coefficients[:, places] - base[places])
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Chain rule from slots to the parameters that are asked for."""
+    """Chain rule from coefficients to the parameters that are asked for."""
 
     model: Model
-    slots: Index  # (U,) slots that depend on them
-    jacobian: Array | None  # (K, U, P') d slots / d parameters, one for each session; None where none is asked for
+    coefficients: Index  # (U,) coefficients that depend on them
+    jacobian: Array | None  # (K, U, P') d coefficients / d parameters, one per session; None where not asked for
 
     @classmethod
     def of(cls, model: Model, values: Array, request: Request) -> Chain:
@@ -83,31 +86,34 @@ class Chain:
         parts = []
         for session, numbers in zip(model.sessions or ("",), model.by_session(values), strict=True):
             names = list(dict.fromkeys(name for name, _ in asked))  # instances of one parameter share a column
-            full = model.layout.slots.jacobian(numbers, names)[:, [names.index(name) for name, _ in asked]]
-            parts.append(full * np.array([mine in ("", session) for _, mine in asked], dtype=float))
+            full = model.topology.coefficients.jacobian(numbers, names)[:, [names.index(name) for name, _ in asked]]
+            parts.append(full * np.array([of_session in ("", session) for _, of_session in asked], dtype=float))
         every = np.stack(parts)
         used = np.nonzero(every.any(axis=(0, 2)))[0]
         return cls(model, used, every[:, used])
 
-    def apply(self, rows: Rows, slots: Array, by_slot: Array, moved: Displacements) -> tuple[Array | None, Array]:
-        """Derivatives by slot (N, C, S) to those by parameter (N, C, P') and by drive reading (N, C, A).
+    def apply(
+        self, rows: Rows, coefficients: Array, by_coefficient: Array, moved: Displacements
+    ) -> tuple[Array | None, Array]:
+        """Derivatives by coefficient (N, C, S) to those by parameter (N, C, P') and by drive reading (N, C, A).
 
-        Effects and then the command stage add their share to `by_slot`.
+        Effects and then the command stage add their share to `by_coefficient`.
         """
-        jacobian = None if self.jacobian is None else np.zeros((*by_slot.shape[:2], self.jacobian.shape[2]))
-        by_drive = np.zeros((*by_slot.shape[:2], len(self.model.actuators)))
-        moved.chain(slots, by_slot, jacobian, by_drive)
-        for a, (drive, actuator) in enumerate(zip(self.model.layout.drives, self.model.actuators, strict=True)):
+        jacobian = None if self.jacobian is None else np.zeros((*by_coefficient.shape[:2], self.jacobian.shape[2]))
+        by_drive = np.zeros((*by_coefficient.shape[:2], len(self.model.actuators)))
+        moved.chain(coefficients, by_coefficient, jacobian, by_drive)
+        for a, (drive, actuator) in enumerate(zip(self.model.topology.drives, self.model.actuators, strict=True)):
             if drive.force_controlled:
                 given = np.isnan(rows.forces[:, a])[:, None] * drive.force_sign  # by the machine, not by a column
-                by_slot[..., actuator.force_slot] += given * by_slot[..., drive.force_slot]
+                by_coefficient[..., actuator.force_coefficient] += given * by_coefficient[..., drive.force_coefficient]
             else:
-                by_drive[..., a] += by_slot[..., drive.slot] * slots[:, None, actuator.gain_slot]
-                by_slot[..., actuator.gain_slot] += by_slot[..., drive.slot] * rows.readings[:, None, a]
+                by_position, gain = by_coefficient[..., drive.coefficient], actuator.gain_coefficient
+                by_drive[..., a] += by_position * coefficients[:, None, gain]
+                by_coefficient[..., gain] += by_position * rows.readings[:, None, a]
         if jacobian is not None and self.jacobian is not None:
             lines = self.jacobian
             if len(lines) == 1:
-                jacobian += by_slot[..., self.slots] @ lines[0]
+                jacobian += by_coefficient[..., self.coefficients] @ lines[0]
             else:
-                jacobian += by_slot[..., self.slots] @ lines[rows.session_numbers(self.model.sessions)]
+                jacobian += by_coefficient[..., self.coefficients] @ lines[rows.session_numbers(self.model.sessions)]
         return jacobian, by_drive

@@ -12,7 +12,7 @@ from pkmcal_cli.calibration.robust import Doubtful, RobustFit
 from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.units.unit_text import parse_unit
 
 _SHOWN = 12
@@ -22,22 +22,22 @@ _GROSS = 6.0  # standard uncertainties from which on a robust loss is worth a wo
 class Audit:
     """The doubtful values of a fit, with their places in the files."""
 
-    def __init__(self, model: Model, found: RobustFit, place: Callable[[int], Place]) -> None:
-        self.model, self.found, self.place, self.loss = model, found, place, found.loss
+    def __init__(self, model: Model, robust: RobustFit, place: Callable[[int], Place]) -> None:
+        self.model, self.robust, self.place, self.loss = model, robust, place, robust.loss
 
     def show(self, to: Reporter) -> None:
         """A table for people; nothing where nothing is doubtful."""
         robust = self.loss != "squares"
-        worst = [d for d in self.found.doubtful if robust or abs(d.deviation) > _GROSS]
+        worst = [d for d in self.robust.doubtful if robust or abs(d.deviation) > _GROSS]
         if not worst:
             return
-        title = "Values that are off by more than noise" + (", weighed down" if robust else "")
-        head = ("row", "channel", "off by", "in std", "weight", "leverage", "what changes if it stays")
+        title = "Outliers" + (" (down-weighted)" if robust else "")
+        head = ("row", "channel", "deviation", "in std", "weight", "leverage", "change if kept")
         to.table(title, head, [self._row(d) for d in worst[:_SHOWN]])
         if len(worst) > _SHOWN:
             to.say(f"... and {len(worst) - _SHOWN} more (--json lists all)")
         if not robust:
-            to.warn(f"warning: {count(len(worst), 'value')} off by far: `--loss tukey` does not let them bend the fit")
+            to.warn(f"warning: {count(len(worst), 'gross outlier')}: `--loss tukey` down-weights outliers")
 
     def _row(self, d: Doubtful) -> tuple[str, ...]:
         channel = self.model.channels[d.channel]
@@ -50,15 +50,15 @@ class Audit:
 
     def _where(self, d: Doubtful) -> str:
         """The row; what was measured once stands in the machine file."""
-        once = self.model.channels[d.channel].quantity == "bench"
+        once = self.model.channels[d.channel].measurand.once
         return self.model.name if once else str(self.place(d.row))
 
     def json(self) -> list[dict[str, Any]]:
         """All doubtful values, worst first."""
         out = []
-        for d in self.found.doubtful:
+        for d in self.robust.doubtful:
             place, channel = self.place(d.row), self.model.channels[d.channel]
-            if channel.quantity == "bench":
+            if channel.measurand.once:
                 place = Place(self.model.name, 0, "")
             unit = parse_unit(channel.unit)
             out.append(

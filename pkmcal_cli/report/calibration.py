@@ -4,39 +4,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
-from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.fitted import Fitted
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
+from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.calibration.residual import lost_rows
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.loading.parameter_file import Correlations, ParameterEntry, dump_parameters
+from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
 from pkmcal_cli.loading.poses import Place
-from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
-from pkmcal_cli.report.figures import figure_unit, figures_json
-from pkmcal_cli.report.numbers import finite, readable, uncertain
+from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
+from pkmcal_cli.report.joint_uncertainty import correlations
+from pkmcal_cli.report.loads import Loads
+from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.report.parameters import (
     ParameterRow,
     combination_json,
     combination_text,
     parameter_rows,
-    parameter_unit,
 )
-from pkmcal_cli.report.replicates import show_replicates
+from pkmcal_cli.report.repeatability import show_replicates
+from pkmcal_cli.report.uncertainty_remarks import HELD, held_text, noise_text, ranges_text
 
 _WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
+_WORTH = 0.3  # share of the uncertainty by data from which on what is held has a column
 _FAR = 5.0  # ranges off nominal from which on a value is worth a word
 
 
@@ -47,30 +50,43 @@ class CalibrationReport:
         self,
         machine: Machine,
         problem: Problem,
-        found: Fitted,
+        calibration: Calibration,
         held_out: HeldOut | str,
         place: Callable[[int], Place],
+        mistakes: tuple[str, ...] = (),
     ) -> None:
-        fit, intervals = found.robust.fit, found.intervals
-        self.found = found
+        fit, intervals = calibration.robust.fit, calibration.intervals
+        self.calibration = calibration
         self.machine, self.model, self.fit, self.held_out = machine, problem.model, fit, held_out
-        self.audit, self.intervals = Audit(problem.model, found.robust, place), intervals
-        self.rows = parameter_rows(self.model, fit, intervals)
+        self.audit, self.intervals = Audit(problem.model, calibration.robust, place), intervals
         problem = problem.without(fit.failed)
+        self.budget, self.ranges = calibration.budget, range_check(problem, fit, calibration.budget)
+        weighed = replace(problem, weight=calibration.robust.problem.weight)
+        found = (*implausible_values(problem, self.ranges), *implausible_residuals(weighed, fit))
+        self.implausible = (*mistakes, *found) if fit.status == "converged" else ()
+        self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, place, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
-        told = problem.without(self.slipped)
-        self.before, self.after = error_figures(told, fit.before), error_figures(told, fit.after)
-        self.started = len(lost_rows(told, fit.before))
+        without_slips = problem.without(self.slipped)
+        self.before, self.after = error_figures(without_slips, fit.before), error_figures(without_slips, fit.after)
+        self.started = len(lost_rows(without_slips, fit.before))
+        self.loads = Loads.of_fit(problem, fit, place)
         self.n_rows, self.replicates = len(problem), replicate_noise(problem, fit)
+
+    @property
+    def status(self) -> str:
+        """How the fit ended; "implausible" where it should not be believed all the same."""
+        return "implausible" if self.implausible else self.fit.status
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
-        found = self.fit.found
+        directions = self.fit.directions
         return {
-            "status": self.fit.status,
+            "status": self.status,
+            "implausible": list(self.implausible),
             "n_rows": self.n_rows,
             **self.failed.json(),
+            "loads": self.loads.json(),
             "iterations": self.fit.iterations,
             "parameters": [r.json() for r in self.rows if r.name in self.fit.selected],
             "before": figures_json(self.machine, self.before),
@@ -80,26 +96,37 @@ class CalibrationReport:
             "chi2_per_dof": finite(self.fit.chi2_per_dof),
             "uncertainty": {
                 "method": self.intervals.method,
-                "widened": float(np.sqrt(self.fit.found.spread)),
+                "noise": dict(zip(self.budget.instruments, self._noise, strict=True)),
+                "ranges": {"p_value": finite(self.ranges.p_value), "factors": dict(self.ranges.factors)},
+                "held": list(self.budget.held),
                 "remark": self.intervals.remark or None,
             },
             "outliers": self.audit.json(),
-            "datum": None if self.found.datum is None else list(self.found.datum.held),
-            "gauge": [] if self.found.datum is None else list(self.found.datum.gauge.motions),
-            "starts": None if self.found.agreement is None else asdict(self.found.agreement),
+            "datum": None if self.calibration.datum is None else list(self.calibration.datum.held),
+            "gauge": [] if self.calibration.datum is None else list(self.calibration.datum.gauge.motions),
+            "starts": None if self.calibration.agreement is None else asdict(self.calibration.agreement),
             "replicates": [noise.json() for noise in self.replicates],
             "heldout": self._heldout_json(),
-            "condition_number": finite(found.condition_number),
-            "rank": found.rank,
-            "undetermined": [each for c in combinations(found) for each in combination_json(self.model, c, self.fit)],
+            "condition_number": finite(self.ranges.declared.condition_number),
+            "rank": directions.rank,
+            "undetermined": [
+                each
+                for c in combinations(directions)
+                for each in combination_json(self.model, c, self.fit, self.budget.covariance)
+            ],
         }
+
+    @property
+    def _noise(self) -> list[float]:
+        """How many times larger than stated the sigma of each instrument is taken to be."""
+        return [float(v) for v in np.sqrt(self.budget.scales.typical_noise)]
 
     def _heldout_json(self) -> dict[str, Any]:
         held = self.held_out
         keys = ("rms_before", "rms_after", "unit", "kind", "scheme", "failed_folds", "before", "after", "reason")
         out: dict[str, Any] = dict.fromkeys(keys)
         if isinstance(held, str) or not held.after:
-            return out | {"reason": held if isinstance(held, str) else "nothing was measured there"}
+            return out | {"reason": held if isinstance(held, str) else "the held-out rows have no measured values"}
         kind = next(iter(held.after))
         unit = figure_unit(self.machine, held.after[kind])
         return out | {
@@ -115,40 +142,61 @@ class CalibrationReport:
 
     def show(self, to: Reporter) -> None:
         """Tables for people."""
+        to.say(self.verdict())
+        to.say()
         selected = [r for r in self.rows if r.name in self.fit.selected]
         to.table(
             "Parameters",
-            ("name", "nominal", "identified", *self._interval_head, "range", "remark"),
+            ("name", "nominal", "identified", *self._held_head, *self._interval_head, "range", "remark"),
             [self._row(r) for r in selected],
         )
-        found = combinations(self.fit.found)
-        for c in found:
+        listed = combinations(self.fit.directions)
+        for c in listed:
             if c.kind == "null":
-                to.say("not determined: " + combination_text(self.model, c, self.fit))
-        self._show_weak(to, [c for c in found if c.kind == "weak"])
+                to.say("undetermined: " + combination_text(self.model, c, self.fit, self.budget.covariance))
+        self._show_weak(to, [c for c in listed if c.kind == "weak"])
+        if self._held_head:
+            to.say(held_text(self.budget))
+        if self.ranges.doubtful:
+            to.say(ranges_text(self.ranges))
         if far := [f"{r.name} ({abs(r.value - r.nominal) / r.range:.1f})" for r in selected if _far(r)]:
-            hint = "a wrong unit, a missing effect, or the wrong one of several minima (`--starts 10` looks for others)"
-            to.warn(f"warning: many ranges off nominal: {', '.join(far)}: {hint}")
+            hint = "check for a wrong unit, a missing effect or a local minimum (`--starts 10` tries other starts)"
+            to.warn(f"warning: far from nominal (in ranges): {', '.join(far)}; {hint}")
         to.say()
         self._show_errors(to)
         self.failed.show(to)
+        self.loads.show(to)
+        if self.fit.kinked:
+            rows = f"{len(self.fit.kinked)} of {count(self.n_rows, 'row')}"
+            to.warn(f"warning: in {rows} a rope is taut or slack (within 2 std): the intervals do not hold")
         self.audit.show(to)
         show_replicates(to, self.replicates)
-        to.say(self.verdict())
 
     def _show_weak(self, to: Reporter, weak: list[Combination]) -> None:
         """What is held about nominal."""
         short = [c for c in weak if len(c.names) <= _MEMBERS][:_WEAK]
         for c in short:
-            to.say(f"weak: {combination_text(self.model, c, self.fit)}")
+            to.say(f"weak: {combination_text(self.model, c)}")
         if weak:
-            held = f"{count(len(weak), 'weak combination')} held about nominal"
+            held = f"{count(len(weak), 'weak combination')} held near nominal"
             more = " (see `pkmcal observability`)" if len(weak) > len(short) else ""
-            to.say(f"{held}; the ranges are in the uncertainties{more}")
+            to.say(f"{held}; the uncertainties include the ranges{more}")
 
     def _row(self, r: ParameterRow) -> tuple[str, ...]:
-        value = uncertain(r.value, r.std, r.unit)
-        return r.name, f"{r.nominal:.8g}", value, *self._ends(r), r.spread, r.reason or ""
+        value = uncertain(r.value, r.by_data, r.unit)
+        return r.name, f"{r.nominal:.8g}", value, *self._held(r), *self._ends(r), r.spread, r.reason or ""
+
+    @property
+    def _held_head(self) -> tuple[str, ...]:
+        """A column for what parameters that are not identified add, where it is worth one."""
+        own = [r for r in self.rows if r.by_data is not None and r.by_held is not None]
+        return (HELD,) if any(r.by_held > _WORTH * r.by_data for r in own) else ()  # type: ignore[operator]
+
+    def _held(self, row: ParameterRow) -> tuple[str, ...]:
+        if not self._held_head:
+            return ()
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        return ("-" if row.by_held is None else f"{row.by_held:.2g}{unit}",)
 
     @property
     def _interval_head(self) -> tuple[str, ...]:
@@ -173,47 +221,55 @@ class CalibrationReport:
                 held = (readable(figures.rms, unit), readable(figures.largest, unit))
             pairs = (before.rms, after.rms, before.largest, after.largest)
             criteria = (_criterion(f, unit.scale, unit.text) for f in (before, after))
-            rows.append((kind, *(readable(x, unit) for x in pairs), *held, *criteria))
+            label = kind_label(self.model, kind)
+            rows.append((label, *(readable(x, unit) for x in pairs), *held, *criteria))
         headers = (
             "error", "rms before", "rms after", "max before", "max after", "held-out rms", "held-out max",
             "criterion before", "after",
         )  # fmt: skip
         to.table("Error", headers, rows)
         if self.started:
-            to.say(f"no error before: {self.started} of {self.n_rows} rows cannot be predicted at the start")
+            to.say(
+                f"error before: not available; {self.started} of {self.n_rows} rows cannot be predicted at the start"
+            )
         if len(self.slipped):
-            to.say(f"without {count(len(self.slipped), 'row')} that only errors of the drives make predictable")
+            to.say(f"errors without {count(len(self.slipped), 'row')} that can be predicted only with drive errors")
         if isinstance(self.held_out, str):
-            to.say(f"no held-out error: {self.held_out}")
+            to.say(f"held-out error: not available ({self.held_out})")
         else:
-            to.say(f"held-out: {self.held_out.scheme}")
+            to.say(f"held-out error: {self.held_out.scheme}")
             if self.held_out.failed:
-                to.warn(f"warning: {self.held_out.failed} of {self.held_out.folds} folds have not converged")
+                to.warn(f"warning: {self.held_out.failed} of {self.held_out.folds} folds did not converge")
 
     def verdict(self) -> str:
-        """How the fit ended, in words."""
-        words = {
-            "converged": "converged",
-            "not_converged": "NOT CONVERGED: do not use these parameters",
-            "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
-        }
-        chi2 = self.fit.chi2_per_dof
-        tail = f", chi-square per degree of freedom {chi2:.3f} ({self.fit.dof} of them)" if self.fit.dof > 0 else ""
-        hint = ""
-        factor = float(np.sqrt(self.fit.found.spread))
+        """How the fit ended, in words; then the reasons, one in a line."""
+        steps, chi2 = count(self.fit.iterations, "step"), self.fit.chi2_per_dof
+        lines = [
+            {
+                "converged": f"converged in {steps}",
+                "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
+                "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
+                "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
+            }[self.status]
+        ]
+        lines += [f"because: {reason}" for reason in self.implausible]
+        if self.fit.dof > 0:
+            freedom = count(self.fit.dof, "degree")
+            lines.append(f"chi-square per degree of freedom: {chi2:.3f} ({freedom} of freedom)")
+        factor = float(np.sqrt(max(self.fit.chi2_per_dof, 0.0)))
         if self.fit.excess > 1 and self.audit.loss == "squares":
-            hint = "\nmore is left than sigma explains: an effect is missing in the model, or sigma is too small; "
-            hint += f"uncertainties are widened {factor:.3g} times"
+            lines.append(f"The residuals are {factor:.3g} times larger than the stated noise.")
+            lines.append("The model lacks an effect, or sigma is too small.")
         elif self.audit.loss != "squares":
-            hint = f"\nrobust ({self.audit.loss}): uncertainties by the scatter of what is not off"
-        if self.intervals.remark:
-            hint += f"\n{self.intervals.remark}"
-        return f"{words[self.fit.status]} in {self.fit.iterations} steps{tail}{hint}"
+            lines.append(f"robust fit ({self.audit.loss}): uncertainties from the scatter without outliers")
+        if self.audit.loss == "squares" and (noise := noise_text(self.budget)):
+            lines.append(noise)
+        return "\n".join([*lines, self.intervals.remark] if self.intervals.remark else lines)
 
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified, r.note) for r in self.rows]
-        return dump_parameters(entries, _correlations(self.model, self.fit), provenance, self.model.fingerprint)
+        return dump_parameters(entries, correlations(self.model, self.budget), provenance, self.model.fingerprint)
 
 
 def _far(row: ParameterRow) -> bool:
@@ -223,13 +279,3 @@ def _far(row: ParameterRow) -> bool:
 
 def _criterion(figures: ErrorFigures, scale: float, unit: str) -> str:
     return "-" if np.isnan(figures.criterion) else f"{figures.criterion / scale**2:.4g} {unit}^2"
-
-
-def _correlations(model: Model, fit: Fit) -> Correlations | None:
-    """Of the selected parameters, what is held by its prior."""
-    if not fit.selected:
-        return None
-    covariance = fit.found.determined_covariance()
-    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    scale = np.array([parameter_unit(model, n).scale for n in fit.selected])
-    return Correlations(fit.selected, [float(v) for v in std / scale], (covariance / np.outer(std, std)).tolist())

@@ -87,17 +87,17 @@ class Reporter:
         self._print(table)
 
     @contextmanager
-    def progress(self) -> Iterator[Callable[[int], None] | None]:
-        """A counter of rows on a terminal; nothing elsewhere."""
+    def progress(self, what: str = "rows") -> Iterator[Callable[[int], None] | None]:
+        """A counter on a terminal; nothing elsewhere."""
         if self.quiet or not self.console.is_terminal:
             yield None
             return
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        text = TextColumn("{task.completed:.0f} rows")
+        text = TextColumn(f"{{task.completed:.0f}} {what}")
         with Progress(SpinnerColumn(), text, TimeElapsedColumn(), console=self.console, transient=True) as shown:
-            task = shown.add_task("rows", total=None)
-            yield lambda rows: shown.advance(task, rows)
+            task = shown.add_task(what, total=None)
+            yield lambda count: shown.advance(task, count)
 
 
 def _nothing() -> None:

@@ -10,26 +10,29 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.errors_before_after import error_figures
-from pkmcal_cli.diagnosis.findings import Detectable, Finding
+from pkmcal_cli.diagnosis.experiment_design import ALIKE
+from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
-from pkmcal_cli.diagnosis.plan import ALIKE
 from pkmcal_cli.diagnosis.stability import STABLE
 from pkmcal_cli.diagnosis.unknown import Unknown
+from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
+from pkmcal_cli.diagnosis.warming import TOGETHER, of_warming, warming
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.detectable_sizes import sizes_text, worst_text
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
 from pkmcal_cli.report.diagnosis_values import DiagnosisValues
-from pkmcal_cli.report.numbers import detectable_size, handy, readable, uncertain
+from pkmcal_cli.report.noise_text import growth_text
+from pkmcal_cli.report.number_format import detectable_size, handy, readable, uncertain
 from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
 
-_SHOWN, _SEPARATED = 12, 4
+_SHOWN, _SEPARATED, _STDIN = 12, 4, "<stdin>"
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
-_STDIN = "<stdin>"
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
-_LIKE_NOISE = "no effect is found, but sigma is stated too small, or what is missing looks like noise"
-_FOUND = "an effect is missing in the model, and found"
-_BEYOND = "an effect explains it, but larger than is plausible: something else may stand behind it"
+_LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
+_BEYOND = "an effect explains the residuals, but its size is implausible; the true cause may be another"
+_LARGER = 1.5  # times the stated noise: from which on residuals are called larger
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
@@ -38,67 +41,78 @@ class DiagnosisReport(DiagnosisValues):
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
-        return DiagnosisJson(self.machine, self.measured, self.found).whole()
+        return DiagnosisJson(self.machine, self.measured, self.diagnosis).whole()
 
     # --- tables ----------------------------------------------------------------------------
     def show(self, to: Reporter) -> None:
         """Conclusion first, then proof."""
         to.say(self.verdict_line())
-        machine = [f for f in self.found.findings if not f.hypothesis.measurement]
-        instrument = [f for f in self.found.findings if f.hypothesis.measurement]
+        machine = [f for f in self.diagnosis.findings if not f.hypothesis.measurement]
+        instrument = [f for f in self.diagnosis.findings if f.hypothesis.measurement]
         self._show_table(to, "Causes", machine)
         self._show_table(to, "Check the measurement first", instrument)
-        for row in self.found.bad_rows:
-            to.say(f"bad row: {self.measured.place(row)}: repeat this pose; it was not used")
+        for row in self.diagnosis.bad_rows:
+            to.say(f"bad row: {self.measured.place(row)}: not used; repeat this pose")
         self.failed.show(to)
-        for noise in self.found.noise:
-            slope = uncertain(1e6 * noise.slope, 1e6 * noise.std, "um/m")
-            to.say(f"noise of {noise.sensor} grows with distance: {slope} beside sigma; weight far points less")
-        if self.found.correlation:
-            to.say(f"successive rows are alike (correlation {self.found.correlation:.2f}): tested as made independent")
-        for finding in self.found.findings:
+        for noise in self.diagnosis.noise:
+            to.say(growth_text(noise))
+        if self.diagnosis.correlation:
+            to.say(f"successive rows are correlated ({self.diagnosis.correlation:.2f}); tested after decorrelation")
+        for finding in self.diagnosis.findings:
             to.say()
             to.say(self._sentence(finding))
-        for unknown in self.found.unknown:
+        for unknown in self.diagnosis.unknown:
             to.say()
             to.say(self._unknown_sentence(unknown))
-        if self.found.verdict in ("clean", "sigma_too_small"):
+        if self.diagnosis.verdict in ("clean", "sigma_too_small"):
             self._show_seen(to)
         self._show_unseen(to)
 
     def verdict_line(self) -> str:
-        """What the data say, in one sentence."""
-        found = self.found
-        ratio = f"{np.sqrt(found.before.chi2 / max(found.before.dof, 1)):.3g}"
-        rms, sigma = self._rms(), self.sigma
-        rms_text, sigma_text = (readable(x, self.length_unit, like=max(rms, sigma)) for x in (rms, sigma))
+        """What the data say; in a second line, by which figures."""
+        diagnosis = self.diagnosis
+        ratio = float(np.sqrt(diagnosis.before.chi2 / max(diagnosis.before.dof, 1)))
+        both = self._rms(), self.sigma
+        rms_text, sigma_text = (readable(x, self.error_unit, like=max(both)) for x in both)
+        depends = ", ".join(dict.fromkeys(u.depends_on for u in diagnosis.unknown))
         words = {
-            "clean": "nothing is left above noise",
+            "clean": "the residuals agree with the stated noise",
             "sigma_too_small": _LIKE_NOISE,
-            "found": _BEYOND if any(f.beyond for f in found.findings) else _FOUND,
-            "ambiguous": "something is missing; several effects explain it alike",
-            "unknown": "something is missing that no effect of the catalogue explains",
+            "found": _BEYOND
+            if any(f.beyond for f in diagnosis.findings)
+            else f"found {count(len(diagnosis.findings), 'effect')} that the model lacks",
+            "ambiguous": "the model lacks an effect; several effects explain the residuals equally well",
+            "unknown": f"unknown; depends on {depends}, and matches no effect of the catalogue",
             "measurement_fault": "the measurement is at fault",
         }
-        scale = f"{ratio} times what noise explains (sigma {sigma_text}{self._doubt_of_sigma()}"
-        chance = f", p {found.p_global:.1g}" if found.p_global > 1e-12 else ", p < 1e-12"
-        return f"Residual {rms_text} rms after calibration, {scale}{chance}): {words[found.verdict]}."
+        scale = f"{ratio:.3g} times {'larger than ' if ratio >= _LARGER else ''}the stated noise"
+        chance = f"p {diagnosis.p_global:.1g}" if diagnosis.p_global > 1e-12 else "p < 1e-12"
+        return (
+            f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}\n"
+            f"The residuals after calibration are {scale}: {rms_text} rms "
+            f"(sigma {sigma_text}{self._doubt_of_sigma()}, {chance})."
+        )
+
+    def _provisional(self) -> str:
+        """That something found is provisional, first of all; what is unknown says so by itself."""
+        known = self.diagnosis.verdict != "unknown"
+        return "provisional: " if known and any(f.provisional for f in self.diagnosis.findings) else ""
 
     def _rms(self) -> float:
         """Root mean square error after calibration, bad rows included: of positions where they are measured, SI."""
-        problem = self.found.problem
-        there = self.found.before.after
+        problem = self.diagnosis.problem
+        there = self.diagnosis.before.after
         measured = ~np.isnan(problem.readings) & ~np.isnan(problem.sigma) & np.isfinite(there.residual)
         kinds = error_figures(replace(problem, measured=measured), there)
         return kinds["position"].rms if "position" in kinds else next(iter(kinds.values())).rms
 
     def _doubt_of_sigma(self) -> str:
         """What the residual says of the stated sigma, where they differ much."""
-        found = self.found
-        if found.scale.doubted:
-            return f", noise taken as {np.sqrt(found.scale.variance):.3g} times sigma"
-        after = found.search.fit
-        return ", which is stated too large" if after.dof >= _MANY and after.chi2_per_dof < _TOO_SMALL else ""
+        diagnosis = self.diagnosis
+        if diagnosis.scale.doubted:
+            return f", noise estimated as {np.sqrt(diagnosis.scale.variance):.3g} times sigma"
+        after = diagnosis.search.fit
+        return ", which is too large" if after.dof >= _MANY and after.chi2_per_dof < _TOO_SMALL else ""
 
     def _show_table(self, to: Reporter, title: str, findings: Sequence[Finding]) -> None:
         if not findings:
@@ -114,65 +128,88 @@ class DiagnosisReport(DiagnosisValues):
                     finding.hypothesis.at,
                     self._size(finding),
                     _share(finding),
-                    f"{self.length(held.without)} -> {self.length(held.with_it)}",
+                    f"{self.error(held.without)} -> {self.error(held.with_it)}",
                     _words(finding.evidence),
                     listed(rivals, 2),
                     "provisional" if finding.provisional else "",
                 )
             )
-        headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "not told from", "")
-        folded = ("not told from",) if to.narrow else ("effect", "not told from")
+        headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "alternatives", "")
+        folded = ("alternatives",) if to.narrow else ("effect", "alternatives")
         kept = [k for k, h in enumerate(headers) if not (to.narrow and h in ("share", "evidence"))]
         cells = [tuple(row[k] for k in kept) for row in rows]
         to.table(title, tuple(headers[k] for k in kept), cells, left=2, folded=folded)
 
     def _title(self, hypothesis: Hypothesis) -> str:
         if hypothesis.effect == RELEASE:
-            return "parameter held at nominal"
+            return "parameter held fixed"
         effect = catalogue()[hypothesis.effect]
         return f"{effect.title}{f' ({effect.symbol})' if effect.symbol else ''}"
 
     def _size(self, finding: Finding) -> str:
-        """The parameter that stands out most, as deviation from null."""
+        """The parameter that stands out most, as deviation from null; not one that is no part of the effect."""
         k = self._leading(finding)
         name = finding.hypothesis.parameters[k]
         unit = self.unit(name)
         label = "" if len(finding.hypothesis.parameters) == 1 else f"{name.rpartition('.')[2]} "
+        if name in dict(finding.hypothesis.known):
+            return label + handy(finding.estimate[k], unit)
         return label + uncertain(unit.from_si(finding.estimate[k]), finding.std[k] / unit.scale, unit.text)
 
     def _leading(self, finding: Finding) -> int:
-        names = self.model.names
-        nominal = self.model.nominal[[names.index(n) for n in finding.hypothesis.parameters]]
+        names, own = self.model.names, finding.hypothesis.parameters
+        nominal = self.model.nominal[[names.index(n) for n in own]]
         ratio = np.abs(np.array(finding.estimate) - nominal) / np.array(finding.std)
+        ratio[[own.index(n) for n in finding.hypothesis.free]] = np.nan
         return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
 
     def _sentence(self, finding: Finding) -> str:
         """Cause, effect and action; the alternatives where there are some."""
         h, size = finding.hypothesis, self._size(finding)
-        before, after = self.length(finding.held_out.without), self.length(finding.held_out.with_it)
-        gain = f"Without it alone {_share(finding) or 'an unknown part'} of what is explained comes back;"
-        gain += f" held-out rms {before} without, {after} with it ({finding.held_out.scheme})."
+        before, after = self.error(finding.held_out.without), self.error(finding.held_out.with_it)
+        gain = f"Share of the explained residuals: {_share(finding) or 'unknown'};"
+        gain += f" held-out rms: {before} without it, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
-            text = f"Parameter {h.at} is held at nominal, but the data ask for {size}. {gain}"
-            text += f" Identify it: --select auto,{h.at}."
+            text = f"Parameter {h.at} is held fixed at nominal, but the data indicate {size}. {gain}"
+            text += f" Action: Identify it, `--select auto,{h.at}`."
         else:
             cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
             text = f"{h.name}: Cause: {cause} Effect: {result} {gain} Action: {action}"
         if finding.ambiguous:
             text = f"{self._alternatives(finding)} {text}"
-        text += self._reservation(finding)
-        return f"{text}\nTo decide, measure the points of: {self._to_decide(finding)}" if finding.ambiguous else text
+        text += self._selection(finding) + self._reservation(finding)
+        return (
+            f"{text}\nTo separate them, measure the points of: {self._to_decide(finding)}"
+            if finding.ambiguous
+            else text
+        )
+
+    def _selection(self, finding: Finding) -> str:
+        """Its size as it is likely to be, where it was found because noise made it larger."""
+        chosen = finding.selected
+        if chosen is None:
+            return ""
+        k = self._leading(finding)
+        nominal = self.model.nominal[self.model.names.index(finding.hypothesis.parameters[k])]
+        size, unit = finding.estimate[k] - float(nominal), self.unit(finding.hypothesis.parameters[k])
+        middle, *ends = (handy(size * x, unit) for x in (chosen.factor, chosen.low, chosen.high))
+        low, high = ends if size > 0 else ends[::-1]
+        return f" Found near the limit, so its size is corrected: {middle} (95 %: {low} to {high})."
 
     def _alternatives(self, finding: Finding) -> str:
         """Which effects the data support in its place."""
         names = [f"{r.hypothesis.name} ({100 * r.weight:.0f} %)" for r in finding.rivals]
-        lead = "Either of these" if len(names) == 2 else f"Any one of these {len(names)}"
-        return f"{lead} explains it: {listed(names, 6)}. {self._how_alike(finding)}"
+        lead = "Either of these effects" if len(names) == 2 else f"Any one of these {len(names)} effects"
+        return f"{lead} explains the residuals: {listed(names, 6)}. {self._how_alike(finding)}"
 
     def _how_alike(self, finding: Finding) -> str:
         """Whether it matters which one is corrected, within the measured region."""
-        alike = all(r.cosine > ALIKE for r in finding.rivals)
-        return "They correct the measured region alike." if alike else "They do not correct the same: decide first."
+        if all(r.cosine > ALIKE for r in finding.rivals):
+            return "Their corrections agree in the measured region."
+        together = warming(self.diagnosis.problem)
+        if together > TOGETHER and sum(of_warming(r.hypothesis) for r in finding.rivals) > 1:
+            return f"Time and temperature go together ({together:.2f}): a cooling phase would decide."
+        return "Their corrections differ: separate them first."
 
     def _to_decide(self, finding: Finding) -> str:
         names = dict.fromkeys([finding.hypothesis.name, *(r.hypothesis.name for r in finding.rivals)])
@@ -186,15 +223,15 @@ class DiagnosisReport(DiagnosisValues):
     def _reservation(self, finding: Finding) -> str:
         """Why a finding is provisional."""
         if finding.beyond:
-            return " Provisional: its size is not plausible; something else may stand behind it."
+            return " Provisional: its size is implausible; the true cause may be another."
         if not finding.held_out.confirmed:
-            return " Provisional: rows that were held out do not confirm it."
+            return " Provisional: held-out rows do not confirm it."
         if finding.stable < STABLE:
-            return f" Provisional: only {100 * finding.stable:.0f} % of resamples of the rows name it."
-        return " Provisional: something unknown is left, of which it may be a part." if finding.provisional else ""
+            return f" Provisional: only {100 * finding.stable:.0f} % of the resamples find it."
+        return " Provisional: an unknown effect remains, of which this may be a part." if finding.provisional else ""
 
     def _unknown_sentence(self, unknown: Unknown) -> str:
-        size = "" if np.isnan(unknown.rms) else f"{self.length(unknown.rms * self.sigma)} rms "
+        size = "" if np.isnan(unknown.rms) else f"{self.error(unknown.rms * self.sigma)} rms "
         warm = any(name == "T" or name.startswith("T.") for name in self.measured.covariates)
         text = unknown_sentence(size, unknown.depends_on, unknown.hint, warm)
         mapped = unknown.depends_on == POSE and (not unknown.hint or unknown.hint.startswith("smooth field"))
@@ -208,26 +245,31 @@ class DiagnosisReport(DiagnosisValues):
         size = self.length(float(np.linalg.norm(field.vectors[field.largest])))
         place = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
         share = max(100 * field.explained, 0.0)
-        return f"Largest near {place}: {size}; a smooth map explains {share:.0f} % of its variance where left out."
+        return f"Largest near {place}: {size}. A smooth map explains {share:.0f} % of its variance on held-out cells."
 
     def _show_seen(self, to: Reporter) -> None:
         """How large effects would have been found, where nothing was: the worst place of every kind."""
-        worst: dict[str, Detectable] = {}
-        for seen in self.found.detectable:
+        worst: dict[str, VisibleSizes] = {}
+        for seen in self.diagnosis.detectable:
             kind = seen.hypothesis.effect
-            if seen.tested and kind != RELEASE and (kind not in worst or seen.mdb > worst[kind].mdb):
+            if seen.tested and kind != RELEASE and (kind not in worst or _hardest(seen) > _hardest(worst[kind])):
                 worst[kind] = seen
         if worst:
-            texts = [f"{d.hypothesis.name} {handy(d.mdb, self.unit(d.parameter))}" for d in worst.values()]
-            to.say(f"smallest detectable, the worst place of each kind: {listed(texts, len(texts))}")
+            rows = [(s.hypothesis.name, *sizes_text(self.model, s), worst_text(self.model, s)) for s in worst.values()]
+            heads = ("effect", "smallest detectable", "detected in 80 %", "direction")
+            kept = [k for k, h in enumerate(heads) if not (to.narrow and h == "smallest detectable")]
+            to.say()
+            cells = [tuple(row[k] for k in kept) for row in rows]
+            title = "What would have been found (worst place of each kind)"
+            to.table(title, tuple(heads[k] for k in kept), cells, folded=("direction",))
 
     def _show_unseen(self, to: Reporter) -> None:
         """What these data could not have shown."""
-        if self.found.not_testable:
+        if self.diagnosis.not_testable:
             to.say()
-        for line in grouped(self.found.not_testable):
+        for line in grouped(self.diagnosis.not_testable):
             to.say(line)
-        hidden = self.found.invisible
+        hidden = self.diagnosis.invisible
         if not hidden:
             return
         rows = []
@@ -235,13 +277,18 @@ class DiagnosisReport(DiagnosisValues):
             unit = self.unit(i.parameter)
             size = detectable_size(i.mdb, i.plausible, unit)
             needed = self.rows_needed(i)
-            why = f"some {needed} rows like these would show it" if needed is not None else ""
+            why = f"needs about {needed} such rows" if needed is not None else ""
             why = f"absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
             rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
         to.say()
-        to.table("What these data could not have shown", ("effect", "smallest detectable", "plausible", "remark"), rows)
+        to.table("Effects that these data cannot show", ("effect", "smallest detectable", "plausible", "remark"), rows)
         more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
-        to.say(f"{more}which points would show one: {command('plan', *self._files(), '--see', 'EFFECT')}")
+        to.say(f"{more}points that would show one: {command('plan', *self._files(), '--see', 'EFFECT')}")
+
+
+def _hardest(seen: VisibleSizes) -> float:
+    """Size at which it is detected, in standard deviations of its prior, in the worst direction."""
+    return max(seen.numbers[seen.leading].detected, seen.worst.detected if seen.worst is not None else 0.0)
 
 
 def _share(finding: Finding) -> str:

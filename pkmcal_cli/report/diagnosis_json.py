@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.findings import Detectable, Finding
+from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE
 from pkmcal_cli.diagnosis.unknown import Unknown
+from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
+from pkmcal_cli.report.detectable_sizes import sizes_json
 from pkmcal_cli.report.diagnosis_values import DiagnosisValues
-from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.report.number_format import finite
 
 
 class DiagnosisJson(DiagnosisValues):
@@ -19,42 +21,46 @@ class DiagnosisJson(DiagnosisValues):
 
     def whole(self) -> dict[str, Any]:
         """The JSON result."""
-        found = self.found
+        diagnosis = self.diagnosis
         return {
-            "verdict": found.verdict,
-            "sigma": "estimated" if found.scale.variance != 1.0 else "stated",
-            "sigma_factor": float(np.sqrt(found.scale.variance)),
-            "noise_correlation": found.correlation,
+            "verdict": diagnosis.verdict,
+            "sigma": "estimated" if diagnosis.scale.variance != 1.0 else "stated",
+            "sigma_factor": float(np.sqrt(diagnosis.scale.variance)),
+            "noise_correlation": diagnosis.correlation,
             "noise_models": [
                 {
                     "effect": "noise_model",
                     "at": n.sensor,
+                    "towards": n.towards,
+                    "ratio": finite(n.ratio),
+                    "ratio_std": finite(n.ratio_std),
                     "slope": finite(n.slope * 1e6),
-                    "std": finite(n.std * 1e6),
+                    "std": finite(n.slope_std * 1e6),
                     "unit": "um/m",
                     "p_value": finite(n.p_value),
                 }
-                for n in found.noise
+                for n in diagnosis.noise
             ],
-            "chi2_per_dof_before": finite(found.before.chi2_per_dof),
-            "chi2_per_dof_after": finite(found.search.fit.chi2_per_dof),
-            "p_value": finite(found.p_global),
-            "effects": [self._finding_json(f) for f in found.findings],
-            "outliers": [self._row_json(row) for row in found.bad_rows],
+            "chi2_per_dof_before": finite(diagnosis.before.chi2_per_dof),
+            "chi2_per_dof_after": finite(diagnosis.search.fit.chi2_per_dof),
+            "p_value": finite(diagnosis.p_global),
+            "effects": [self._finding_json(f) for f in diagnosis.findings],
+            "outliers": [self._row_json(row) for row in diagnosis.bad_rows],
             **self.failed.json(),
-            "unknown": [self._unknown_json(u) for u in found.unknown],
-            "not_testable": [{"effect": name, "needs": needs} for name, needs in found.not_testable],
-            "detectable": [self._detectable_json(d) for d in found.detectable if d.tested],
-            "invisible": [self._invisible_json(i) for i in found.invisible],
+            "unknown": [self._unknown_json(u) for u in diagnosis.unknown],
+            "not_testable": [{"effect": name, "needs": needs} for name, needs in diagnosis.not_testable],
+            "detectable": [sizes_json(self.model, d) for d in diagnosis.detectable if d.tested],
+            "invisible": [self._invisible_json(i) for i in diagnosis.invisible],
             "same_as": [
-                {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")} for name, other in found.same.items()
+                {"effect": name, "parameter": other.removeprefix(f"{RELEASE} ")}
+                for name, other in diagnosis.same.items()
             ],
-            "effective_tests": finite(found.search.tests),
-            "seed": found.seed,
+            "effective_tests": finite(diagnosis.search.tests),
+            "seed": diagnosis.seed,
         }
 
     def _finding_json(self, finding: Finding) -> dict[str, Any]:
-        h, unit = finding.hypothesis, self.length_unit
+        h, unit = finding.hypothesis, self.error_unit
         return {
             "effect": h.effect,
             "at": h.at,
@@ -73,7 +79,13 @@ class DiagnosisJson(DiagnosisValues):
             "stable": finite(finding.stable),
             "likelihood_ratio_over_score": finite(finding.nonlinear),
             "provisional": finding.provisional,
+            "selection": self._selection_json(finding),
         }
+
+    def _selection_json(self, finding: Finding) -> dict[str, Any] | None:
+        """What being found made of its size."""
+        chosen = finding.selected
+        return None if chosen is None else {"factor": chosen.factor, "low": chosen.low, "high": chosen.high}
 
     def _parameter_json(self, finding: Finding, k: int) -> dict[str, Any]:
         name = finding.hypothesis.parameters[k]
@@ -87,7 +99,7 @@ class DiagnosisJson(DiagnosisValues):
         return {"file": m.files[m.file_index[row]], "line": int(m.line[row]), "id": m.ids[row] or None}
 
     def _unknown_json(self, unknown: Unknown) -> dict[str, Any]:
-        unit = self.length_unit
+        unit = self.error_unit
         size = unknown.rms * self.sigma / unit.scale
         return {
             "depends_on": unknown.depends_on,
@@ -107,18 +119,8 @@ class DiagnosisJson(DiagnosisValues):
         size = finite(float(np.linalg.norm(field.vectors[field.largest])) / unit.scale)
         return at | {"size": size, "unit": unit.text, "explained": finite(field.explained)}
 
-    def _detectable_json(self, seen: Detectable) -> dict[str, Any]:
-        unit = self.unit(seen.parameter)
-        return {
-            "effect": seen.hypothesis.effect,
-            "at": seen.hypothesis.at,
-            "parameter": seen.parameter,
-            "mdb": finite(seen.mdb / unit.scale),
-            "unit": unit.text,
-        }
-
-    def _invisible_json(self, hidden: Detectable) -> dict[str, Any]:
-        return self._detectable_json(hidden) | {
+    def _invisible_json(self, hidden: VisibleSizes) -> dict[str, Any]:
+        return sizes_json(self.model, hidden) | {
             "plausible": finite(hidden.plausible / self.unit(hidden.parameter).scale),
             "absorbed_by": list(hidden.absorbed_by),
             "rows_needed": self.rows_needed(hidden),

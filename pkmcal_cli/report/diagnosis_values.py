@@ -6,14 +6,16 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
-from pkmcal_cli.diagnosis.findings import Detectable
+from pkmcal_cli.diagnosis.confirm import shown_channels
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.failed_rows import FailedRows
-from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.report.figures import unit_of
+from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -23,21 +25,21 @@ _MOST_ROWS = 20.0  # times as many rows as the table has: more is no advice
 class DiagnosisValues:
     """One diagnosis and the units that it is told in. `measured`: the table, for the places of its rows."""
 
-    def __init__(self, machine: Machine, measured: Measurements, found: Diagnosis) -> None:
-        self.machine, self.measured, self.found = machine, measured, found
-        self.model: Model = found.problem.model
+    def __init__(self, machine: Machine, measured: Measurements, diagnosis: Diagnosis) -> None:
+        self.machine, self.measured, self.diagnosis = machine, measured, diagnosis
+        self.model: Model = diagnosis.problem.model
 
     @cached_property
     def field(self) -> FieldMap | None:
-        return field_map(self.found)
+        return field_map(self.diagnosis)
 
     @cached_property
     def failed(self) -> FailedRows:
-        return FailedRows(self.found.failed, partial(place_of, self.measured), len(self.measured))
+        return FailedRows(self.diagnosis.failed, partial(place_of, self.measured), len(self.measured))
 
     def unit(self, parameter: str) -> Unit:
-        found = self.model.parameters[self.model.names.index(parameter)]
-        return parse_unit(found.unit or "1")
+        declared = self.model.parameters[self.model.names.index(parameter)]
+        return parse_unit(declared.unit or "1")
 
     @property
     def length_unit(self) -> Unit:
@@ -47,17 +49,26 @@ class DiagnosisValues:
         return readable(value, self.length_unit)
 
     @property
+    def error_unit(self) -> Unit:
+        """Unit of the errors that are told as one figure: of positions, else of the first dimension measured."""
+        shown = shown_channels(self.diagnosis.problem)
+        return unit_of(self.machine, self.model.channels[shown[0]].dimension)
+
+    def error(self, value: float) -> str:
+        """One such error."""
+        return readable(value, self.error_unit)
+
+    @property
     def sigma(self) -> float:
-        """Root mean square sigma of the measured positions, m."""
-        problem = self.found.problem
-        positions = [k for k, c in enumerate(self.model.channels) if c.quantity == "position"]
-        some = positions or list(range(len(self.model.channels)))
+        """Root mean square sigma of these readings, SI."""
+        problem = self.diagnosis.problem
+        some = shown_channels(problem)
         sigma = problem.sigma[:, some][problem.measured[:, some]]
         return float(np.sqrt((sigma**2).mean())) if len(sigma) else float("nan")
 
-    def rows_needed(self, hidden: Detectable) -> int | None:
+    def rows_needed(self, hidden: VisibleSizes) -> int | None:
         """How many rows like those of the table would show an effect within its plausible range; None: no number."""
         ratio = hidden.mdb / hidden.plausible
         if hidden.absorbed_by or not ratio < _MOST_ROWS**0.5:
             return None
-        return int(np.ceil(len(self.found.problem) * ratio**2))
+        return int(np.ceil(len(self.diagnosis.problem) * ratio**2))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.report.console import Reporter
 
 _SHOWN = 20  # rows told one by one
+_LISTED = 1000  # rows in the JSON
+GRID_POINT = "grid point"
 
 
 @dataclass(frozen=True)
@@ -27,11 +31,36 @@ class FailedRows:
         for row in rows[:_SHOWN]:
             to.warn(f"warning: {self.place(row)}: {self.reasons[row]}: not used")
         if rows:
-            have = "has no prediction and is" if len(rows) == 1 else "have no prediction and are"
-            to.warn(f"warning: {len(rows)} of {count(self.total, 'row')} {have} not used")
+            to.warn(f"warning: {len(rows)} of {count(self.total, 'row')} {'is' if len(rows) == 1 else 'are'} not used")
 
     def json(self) -> dict[str, Any]:
-        """The same for JSON."""
-        places = [(self.place(row), self.reasons[row]) for row in sorted(self.reasons)]
+        """The same for JSON; so many rows at most are listed."""
+        places = [(self.place(row), self.reasons[row]) for row in sorted(self.reasons)[:_LISTED]]
         listed = [{"file": p.file, "line": p.line or None, "id": p.id or None, "reason": why} for p, why in places]
-        return {"n_failed": len(listed), "failed": listed}
+        return {"n_failed": len(self.reasons), "failed": listed}
+
+
+@dataclass(frozen=True)
+class SkippedPoints(FailedRows):
+    """Points of a grid that are not used: a grid may well be larger than what the machine reaches.
+
+    noun: what one of them is called.
+    """
+
+    noun: str = GRID_POINT
+
+    def show(self, to: Reporter) -> None:
+        """How many there are, by reason. Raises BadInput where none is left."""
+        for line in skipped(Counter(self.reasons.values()), self.total, self.noun):
+            to.warn(line)
+
+
+def skipped(by_reason: Mapping[str, int], total: int, noun: str = GRID_POINT) -> list[str]:
+    """Points of a grid of `total` that are not used, a line for each reason. Raises BadInput where none is left."""
+    points = count(total, noun)
+    if sum(by_reason.values()) == total:
+        reasons = "; ".join(f"{reason} ({n})" for reason, n in by_reason.items())
+        what = f"none of {points} can be used: {reasons}"
+        hint = "check the limits of the grid and their units; a grid around the reference configuration has points"
+        raise BadInput([Fault("grid", what, Location("--grid") if noun == GRID_POINT else None, hint)])
+    return [f"skipped: {n} of {points}: {reason}" for reason, n in by_reason.items()]

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.report.numbers import finite
-from pkmcal_cli.units.file_units import TORQUE, UNITS, Unit
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.number_format import finite
+from pkmcal_cli.units.file_units import DIMENSIONS, NUMBER, UNITS, Unit
 
 
 def figure_unit(machine: Machine, figures: ErrorFigures) -> Unit:
     """Unit of a kind's figures."""
-    units = machine.file_units
-    known = {"length": units.length, "angle": units.angle, "force": units.force, "torque": units.unit(TORQUE)}
-    return known.get(figures.dimension, UNITS["1"])
+    return unit_of(machine, figures.dimension)
+
+
+def kind_label(model: Model, kind: str) -> str:
+    """What a kind of figures is called: where redundant drives strain the machine, lengths differ by strain too."""
+    return "strain" if kind == "length" and model.overdetermined else kind
+
+
+def unit_of(machine: Machine, dimension: str) -> Unit:
+    """The file's unit of a dimension by its name."""
+    named = next((d for d in DIMENSIONS.values() if d.name == dimension), NUMBER)
+    return UNITS["1"] if named == NUMBER else machine.file_units.unit(named)
 
 
 def figures_json(machine: Machine, kinds: dict[str, ErrorFigures]) -> dict[str, object]:
-    """By kind of channel: rms, max, criterion, unit."""
+    """By kind of instrument: rms, max, criterion, unit."""
     out: dict[str, object] = {}
     for kind, f in kinds.items():
         unit = figure_unit(machine, f)

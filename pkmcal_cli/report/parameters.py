@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
 from pkmcal_cli.calibration.intervals import Intervals
-from pkmcal_cli.loading.parameter_file import exact_value
+from pkmcal_cli.loading.parameter_text import exact_value
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.report.numbers import finite, uncertain
+from pkmcal_cli.report.number_format import finite, handy, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
+_IN_PART = 0.1  # share of the variance from which on ranges are worth a word
 _PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
 NOT_SELECTED = "not selected"
 _WEAK = "weak: "
@@ -24,12 +28,17 @@ _FEW = 4  # names or terms that are listed one by one
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterRow:
-    """One parameter: numbers in `unit`; `std` None where undetermined; `reason` why not (well) identified."""
+    """One parameter: numbers in `unit`; `std` None where undetermined; `reason` why not (well) identified.
+
+    by_data, by_held: the parts of `std` that noise and held directions make, and parameters that are not identified.
+    """
 
     name: str
     nominal: float
     value: float
     std: float | None
+    by_data: float | None
+    by_held: float | None
     range: float
     unit: str
     identified: bool
@@ -53,6 +62,8 @@ class ParameterRow:
             "nominal": self.nominal,
             "value": self.value,
             "std": finite(self.std),
+            "std_by_data": finite(self.by_data),
+            "std_by_held": finite(self.by_held),
             "range": self.range,
             "unit": self.unit,
             "interval": None if self.interval is None else list(self.interval),
@@ -66,24 +77,32 @@ def parameter_unit(model: Model, name: str) -> Unit:
     return parse_unit(model.parameters[model.names.index(name)].unit or "1")
 
 
-def parameter_rows(model: Model, fit: Fit, intervals: Intervals) -> tuple[ParameterRow, ...]:
-    """All parameters of the machine: those selected with their uncertainty, the others as held."""
+def parameter_rows(
+    model: Model, fit: Fit, intervals: Intervals, budget: ErrorBudget, far: Mapping[str, float]
+) -> tuple[ParameterRow, ...]:
+    """All parameters of the machine: those selected with their uncertainty, the others as held.
+
+    far: offsets from nominal, in half ranges, that are worth a remark.
+    """
     std = dict(zip(fit.selected, intervals.std, strict=True)) if fit.selected else {}
+    by_held = dict(zip(fit.selected, budget.std_by_held, strict=True))
     ends = dict(zip(fit.selected, intervals.low_high, strict=True))
-    reasons = reasons_against(fit)
+    reasons = reasons_against(fit, budget, far)
     rows = []
     for k, p in enumerate(model.parameters):
         unit = parse_unit(p.unit or "1")
         selected = p.name in std
         spread = std.get(p.name, math.nan)
         reason = reasons.get(p.name) if selected else NOT_SELECTED
-        known = selected and not math.isnan(spread)
+        known, more = selected and not math.isnan(spread), float(by_held.get(p.name, 0.0))
         rows.append(
             ParameterRow(
                 name=p.name,
                 nominal=exact_value(p.nominal, unit),
                 value=exact_value(float(fit.values[k]), unit),
                 std=float(spread) / unit.scale if known else None,
+                by_data=math.sqrt(max(float(spread) ** 2 - more**2, 0.0)) / unit.scale if known else None,
+                by_held=more / unit.scale if known else None,
                 range=p.range / unit.scale,
                 unit=unit.text,
                 identified=known and not is_weak(reason),
@@ -106,20 +125,33 @@ def is_weak(reason: str | None) -> bool:
     return (reason or "").startswith(_WEAK)
 
 
-def reasons_against(fit: Fit) -> dict[str, str]:
-    """Why a selected parameter is undetermined, weak or on its bound."""
+def reasons_against(
+    fit: Fit, budget: ErrorBudget | None = None, far: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, str]:
+    """Why a selected parameter is undetermined, weak, in part held, on its bound, or to be looked at."""
     out: dict[str, str] = {}
-    for combination in combinations(fit.found):
+    for combination in combinations(fit.directions):
         if combination.kind == "null":
             for name in combination.names:
                 others = [n for n in combination.names if n != name]
-                out[name] = f"undetermined: not told from {_listed(others)}" if others else "no influence"
-    for name, partners in _weak_partners(fit.found).items():
+                out[name] = (
+                    f"undetermined: cannot be separated from {_listed(others)}"
+                    if others
+                    else "no effect on these readings"
+                )
+    for name, partners in _weak_partners(fit.directions).items():
         if name not in out:
-            told = f", hardly told from {_listed(partners)}" if partners else ""
-            out[name] = f"{_WEAK}held near its nominal value{told}"
+            partner_text = f", hardly separable from {_listed(partners)}" if partners else ""
+            out[name] = f"{_WEAK}held near nominal{partner_text}"
     for name in fit.at_bound:
         out.setdefault(name, "at its bound")
+    shares = {} if budget is None else dict(zip(budget.names, budget.share_of_ranges, strict=True))
+    for name, share in shares.items():
+        if share > _IN_PART:
+            mostly = "uncertainty mostly from the ranges" if share > 0.5 else "uncertainty in part from the ranges"
+            out.setdefault(name, f"{mostly} ({share:.0%} of the variance)")
+    for name, offset in far.items():
+        out[name] = "; ".join([*filter(None, [out.get(name)]), f"{abs(offset) / 2:.1f} ranges from nominal"])
     return out
 
 
@@ -128,24 +160,27 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names) if len(names) <= _FEW else f"{len(names)} others"
 
 
-def _weak_partners(found: Directions) -> dict[str, list[str]]:
+def _weak_partners(directions: Directions) -> dict[str, list[str]]:
     """Parameters whose direction is mostly weak and held, with those that move along in its weakest direction."""
-    vectors = found.vectors[found.weak]
+    vectors = directions.vectors[directions.weak]
     out = {}
     for k, share in enumerate((vectors**2).sum(axis=0)):
         if share > 0.5:
             main = np.abs(vectors[np.argmax(np.abs(vectors[:, k]))])
-            out[found.names[k]] = [
-                n for n, v in zip(found.names, main, strict=True) if v > _PARTNER * main[k] and n != found.names[k]
+            out[directions.names[k]] = [
+                n
+                for n, v in zip(directions.names, main, strict=True)
+                if v > _PARTNER * main[k] and n != directions.names[k]
             ]
     return out
 
 
-def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> list[dict[str, object]]:
-    """Motions of a null or weak combination: coefficients in ranges, and the determined sums with value and
-    uncertainty, the same for all.
-    """
-    sums = [] if fit is None else determined_sums(model, c, fit)
+def combination_json(
+    model: Model, c: Combination, fit: Fit | None = None, covariance: Array | None = None
+) -> list[dict[str, object]]:
+    """Motions of a null or weak combination: coefficients in ranges, and its determined sums."""
+    sums = [] if fit is None else determined_sums(model, c, fit, covariance)
+    scale = parameter_unit(model, c.hold[0]).scale if c.kind == "weak" else 1.0
     return [
         {
             "kind": c.kind,
@@ -153,21 +188,26 @@ def combination_json(model: Model, c: Combination, fit: Fit | None = None) -> li
             "text": text,
             "hold": list(c.hold),
             "std_in_ranges": finite(c.std),
+            "std_by_data_alone": finite(c.by_data / scale),
+            "std_with_range": finite(c.with_range / scale),
             "determined": [
                 {"coefficients": coefficients, "value": value, "std": std, "unit": unit}
                 for coefficients, value, std, unit in sums
             ],
         }
-        for motion, text in zip(c.motions, c.told, strict=True)
+        for motion, text in zip(c.motions, c.texts, strict=True)
     ]
 
 
-def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[str, float], float, float, str]]:
+def determined_sums(
+    model: Model, c: Combination, fit: Fit, covariance: Array | None = None
+) -> list[tuple[dict[str, float], float, float, str]]:
     """Coefficients, value and standard uncertainty, in the unit of the first parameter, of what is determined.
 
-    The coefficients are those of the parameters' values in their own units.
+    The coefficients are those of the parameters' values in their own units; covariance (p, p): of the selected ones,
+    default that of the fit alone.
     """
-    covariance = fit.found.determined_covariance()
+    covariance = fit.directions.determined_covariance() if covariance is None else covariance
     where = [fit.selected.index(n) for n in c.names]
     out = []
     for row in c.determined:
@@ -183,14 +223,29 @@ def determined_sums(model: Model, c: Combination, fit: Fit) -> list[tuple[dict[s
     return out
 
 
-def combination_text(model: Model, c: Combination, fit: Fit | None) -> str:
-    """A combination in words: what is determined, with value, and that the members are not told apart."""
-    if c.kind == "weak" or fit is None or not len(c.determined):
+def combination_text(model: Model, c: Combination, fit: Fit | None = None, covariance: Array | None = None) -> str:
+    """A combination in words: what is determined, with value, and that the members cannot be separated."""
+    if c.kind == "weak":
+        own, name = parameter_unit(model, c.hold[0]), c.hold[0]
+        data, both = handy(c.by_data, own), handy(c.with_range, own)
+        return f"{c.text} (uncertainty of this combination, in {name}: {data} by the data alone, {both} with the range)"
+    if fit is None or not len(c.determined):
         return c.text
+    fix = f"The data cannot separate these parameters. Fix {hold_text(c)}."
     if len(c.names) > _FEW:
-        return f"{c.text} ({len(c.determined)} combinations of them are determined: see --json)"
+        return f"{', '.join(c.names)}; determined: {len(c.determined)} combinations of them (see --json). {fix}"
     sums = []
-    for coefficients, value, std, unit in determined_sums(model, c, fit):
+    for coefficients, value, std, unit in determined_sums(model, c, fit, covariance):
         terms = ", ".join(f"{n} {v:+.2f}" for n, v in coefficients.items())
         sums.append(f"{terms}: {uncertain(value, std, unit)}")
-    return "; ".join(sums) + "; apart they are not seen"
+    return f"{', '.join(c.names)}; determined: {'; '.join(sums)}. {fix}"
+
+
+def hold_text(c: Combination) -> str:
+    """How many of its members to hold, and how: "one of them, e.g. `--select auto,-a`"."""
+    return f"{'one' if len(c.hold) == 1 else len(c.hold)} of them, e.g. `{without(c)}`"
+
+
+def without(c: Combination) -> str:
+    """The option that holds enough of its members."""
+    return f"--select auto,{','.join(f'-{n}' for n in c.hold)}"

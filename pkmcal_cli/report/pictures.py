@@ -13,9 +13,10 @@ import numpy as np
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.outputs import check_target, make_folder, write_text
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.panels import DriverPanel, alike, driver_panel, waterfall
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import UNITS, Unit
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BEFORE, _AFTER, _CURVE = "#b04a3a", "#2f6f9f", "#111111"
-_ARROW = 0.08  # length of the usual arrow, of the region's width
+_ARROW = 0.08  # length of the typical arrow, of the region's width
 _ROUND = 0.02  # spread of the radius below which poses lie on a circle
 
 
@@ -43,17 +44,19 @@ def check_library() -> None:
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError:
-        raise UsageError("--plots DIR needs matplotlib", hint="pip install 'pkmcal[report]', or --plots -") from None
+        raise UsageError(
+            "--plots DIR needs matplotlib", hint="run `pip install 'pkmcal[report]'`, or use `--plots -`"
+        ) from None
 
 
-def write_pictures(folder: str, machine: Machine, found: Diagnosis, inputs: Collection[str]) -> list[str]:
+def write_pictures(folder: str, machine: Machine, diagnosis: Diagnosis, inputs: Collection[str]) -> list[str]:
     """Write all pictures into a folder, over none of the inputs; returns the files. Raises UsageError, OutputError."""
     check_library()
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     make_folder(folder)
-    pictures = {os.path.join(folder, f"{name}.svg"): (size, draw) for name, size, draw in _pictures(machine, found)}
+    pictures = {os.path.join(folder, f"{name}.svg"): (size, draw) for name, size, draw in _pictures(machine, diagnosis)}
     for file in pictures:
         check_target(file, inputs, force=True)
     style: Any = {"svg.fonttype": "none", "svg.hashsalt": "pkmcal", "font.size": 9}
@@ -70,30 +73,30 @@ def write_pictures(folder: str, machine: Machine, found: Diagnosis, inputs: Coll
 Picture = tuple[str, tuple[float, float], Callable[["Figure"], Any]]
 
 
-def _pictures(machine: Machine, found: Diagnosis) -> Iterator[Picture]:
+def _pictures(machine: Machine, diagnosis: Diagnosis) -> Iterator[Picture]:
     length = machine.file_units.length
-    for places in planes(found):
+    for places in planes(diagnosis):
         yield f"errors-{places.plane}", (9.0, 5.0), partial(_quiver, places=places, length=length)
         if _is_circle(places.at):
             yield f"circle-{places.plane}", (5.0, 5.0), partial(_circle, places=places, length=length)
-    for finding in found.findings:
-        panel = driver_panel(found, finding)
+    for finding in diagnosis.findings:
+        panel = driver_panel(diagnosis, finding)
         if panel is not None:
             yield f"effect-{finding.hypothesis.name}", (7.0, 4.2), partial(_driver, panel=panel)
-    yield "variance", (7.0, 3.0), partial(_waterfall, found=found)
-    if found.findings:
-        yield "ambiguity", (6.4, 5.6), partial(_alike, found=found)
+    yield "variance", (7.0, 3.0), partial(_waterfall, diagnosis=diagnosis)
+    if diagnosis.findings:
+        yield "ambiguity", (6.4, 5.6), partial(_alike, diagnosis=diagnosis)
 
 
-def planes(found: Diagnosis) -> list[Places]:
+def planes(diagnosis: Diagnosis) -> list[Places]:
     """Positions and errors of the first three position channels, plane by plane; none without positions."""
-    problem = found.problem
-    channels = [k for k, c in enumerate(problem.model.channels) if c.quantity == "position"][:3]
+    problem = diagnosis.problem
+    channels = problem.model.measuring(Measurand.POSITION)[:3]
     whole = problem.measured[:, channels].all(axis=1)
     if len(channels) < 2 or not whole.any():
         return []
     at = problem.readings[whole][:, channels]
-    before, after = (e.residual[whole][:, channels] for e in (found.before.after, found.search.fit.after))
+    before, after = (e.residual[whole][:, channels] for e in (diagnosis.before.after, diagnosis.search.fit.after))
     sigma = float(np.sqrt((problem.sigma[whole][:, channels] ** 2).mean()))
     pairs = [(0, 1)] if len(channels) == 2 else [(0, 1), (0, 2)]
     return [Places("xyz"[a] + "xyz"[b], at[:, [a, b]], before[:, [a, b]], after[:, [a, b]], sigma) for a, b in pairs]
@@ -103,8 +106,8 @@ def _quiver(figure: Figure, places: Places, length: Unit) -> None:
     """Errors before and after as arrows, both at the scale of the former."""
     at = places.at / length.scale
     width = float(np.ptp(at, axis=0).max())
-    usual = float(np.sqrt((places.before**2).sum(axis=1).mean())) / length.scale
-    factor = _ARROW * width / usual
+    typical = float(np.sqrt((places.before**2).sum(axis=1).mean())) / length.scale
+    factor = _ARROW * width / typical
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     for ax, errors, title, colour in zip(
         axes, (places.before, places.after), ("calibrated", "with effects found"), (_BEFORE, _AFTER), strict=True
@@ -119,7 +122,7 @@ def _quiver(figure: Figure, places: Places, length: Unit) -> None:
     axes[0].set_ylabel(f"{places.plane[1]} [{length.text}]")
     corner = at.min(axis=0) - 0.06 * width
     axes[0].quiver(*corner, _ARROW * width, 0, angles="xy", scale_units="xy", scale=1, width=0.006, color=_CURVE)
-    axes[0].annotate(_size(usual * length.scale), corner, xytext=(0, 6), textcoords="offset points", fontsize=8)
+    axes[0].annotate(_size(typical * length.scale), corner, xytext=(0, 6), textcoords="offset points", fontsize=8)
     from matplotlib.patches import Circle
 
     spot = corner + np.array([0.3 * width, 0])
@@ -157,15 +160,26 @@ def _driver(figure: Figure, panel: DriverPanel) -> None:
     y, noise, fitted, band = (v / unit.scale for v in (panel.measured, panel.noise, panel.fitted, panel.band))
     x, sides = panel.shown_x, np.zeros(len(panel.x)) if panel.side is None else panel.side
     for side, colour, name in ((-1, _BEFORE, "from above"), (0, _AFTER, "measured"), (1, _AFTER, "from below")):
-        mine = np.sign(sides) == side
-        if mine.any():
-            ax.errorbar(x[mine], y[mine], noise[mine], fmt=".", ms=4, lw=0.5, color=colour, label=f"{name}, one sigma")
-            mine = np.nonzero(mine)[0][np.argsort(x[mine])]
-            ax.plot(x[mine], fitted[mine], "-", color=_CURVE, lw=1.2, label=None if side < 0 else "fitted, 95 %")
-            low, high = fitted[mine] - band[mine], fitted[mine] + band[mine]
-            ax.fill_between(x[mine], low, high, color=_CURVE, alpha=0.15, lw=0)
+        this_way = np.sign(sides) == side
+        if this_way.any():
+            ax.errorbar(
+                x[this_way],
+                y[this_way],
+                noise[this_way],
+                fmt=".",
+                ms=4,
+                lw=0.5,
+                color=colour,
+                label=f"{name}, one sigma",
+            )
+            this_way = np.nonzero(this_way)[0][np.argsort(x[this_way])]
+            ax.plot(
+                x[this_way], fitted[this_way], "-", color=_CURVE, lw=1.2, label=None if side < 0 else "fitted, 95 %"
+            )
+            low, high = fitted[this_way] - band[this_way], fitted[this_way] + band[this_way]
+            ax.fill_between(x[this_way], low, high, color=_CURVE, alpha=0.15, lw=0)
     _limit(ax, y, fitted)
-    ax.set_xlabel(f"{panel.name} [{panel.unit}]")
+    ax.set_xlabel(f"{panel.name} [{panel.unit_name}]")
     ax.set_ylabel(f"displacement [{unit.text}]")
     ax.set_title(panel.finding.hypothesis.name)
     ax.legend(fontsize=7)
@@ -178,10 +192,10 @@ def _limit(ax: Axes, y: Array, fitted: Array) -> None:
     ax.set_ylim(low - 0.15 * (high - low), high + 0.15 * (high - low))
 
 
-def _waterfall(figure: Figure, found: Diagnosis) -> None:
+def _waterfall(figure: Figure, diagnosis: Diagnosis) -> None:
     """What is left of the variance, step by step, against noise."""
     ax = figure.add_subplot()
-    shares = waterfall(found)
+    shares = waterfall(diagnosis)
     names, sizes = [s.name for s in shares], [s.rms for s in shares]
     ax.barh(names, sizes, color=[_BEFORE] * 2 + [_AFTER] * (len(names) - 2))
     for k, size in enumerate(sizes):
@@ -193,9 +207,9 @@ def _waterfall(figure: Figure, found: Diagnosis) -> None:
     ax.legend(fontsize=8)
 
 
-def _alike(figure: Figure, found: Diagnosis) -> None:
+def _alike(figure: Figure, diagnosis: Diagnosis) -> None:
     """Cosines of the angles between the effects found and their nearest rivals."""
-    names, cosines = alike(found)
+    names, cosines = alike(diagnosis)
     ax = figure.add_subplot()
     ax.grid(False)
     image = ax.imshow(cosines, cmap="Blues", vmin=0, vmax=1)
@@ -204,8 +218,8 @@ def _alike(figure: Figure, found: Diagnosis) -> None:
     for i, row in enumerate(cosines):
         for j, c in enumerate(row):
             ax.text(j, i, f"{c:.2f}", ha="center", va="center", fontsize=6, color="white" if c > 0.6 else "black")
-    figure.colorbar(image, label="cosine; above 0.95 not told apart")
-    ax.set_title("effects found, and what is most like them")
+    figure.colorbar(image, label="cosine (above 0.95: not separable)")
+    ax.set_title("effects found and those most similar to them")
 
 
 def _size(value: float) -> str:

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable, Sequence
 
 from pkmcal_cli.effects import Effect
-from pkmcal_cli.effects.base import Port
+from pkmcal_cli.effects.effect import Entry
+from pkmcal_cli.model.effect_sites import ALL, place_and_session
 
-ALL = "all"
-_NOUNS: dict[Port, str] = {
+_NOUNS: dict[Entry, str] = {
     "command": "drive",
     "drive_force": "drive",
     "length": "member",
@@ -22,7 +22,9 @@ _NOUNS: dict[Port, str] = {
 
 def cause_effect_action(effect: Effect, at: str, size: str) -> tuple[str, str, str]:
     """The effect's three sentences; at `all` places they speak of every drive, member, guide ..."""
-    cause, result, action = (_placed(text, effect.port, at).format(at=at, size=size) for text in _texts(effect))
+    place, session = place_and_session(at) if effect.by_session else (at, "")
+    named = f"{place} in session {session}" if session else place
+    cause, result, action = (_placed(text, effect.enters, at).format(at=named, size=size) for text in _texts(effect))
     return cause, result, action
 
 
@@ -30,11 +32,11 @@ def _texts(effect: Effect) -> tuple[str, str, str]:
     return effect.cause, effect.result, effect.action
 
 
-def _placed(text: str, port: Port, at: str) -> str:
+def _placed(text: str, enters: Entry, at: str) -> str:
     """A template for this place: "The guide {at} is" becomes "Every guide is" at all places."""
     if at != ALL:
         return text
-    noun = _NOUNS.get(port, "instrument")
+    noun = _NOUNS.get(enters, "instrument")
     text = re.sub(rf"\b(the )?{noun} {{at}}", f"every {noun}", text, flags=re.IGNORECASE)
     text = text.replace("{at}", f"every {noun}")
     return text[0].upper() + text[1:]
@@ -49,8 +51,8 @@ def grouped(not_testable: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def command(*words: str) -> str:
-    """A command line of ours; words with spaces are quoted."""
-    return " ".join(["pkmcal", *(f'"{w}"' if " " in w else w for w in words)])
+    """A command line of ours; words with spaces or brackets are quoted."""
+    return " ".join(["pkmcal", *(f'"{w}"' if " " in w or "[" in w else w for w in words)])
 
 
 def listed(names: Sequence[str], most: int) -> str:
@@ -67,6 +69,6 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
         "direction": "Measure every pose from both sides.",
         "load": "Measure with several payloads.",
     }.get(depends_on, "Do not compensate outside the measured region.")
-    what = f"something of {size}depends on" if size else "something depends on"
+    what = f"Unknown effect of {size.strip()}" if size else "Unknown effect"
     detail = f" ({hint})" if hint else ""
-    return f"Unknown: {what} {depends_on} and matches no effect of the catalogue{detail}. {advice}"
+    return f"{what}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"

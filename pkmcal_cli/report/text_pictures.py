@@ -5,27 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, waterfall
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.report.console import bar
 
 _WIDTH, _HEIGHT = 64, 15
 _DOT, _BELOW, _CURVE = "o", "+", "*"
 
 
-def text_pictures(found: Diagnosis) -> str:
+def text_pictures(diagnosis: Diagnosis) -> str:
     """The residual step by step, and every accepted effect over what drives it."""
-    parts = [_bars(found)]
-    parts += [_panel(p) for f in found.findings if (p := driver_panel(found, f)) is not None]
+    parts = [_bars(diagnosis)]
+    parts += [_panel(p) for f in diagnosis.findings if (p := driver_panel(diagnosis, f)) is not None]
     return "\n".join(["", "\n\n".join(parts)])
 
 
-def _bars(found: Diagnosis) -> str:
+def _bars(diagnosis: Diagnosis) -> str:
     """What is left, as bars over the logarithm of its size."""
-    shares = waterfall(found)
+    shares = waterfall(diagnosis)
     width = max(len(s.name) for s in shares)
     most = max(np.log(max(s.rms for s in shares)), 1e-9)
-    lines = ["rms of the residual in standard uncertainties, logarithmic; 1 is noise"]
+    lines = ["residual rms in standard uncertainties, logarithmic (1: noise)"]
     lines += [f"{s.name:<{width}}  {s.rms:8.3g}  {bar(max(np.log(s.rms), 0.0) / most)}".rstrip() for s in shares]
     return "\n".join(lines)
 
@@ -48,7 +48,7 @@ def _panel(panel: DriverPanel) -> str:
     lines = [f"{panel.finding.hypothesis.name}: displacement [{unit.text}]; {legend}, {_CURVE} fitted"]
     lines += [f"{t:>{width}} |{''.join(row)}" for t, row in zip(texts, grid, strict=True)]
     lines.append(f"{'':>{width}} +{'-' * _WIDTH}")
-    lines.append(f"{'':>{width}}  {x.min():.4g} ... {x.max():.4g} {panel.name} [{panel.unit}]")
+    lines.append(f"{'':>{width}}  {x.min():.4g} ... {x.max():.4g} {panel.name} [{panel.unit_name}]")
     return "\n".join(line.rstrip() for line in lines)
 
 

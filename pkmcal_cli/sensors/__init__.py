@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 from pkmcal_cli.base.families import members
-from pkmcal_cli.sensors.base import WIDTHS, SensorKind, Sight, derivatives, read
+from pkmcal_cli.sensors.sensor_kind import WIDTHS, SensorKind, Variable, derivatives, read
 
-__all__ = ["WIDTHS", "SensorKind", "Sight", "derivatives", "read", "sensor_kinds"]
+__all__ = ["WIDTHS", "SensorKind", "Variable", "derivatives", "read", "sensor_kinds"]
 
 
 @cache

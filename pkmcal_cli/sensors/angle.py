@@ -7,14 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import exp
-from pkmcal_cli.sensors.base import SensorKind, as_read
+from pkmcal_cli.base.rotation import cross, dot, exp
+from pkmcal_cli.sensors.sensor_kind import SensorKind, as_read
+from pkmcal_cli.units.measurands import Measurand
 
 
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
-    line = np.einsum("nji,nj->ni", exp(seen["turn"]), seen["other"] - seen["place"])
-    along, across = (np.einsum("ni,ni->n", seen["basis"][:, part], line) for part in (slice(0, 3), slice(3, 6)))
-    return [as_read(_angle(along, across), seen)]
+    line = np.einsum("nji,nj->ni", exp(seen["rotation"]), seen["other"] - seen["place"])
+    first, second = seen["basis"][:, :3], seen["basis"][:, 3:]
+    own = np.stack([dot(axis, line) for axis in (first, second, cross(first, second))], axis=1)  # z: its axis
+    if "motion" in seen:
+        own = np.einsum("nij,nj->ni", exp(seen["motion"][:, 3:6]), own)
+    return [as_read(_angle(own[:, 0], own[:, 1]), seen)]
 
 
 def _angle(x: Any, y: Any) -> Any:
@@ -26,13 +30,14 @@ def _angle(x: Any, y: Any) -> Any:
 
 ANGLE = SensorKind(
     keyword="angle",
-    title="direction of the line from one point to another, in the axes of the body that has the first "
-    "(against the drawing)",
+    title="direction of the line from one point to another, in the axes of the body of the first point "
+    "(relative to the reference configuration)",
     instruments="encoder of a passive joint, inclinometer on a rod",
     needs=("at", "to"),
     may=("axis", "column", "zero", "scale", "unit"),
-    sees=("place", "other", "turn", "basis", "zero", "scale"),
-    quantity="angle",
-    turns=True,
-    law=_read,
+    variables=("place", "other", "rotation", "motion", "basis", "zero", "scale", "reading_error"),
+    measurand=Measurand.ANGLE,
+    rotates=True,
+    equation=_read,
+    unmoved={"meas_shear": "only an instrument with axes of its own (`tcp`) can have axes that are not square"},
 )

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from pkmcal_cli.sensors.base import SensorKind
+from pkmcal_cli.sensors.sensor_kind import SensorKind
+from pkmcal_cli.units.measurands import Measurand
 
 BENCH = SensorKind(
     keyword="bench",
-    title="an expression of parameters, measured once by itself; its reading stands in the machine file",
+    title="an expression of parameters, measured once; its reading is in the machine file",
     instruments="coordinate measuring machine, gauge blocks, tape",
     needs=("of", "reading"),
     may=(),
-    sees=("value",),
-    quantity="bench",
-    law=lambda seen: [seen["value"][:, 0]],
+    variables=("value",),
+    measurand=Measurand.BENCH,
+    equation=lambda seen: [seen["value"][:, 0]],
+    unmoved=dict.fromkeys(
+        ("frame", "drift", "meas_scale", "meas_shear"), "it is measured once, on the bench: its error is its `sigma`"
+    ),
 )

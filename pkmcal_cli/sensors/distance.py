@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.rotation import dot
-from pkmcal_cli.sensors.base import SensorKind, as_read
+from pkmcal_cli.sensors.sensor_kind import SensorKind, as_read
+from pkmcal_cli.units.measurands import Measurand
 
 
 def distance(seen: Mapping[str, Any]) -> Sequence[Any]:
@@ -19,11 +20,12 @@ def distance(seen: Mapping[str, Any]) -> Sequence[Any]:
 
 DISTANCE = SensorKind(
     keyword="distance",
-    title="distance between two points; either may be known or have parameters as coordinates",
+    title="distance between two points, each with known coordinates or parameters as coordinates",
     instruments="double ballbar, draw wire, length gauge",
     needs=("at", "to"),
-    may=("offset", "column", "zero", "scale", "sigma_per_length"),
-    sees=("place", "other", "zero", "scale"),
-    quantity="distance",
-    law=distance,
+    may=("offset", "column", "zero", "scale", "unit", "sigma_per_length"),
+    variables=("place", "other", "zero", "scale", "reading_error"),
+    measurand=Measurand.DISTANCE,
+    equation=distance,
+    unmoved={"meas_shear": "only an instrument with axes of its own (`tcp`) can have axes that are not square"},
 )

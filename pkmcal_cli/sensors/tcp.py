@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.rotation import exp, log
-from pkmcal_cli.sensors.base import SensorKind
+from pkmcal_cli.sensors.sensor_kind import SensorKind
+from pkmcal_cli.units.measurands import Measurand
 
 
 def strained(d: Any) -> Any:
@@ -21,12 +22,14 @@ def strained(d: Any) -> Any:
 
 
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
-    d, place = seen["motion"], seen["place"]
-    turn = exp(d[:, 3:6])
-    moved = (d[:, :3] + np.einsum("nij,njk,nk->ni", turn, strained(d), place)).T
-    if "scale" in seen:
-        moved = moved / seen["scale"][:, 0]
-    return [*moved, *log(turn @ exp(seen["turn"])).T] if "turn" in seen else [*moved]
+    moved, turned = seen["place"], exp(seen["rotation"]) if "rotation" in seen else None
+    if "motion" in seen:
+        d = seen["motion"]
+        rotation = exp(d[:, 3:6])
+        moved = d[:, :3] + np.einsum("nij,njk,nk->ni", rotation, strained(d), moved)
+        turned = None if turned is None else rotation @ turned
+    coordinates = moved.T / (seen["scale"][:, 0] if "scale" in seen else 1.0)
+    return [*coordinates] if turned is None else [*coordinates, *log(turned).T]
 
 
 TCP = SensorKind(
@@ -35,8 +38,8 @@ TCP = SensorKind(
     instruments="grid encoder, camera, laser tracker with one or several reflectors, level, autocollimator",
     needs=("at", "reads", "frame"),
     may=("offset", "scale", "sigma_per_length", "correlation"),
-    sees=("place", "turn", "motion", "scale"),
-    quantity="position",
-    law=_read,
+    variables=("place", "rotation", "motion", "scale"),
+    measurand=Measurand.POSITION,
+    equation=_read,
     channels=("x", "y", "z", "rx", "ry", "rz"),
 )

@@ -8,18 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pkmcal_cli.base.plural import with_article
+from pkmcal_cli.csv_files.cell_values import ColumnRules, FaultLog, Kind, Rule
 from pkmcal_cli.csv_files.cells import is_time
 from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
-from pkmcal_cli.csv_files.parse import FaultLog, Kind, Plan, Rule
 from pkmcal_cli.csv_files.reader import TableReader, check_header
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_needs import Bound, Needs, Require
 from pkmcal_cli.tables.columns import Column, Role, columns_of, temperature_column
 from pkmcal_cli.units.file_units import Unit, UnitError, parse_unit
 
-_POSITIVE = Rule(lambda values: values > 0, "a sigma is positive")
-_BLANK = Rule(np.isnan, "the cells above are empty; give the pose in all rows by the same columns")
-_DIRECTION = Rule(lambda values: np.isin(values, (-1.0, 0.0, 1.0)), "a direction is 1, -1 or 0 (unknown)")
+_POSITIVE = Rule(lambda values: values > 0, "a sigma must be positive")
+_BLANK = Rule(np.isnan, "the cells above are empty; give the pose with the same columns in all rows")
+_DIRECTION = Rule(lambda values: np.isin(values, (-1.0, 0.0, 1.0)), "a direction must be 1, -1 or 0 (unknown)")
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Binding:
 
     bound: tuple[Bound, ...]
     spare: Mapping[int, HeaderCell]
-    plan: Plan
+    column_rules: ColumnRules
     by_actuators: bool
     notes: tuple[str, ...]
 
@@ -57,16 +58,20 @@ def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog)
                 bound.setdefault((column.name, column.role), Bound(column, index, unit, assumed))
     no_use: set[Role] = {"target"} if require == "measured" else set()  # TCP coordinates that no sensor reads
     spare = {i: reader.header[i] for i, columns in enumerate(matches) if {c.role for c in columns} <= no_use}
-    found = Needs(reader, machine, list(bound.values()), spare, log)
-    by_actuators, required, blank = found.check(require)
-    plan = Plan(_kinds(reader, found.bound), required, _rules(found.bound) | dict.fromkeys(blank, _BLANK))
-    used = [b for b in found.bound if b.index not in spare]
+    needs = Needs(reader, machine, list(bound.values()), spare, log)
+    by_actuators, required, blank = needs.check(require)
+    column_rules = ColumnRules(
+        _kinds(reader, needs.bound), required, _rules(needs.bound) | dict.fromkeys(blank, _BLANK)
+    )
+    used = [b for b in needs.bound if b.index not in spare]
     taken = {reader.header[b.index].name for b in used}
     free = [c.header for c in columns_of(machine) if c.header not in taken and c.role not in no_use]
-    notes = [_unused(spare, free), _assumed(used, plan)]
-    if require == "poses" and by_actuators and found.targets():
-        notes.append("the actuator columns give the poses, the TCP coordinates are not used")
-    return Binding(tuple(found.bound), spare, plan, by_actuators, tuple(note for note in notes if note))
+    notes = [_unused(spare, free), _assumed(used, column_rules)]
+    if require == "poses" and by_actuators and needs.targets():
+        placed = any(actuator.holds for actuator in machine.actuators.values())
+        pose = "the actuator columns give the poses" if placed else "no actuator holds a position"
+        notes.append(f"{pose}; the TCP coordinates are not used")
+    return Binding(tuple(needs.bound), spare, column_rules, by_actuators, tuple(note for note in notes if note))
 
 
 def _matches(header: Sequence[HeaderCell], machine: Machine) -> list[list[Column]]:
@@ -86,19 +91,21 @@ def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> 
     cell = reader.header[index]
     if cell.unit is None or cell.unit in ("", "-") or column.role == "label":
         return column.si_unit, column.unit is not None
+    if cell.unit == column.unit_name:  # it may be the machine's own, of which nobody else knows
+        return column.si_unit, False
     place = reader.format.header_line, index
-    hint = f"such as `{column.header} [{column.unit}]`" if column.unit else "it has no unit"
+    hint = f"write, for example, `{column.header} [{column.unit_name}]`" if column.unit else "delete the unit"
     try:
-        unit = parse_unit(cell.unit)
+        unit = parse_unit(cell.unit, (column.physical,))
     except UnitError as error:
         near = error.hint if error.hint and error.hint.startswith("did you mean") else None
         log.add(
-            Flaw("csv-unit", f"{error.what} of `{cell.text}`", near or hint, *place),
+            Flaw("csv-unit", f"{error.what} in column `{cell.text}`", near or hint, *place),
             reader.header_source(),
         )
         return column.si_unit, False
     if unit.dimension != column.physical:
-        what = f"`{cell.text}`: {cell.unit} is a unit of {unit.dimension}, but this is {_a(column.dimension)}"
+        what = f"column `{cell.text}`: `{cell.unit}` is a unit of {unit.dimension}, but this is {_a(column.dimension)}"
         log.add(Flaw("csv-unit", what, hint, *place), reader.header_source())
     return unit, False
 
@@ -106,7 +113,7 @@ def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> 
 def _a(dimension: str) -> str:
     if dimension == "none":
         return "a plain number"
-    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
+    return with_article(dimension)
 
 
 def _kinds(reader: TableReader, bound: Sequence[Bound]) -> tuple[Kind, ...]:
@@ -132,7 +139,7 @@ def _unused(spare: Mapping[int, HeaderCell], free: Sequence[str]) -> str:
     for index, cell in spare.items():
         near = _likely(cell.name, free)
         name = f"`{cell.text}`" if cell.text else f"column {index + 1} without a name"
-        texts.append(name + (f" (is it `{near}`?)" if near else ""))
+        texts.append(name + (f" (did you mean `{near}`?)" if near else ""))
     return f"columns not used: {', '.join(texts)}" if texts else ""
 
 
@@ -143,12 +150,12 @@ def _likely(name: str, names: Sequence[str]) -> str | None:
     return lower[close[0]] if close else None
 
 
-def _assumed(bound: Sequence[Bound], plan: Plan) -> str:
+def _assumed(bound: Sequence[Bound], column_rules: ColumnRules) -> str:
     """The columns whose header has no unit, by the unit of the machine file that they are taken in."""
     units: dict[str, list[str]] = {}
     for b in bound:
-        if b.assumed and plan.kinds[b.index] == "number":
+        if b.assumed and column_rules.kinds[b.index] == "number":
             names = units.setdefault(b.unit.text, [])
             names += [b.column.header] if b.column.header not in names else []
     groups = [f"{unit} ({', '.join(names)})" for unit, names in units.items()]
-    return f"no units in the header, the machine file's are taken: {', '.join(groups)}" if groups else ""
+    return f"no units in the header; the units of the machine file are used: {', '.join(groups)}" if groups else ""

@@ -10,12 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from pkmcal_cli.base.errors import nearest
+from pkmcal_cli.csv_files.cell_values import FaultLog, FloatArray
 from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
-from pkmcal_cli.csv_files.parse import FaultLog, FloatArray
 from pkmcal_cli.csv_files.reader import TableReader
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of
 from pkmcal_cli.tables.near_names import did_you_mean_column, is_near
+from pkmcal_cli.tables.touches import known_readings
 from pkmcal_cli.units.file_units import Unit
 
 Require = Literal["actuators", "poses", "measured"]
@@ -46,26 +47,26 @@ class Needs:
     ) -> None:
         self.reader, self.machine, self.bound, self.spare, self.log = reader, machine, bound, spare, log
         self.columns = {(c.name, c.role): c for c in columns_of(machine)}
-        self.found = {(b.column.name, b.column.role): b for b in bound}
+        self.columns_found = {(b.column.name, b.column.role): b for b in bound}
 
     def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
         """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""
         placing = [name for name, actuator in self.machine.actuators.items() if actuator.holds]
-        given = [name for name in placing if (b := self.found.get((name, "actuator"))) and self._filled(b)]
+        given = [name for name in placing if (b := self.columns_found.get((name, "actuator"))) and self._filled(b)]
         targets = [b for b in self.targets() if self._filled(b)]
-        by_actuators = bool(given) or require != "poses" or not targets
+        by_actuators = bool(given) or require != "poses" or not targets or not placing
         required = self._forces()
         if not by_actuators:
-            required |= {b.index: "every row needs all TCP coordinates that the table has" for b in targets}
-        elif require == "poses" and not given and not any((n, "actuator") in self.found for n in placing):
+            required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
+        elif require == "poses" and placing and not any((n, "actuator") in self.columns_found for n in placing):
             self._no_pose(placing)
         else:
             required |= self._actuators(placing)
         if require == "measured":
             self._channels()
-        session = self.found.get(("session", "label"))
+        session = self.columns_found.get(("session", "label"))
         if session is not None:
-            required[session.index] = "every row belongs to a session"
+            required[session.index] = "give the session in every row"
         blank = set()
         if not by_actuators:
             poses = [b for b in self.bound if b.column.role == "actuator" and b.column.name in placing]
@@ -84,12 +85,12 @@ class Needs:
     def _actuators(self, names: Sequence[str]) -> dict[int, str]:
         required = {}
         for name in names:
-            b = self.found.get((name, "actuator"))
+            b = self.columns_found.get((name, "actuator"))
             if b is None:
                 column = self.columns[name, "actuator"]
-                self._missing(f"column `{column.header}` is missing: actuator {name}", column)
+                self._missing(f"missing column `{column.header}` (actuator {name})", column)
             else:
-                required[b.index] = f"actuator {name} needs its reading in every row"
+                required[b.index] = f"give the reading of actuator {name} in every row"
         return required
 
     def _forces(self) -> dict[int, str]:
@@ -98,26 +99,30 @@ class Needs:
         for name, actuator in self.machine.actuators.items():
             if actuator.control == "force" and (actuator.force is None or actuator.force.otherwise is None):
                 column = self.columns[f"{name}.force", "force"]
-                b = self.found.get((column.name, "force"))
+                b = self.columns_found.get((column.name, "force"))
                 if b is None:
-                    self._missing(f"column `{column.header}` is missing: force of actuator {name}", column)
+                    self._missing(f"missing column `{column.header}` (force of actuator {name})", column)
                 else:
-                    required[b.index] = f"actuator {name} needs its force in every row: it has no `otherwise`"
+                    required[b.index] = (
+                        f"give the force of actuator {name} in every row, or `otherwise` in the machine file"
+                    )
         return required
 
     def _channels(self) -> None:
         """Some channel, and none whose column is there under a name that is nearly its own."""
         channels = [c for c in self.columns.values() if c.role == "channel"]
-        lost = [c for c in channels if (c.name, "channel") not in self.found]
-        if len(lost) == len(channels):
+        lost = [c for c in channels if (c.name, "channel") not in self.columns_found]
+        if len(lost) == len(channels) and not known_readings(self.machine):
             names = ", ".join(f"`{c.header}`" for c in channels)
-            what = f"nothing measured: the table has none of {names}" if names else "the machine has no sensor"
+            what = (
+                f"no measurements: the table has none of the columns {names}" if names else "the machine has no sensors"
+            )
             self._missing(what, *channels)
             return
         for index, cell in self.spare.items():
             near = next((c for c in lost if is_near(cell, c)), None)
             if near is not None and self.reader.first_cell(index):
-                what = f"column `{cell.text}` is not used, and channel `{near.name}` has no column"
+                what = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
                 place = self.reader.format.header_line, index
                 flaw = Flaw("csv-missing", what, did_you_mean_column(cell, near), *place)
                 self.log.add(flaw, self.reader.header_source())
@@ -126,7 +131,7 @@ class Needs:
         drives = [self.columns[name, "actuator"] for name in placing]
         names = ", ".join(f"`{column.header}`" for column in drives)
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
-        what = f"the table gives no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
+        what = f"the table has no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
         others = [c for c in self.columns.values() if c.role in ("target", "channel")]
         self._missing(what, *drives, *others)
 
@@ -140,11 +145,11 @@ class Needs:
             for cell in cells:
                 bare = re.split(r"[(/_,]", cell.text, maxsplit=1)[0].rstrip()
                 if bare == column.header and cell.text != bare and not cell.unit:
-                    return f"is it `{cell.text}`? Units stand in square brackets: `{bare} [{column.unit}]`"
+                    return f"did you mean `{cell.text}`? Write units in square brackets: `{bare} [{column.unit_name}]`"
             near = nearest(column.header, [cell.name for cell in cells])
             if near is not None:
                 where = "`reads`" if column.role in ("channel", "target") else "`column`"
-                return f"is it `{near}`? Rename it, or name it in the machine file ({where})"
+                return f"did you mean `{near}`? Rename it, or name it in the machine file ({where})"
         names = [f"`{cell.text}`" for cell in self.reader.header]
         more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-        return f"the header has {', '.join(names[:12])}{more}"
+        return f"add the missing column; the header has {', '.join(names[:12])}{more}"

@@ -10,6 +10,7 @@ from typing import Literal
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.fields import PLANAR, SPATIAL
 from pkmcal_cli.language.machine import Actuator, Machine
+from pkmcal_cli.language.tool_point import tool_point_of
 from pkmcal_cli.units.file_units import (
     ANGLE,
     FORCE,
@@ -46,7 +47,7 @@ class Column:
     role: an actuator's reading; its force; a measured channel (a force-controlled actuator's reading is one);
         a TCP coordinate that no sensor reads; the sigma of a channel or actuator; a covariate; a label
     dimension: a key of `units:`, or "torque", or "none"
-    unit: of the numbers if the header names none; None for plain numbers and labels
+    unit: definition of that of the numbers if the header names none; None for plain numbers and labels
     scale: what the numbers are multiplied with besides (a force's `scale`)
     """
 
@@ -61,6 +62,11 @@ class Column:
     def si_unit(self) -> Unit:
         """The unit of its numbers where the header names none."""
         return UNITS["1"] if self.unit is None else parse_unit(self.unit)
+
+    @property
+    def unit_name(self) -> str:
+        """Its unit as a header names it; "" for plain numbers and labels."""
+        return "" if self.unit is None else self.si_unit.text
 
     @property
     def physical(self) -> Dimension:
@@ -98,11 +104,12 @@ def coordinates_of(machine: Machine) -> tuple[str, ...]:
 
 
 def channel_of_target(machine: Machine) -> dict[str, str]:
-    """Channels that give TCP coordinates: those of the only sensor."""
-    channels = channels_of(machine)
-    if len(machine.sensors) != 1 or len({c.target for c in channels}) != 1:
+    """Channels that give coordinates of the tool point: those of the only sensor, if it measures there only."""
+    channels, tool = channels_of(machine), tool_point_of(machine)
+    alone = len(machine.sensors) == 1 and {c.target for c in channels} == {tool.name if tool is not None else ""}
+    if not alone or tool is None or not tool.sensor:
         return {}
-    return {c.direction: c.name for c in channels if c.quantity in ("position", "orientation")}
+    return {c.direction: c.name for c in channels if c.measurand.of_pose}
 
 
 def _column(machine: Machine, name: str, role: Role, dimension: str, header: str = "") -> Column:
@@ -140,13 +147,17 @@ def _channels(machine: Machine) -> Iterator[Column]:
     for c in channels_of(machine):
         if not c.column:  # measured once: it stands in the machine file
             continue
-        unit = None if c.dimension == NUMBER else c.unit.text
+        unit = None if c.dimension == NUMBER else c.unit.definition
         yield Column(c.name, c.column, "channel", _NAMES[c.dimension], unit)
 
 
 def _targets(machine: Machine, columns: Sequence[Column]) -> list[Column]:
-    """TCP coordinates by their plain names, but for headers that are channels already."""
-    taken = {column.header for column in columns}
+    """Coordinates of the tool point by their plain names, but for headers that mean something else in poses too.
+
+    A header may be that of a channel where the only sensor measures at another point.
+    """
+    apart = len(machine.sensors) == 1 and not channel_of_target(machine)
+    taken = {column.header for column in columns if not (apart and column.role == "channel")}
     free = [name for name in coordinates_of(machine) if name not in taken]
     return [_column(machine, name, "target", _dimension_of(name)) for name in free]
 

@@ -93,8 +93,8 @@ class Measurements:
         if names is None or not any(names):
             return None
         places = {(int(f), i): row for row, (f, i) in enumerate(zip(self.file_index, self.ids, strict=True)) if i}
-        found = [places.get((int(f), n), -1) if n else -1 for f, n in zip(self.file_index, names, strict=True)]
-        return np.array(found, dtype=np.intp)
+        rows = [places.get((int(f), n), -1) if n else -1 for f, n in zip(self.file_index, names, strict=True)]
+        return np.array(rows, dtype=np.intp)
 
     @property
     def ids(self) -> tuple[str, ...]:

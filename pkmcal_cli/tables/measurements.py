@@ -13,9 +13,9 @@ import numpy as np
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
 from pkmcal_cli.base.files import identity, input_name, is_stream
+from pkmcal_cli.csv_files.cell_values import Chunk, FaultLog, FloatArray, IntArray
 from pkmcal_cli.csv_files.cells import has_zone, time_of
 from pkmcal_cli.csv_files.dialect import Flaw
-from pkmcal_cli.csv_files.parse import Chunk, FaultLog, FloatArray, IntArray
 from pkmcal_cli.csv_files.reader import TableReader, no_rows, open_table
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_binding import Binding, bind
@@ -24,6 +24,7 @@ from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_o
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
+from pkmcal_cli.tables.touches import Touches, implied_touches, unclear_touches
 
 __all__ = [
     "Column", "MeasurementStream", "Measurements", "Require", "columns_of", "concatenate",
@@ -38,9 +39,9 @@ def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Re
     "measured" readings and at least one column of a channel. Raises BadInput with all faults of all files.
     """
     stream = MeasurementStream(paths, machine, require)
-    found = concatenate(stream)
-    check_partners(found, machine)
-    return replace(found, notes=(*stream.notes, *partner_notes(found, machine)), warnings=stream.warnings)
+    measurements = concatenate(stream)
+    check_partners(measurements, machine)
+    return replace(measurements, notes=(*stream.notes, *partner_notes(measurements, machine)), warnings=stream.warnings)
 
 
 class MeasurementStream:
@@ -77,11 +78,11 @@ class MeasurementStream:
 
     def _silent(self, files: Sequence[_File]) -> list[Fault]:
         """Errors of sensors without a reading; their warnings are kept."""
-        found = FaultList()
+        faults = FaultList()
         for fault in silent_sensors(self.machine, [file.use for file in files if file.use]):
-            found.add(fault)
-        self.warnings = tuple(found.warnings)
-        return found.errors
+            faults.add(fault)
+        self.warnings = tuple(faults.warnings)
+        return faults.errors
 
 
 @dataclass
@@ -98,16 +99,16 @@ class _Clock:
         if bound is None:
             return
         first = reader.first_cell(bound.index)
-        if binding.plan.kinds[bound.index] != "time":
+        if binding.column_rules.kinds[bound.index] != "time":
             self.plain = self.plain or reader.name
         elif self.origin is None:
             zone = has_zone(first)
             self.origin = time_of(zone)(first)
             text = datetime.fromtimestamp(self.origin, UTC).isoformat() if zone else first
-            self.notes = (f"`time` counts from {text}, the first row of {reader.name}",)
+            self.notes = (f"`time` is counted from {text}, the first row of {reader.name}",)
         if self.plain and self.origin is not None:
             what = f"column `time` has dates in one file and numbers in another ({self.plain})"
-            line, hint = reader.format.header_line, "write it alike in all files"
+            line, hint = reader.format.header_line, "use dates in all files, or numbers in all"
             log.add(Flaw("csv-time", what, hint, line, bound.index), reader.header_source())
 
 
@@ -124,6 +125,7 @@ class _File:
     gaps: Counter[str] = field(default_factory=Counter)  # empty cells of channels and forces
     idle: int = 0  # rows in which nothing was measured
     use: TableUse | None = None
+    touches: Touches = field(default_factory=lambda: Touches({}))
 
     def read(self, path: Path | str) -> Iterator[Measurements]:
         """The rows block by block; raises BadInput with the faults at the end."""
@@ -131,7 +133,13 @@ class _File:
             log = FaultLog(reader.name)
             binding = bind(reader, self.machine, self.require, log)
             self.clock.start(reader, binding, log)
-            for chunk in reader.chunks(binding.plan, log):
+            self.touches = implied_touches(
+                self.machine, {b.column.name for b in binding.of("channel")}, self.require == "measured"
+            )
+            if self.touches.unclear:
+                what, hint = unclear_touches(self.touches.unclear)
+                log.add(Flaw("csv-missing", what, hint, reader.format.header_line), reader.header_source())
+            for chunk in reader.chunks(binding.column_rules, log):
                 self.rows += len(chunk.lines)
                 if not log.total:
                     part = self._convert(chunk, binding, reader)
@@ -140,7 +148,8 @@ class _File:
             if not self.rows and not log.total:
                 log.add(no_rows(reader))
             self.use = TableUse.of(reader, {c for c, n in self.gaps.items() if n < self.rows}, binding.spare)
-            self.notes += [*reader.notes, *binding.notes, *self._counts(binding)]
+            touches = self.touches.note(self.machine, self.rows)
+            self.notes += [*reader.notes, *binding.notes, *([touches] if touches else []), *self._counts(binding)]
             log.raise_if_any()
 
     def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
@@ -158,7 +167,7 @@ class _File:
             actuators=get.stack(drives, "actuator"),
             forces=forces,
             channels=channels,
-            readings=get.stack(channels, "channel"),
+            readings=self._touched(get.stack(channels, "channel"), channels),
             sigma=get.stack([f"sigma.{c}" for c in channels], "sigma"),
             actuator_sigma=get.stack([f"sigma.{name}" for name in drives], "sigma"),
             coordinates=coordinates,
@@ -173,6 +182,15 @@ class _File:
             sha256=(reader.sha256,),
             line=chunk.lines,
         )
+
+    def _touched(self, readings: FloatArray, channels: tuple[str, ...]) -> FloatArray:
+        """Readings (n, C) with those of a probe that touches in every row."""
+        if not self.touches.readings:
+            return readings
+        out = np.array(readings)
+        for name, reading in self.touches.readings.items():
+            out[:, channels.index(name)] = reading
+        return out
 
     def _sessions(self, labels: dict[str, tuple[str, ...]], rows: int) -> tuple[tuple[str, ...], IntArray]:
         """Names and index (n,): of the column `session`, else the file's."""
@@ -197,19 +215,20 @@ class _File:
             declared = actuator.force is not None and actuator.force.column is not None
             expected = actuator.control == "force" and (declared or binding.named(f"{name}.force"))
             if expected and (n := self.gaps[f"{name}.force"]):
-                notes.append(f"no force of {name} in {n} of {self.rows} rows: the machine's is taken")
+                notes.append(f"no force of {name} in {n} of {self.rows} rows: the force of the machine file is used")
         if self.require != "measured":
             return notes
         channels = [c for c in columns_of(self.machine) if c.role == "channel"]
-        found = {b.column.name for b in binding.of("channel")}
+        channel_names = {b.column.name for b in binding.of("channel")}
         some: dict[int, list[str]] = {}
         for column in channels:
-            if column.name in found and (n := self.gaps[column.name]):
+            if column.name in channel_names and (n := self.gaps[column.name]):
                 some.setdefault(n, []).append(f"`{column.name}`")
         notes += [f"{', '.join(names)} not measured in {n} of {self.rows} rows" for n, names in some.items()]
-        if lost := [f"`{c.header}`" for c in channels if c.name not in found]:
-            notes.append(f"no column for the channels {', '.join(lost)}")
-        return notes + ([f"nothing measured in {self.idle} of {self.rows} rows"] if self.idle else [])
+        known = {*channel_names, *self.touches.readings}
+        if lost := [f"`{c.header}`" for c in channels if c.name not in known]:
+            notes.append(f"no columns for channels: {', '.join(lost)}")
+        return notes + ([f"no measurements in {self.idle} of {self.rows} rows"] if self.idle else [])
 
 
 @dataclass(frozen=True)
@@ -224,17 +243,17 @@ class _Getter:
     def values(self, bound: Bound) -> FloatArray:
         """Values (n,) of a column."""
         values = self.chunk.numbers[bound.index]
-        if self.binding.plan.kinds[bound.index] == "time":
+        if self.binding.column_rules.kinds[bound.index] == "time":
             return np.asarray(values - (self.origin or 0.0))
         return bound.to_si(values)
 
     def stack(self, names: Sequence[str], role: Role) -> FloatArray:
         """Values (n, len(names)), NaN where the file has no column."""
-        found = [b for b in self.binding.of(role) if b.column.name in names]
-        if not found:
+        columns = [b for b in self.binding.of(role) if b.column.name in names]
+        if not columns:
             return absent(self.rows, len(names))
         out = np.full((self.rows, len(names)), np.nan)
-        for bound in found:
+        for bound in columns:
             out[:, names.index(bound.column.name)] = self.values(bound)
         return out
 
@@ -245,7 +264,7 @@ def _twice(paths: Sequence[Path | str]) -> Iterator[Fault]:
     for path in paths:
         key = identity(path) or str(path)
         if key in seen:
-            yield Fault("file", "this file is given twice", Location(input_name(path), 1), "give it once")
+            yield Fault("file", "this file is given twice", Location(input_name(path), 1), "give it only once")
         seen.add(key)
 
 

@@ -34,7 +34,7 @@ def did_you_mean_column(cell: HeaderCell, column: Column) -> str:
     astray = None if _misspelt(cell.name, column.header) else _unit_astray(cell, column, _called(column))
     unit = cell.unit if astray is None else astray
     shown = f"{column.header} [{unit}]" if unit else column.header
-    remedy = "Else rename or remove it" if astray is None else "Units stand in square brackets"
+    remedy = "Otherwise rename or remove it" if astray is None else "Write units in square brackets"
     return f"did you mean `{shown}`? {remedy}"
 
 
@@ -85,12 +85,12 @@ def _unit_astray(cell: HeaderCell, column: Column, names: Iterable[str]) -> str 
         if _fits(unit, column):
             return unit
         if match["open"].strip(" _/,") or match["close"]:
-            return column.unit or ""
+            return column.unit_name
     return None
 
 
 def _fits(unit: str, column: Column) -> bool:
     try:
-        return not unit.isdigit() and parse_unit(unit).dimension == column.physical
+        return unit == column.unit_name or (not unit.isdigit() and parse_unit(unit).dimension == column.physical)
     except UnitError:
         return False

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pkmcal_cli.base.errors import Fault
+from pkmcal_cli.csv_files.cell_values import FaultLog
 from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
-from pkmcal_cli.csv_files.parse import FaultLog
 from pkmcal_cli.csv_files.reader import TableReader
 from pkmcal_cli.language.channels import channels_of
 from pkmcal_cli.language.machine import Machine
@@ -55,18 +55,18 @@ def silent_sensors(machine: Machine, tables: Sequence[TableUse]) -> list[Fault]:
     return faults
 
 
-def _astray(sensor: str, wanted: Sequence[Column], table: TableUse) -> list[Fault]:
+def _astray(sensor: str, expected: Sequence[Column], table: TableUse) -> list[Fault]:
     """The unused columns of a table that may be those of a sensor."""
     log = FaultLog(table.file, table.separator)
     for index, cell in table.spare.items():
-        like = next((column for column in wanted if is_like(cell, column)), None)
+        like = next((column for column in expected if is_like(cell, column)), None)
         if like is not None:
-            what = f"column `{cell.text}` is not used, and sensor `{sensor}` has no reading in this table"
+            what = f"column `{cell.text}` is not used and sensor `{sensor}` has no reading in this table"
             log.add(Flaw("csv-missing", what, did_you_mean_column(cell, like), table.line, index), table.source)
     return log.faults
 
 
 def _no_reading(machine: Machine, sensor: str) -> Fault:
     what = f"sensor `{sensor}` has no reading in any table"
-    hint = "if it was not used, all is well; else its column is missing or empty"
+    hint = "if the sensor was used, add its column or fill it in"
     return machine.source.fault("no-reading", what, ("sensors", sensor), hint, at_key=True, warning=True)

@@ -77,10 +77,10 @@ class FileUnits:
 
     def unit(self, dimension: Dimension) -> Unit:
         """The unit of a bare number of this dimension."""
-        found = self._cache.get(dimension)
-        if found is None:
-            found = self._cache[dimension] = self._derive(dimension)
-        return found
+        known = self._cache.get(dimension)
+        if known is None:
+            known = self._cache[dimension] = self._derive(dimension)
+        return known
 
     def _derive(self, dimension: Dimension) -> Unit:
         for key, base in BASE_DIMENSIONS.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 SMALLEST, LARGEST = 1e-40, 1e40
 """In SI units. An atom has 1e-30 m^3, a neutron star a modulus of 1e34 Pa."""
 
-HINT = f"numbers from {SMALLEST:.0e} to {LARGEST:.0e} in SI units, and 0, can be computed with; is the unit right?"
+HINT = f"check the unit; a value must be 0, or {SMALLEST:.0e} to {LARGEST:.0e} in size, in SI units"
 
 
 def beyond(value: float, small: bool = True) -> str | None:

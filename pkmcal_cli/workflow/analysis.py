@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.observability import observability
+from pkmcal_cli.calibration.mean_sensitivity import sensitivity
+from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
-from pkmcal_cli.calibration.sensitivity import sensitivity
-from pkmcal_cli.loading.covariates import at_rest, resting
-from pkmcal_cli.loading.machine import LoadedMachine, load_machine, load_parameters
-from pkmcal_cli.loading.poses import Place, Poses, PoseSource, failed_rows
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
+from pkmcal_cli.loading.pose_channels import planned_channels
+from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Rows
-from pkmcal_cli.report.analysis import (
+from pkmcal_cli.report.analysis_report import (
     UNSTRAINED,
     observability_json,
     sensitivity_json,
@@ -26,9 +26,12 @@ from pkmcal_cli.report.analysis import (
     show_sensitivity,
 )
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
-from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.arguments import one_stdin, require_measured, selection
+from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+from pkmcal_cli.workflow.touched_poses import touching_poses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +55,19 @@ class _Setting:
     loaded: LoadedMachine
     values: Array
     selected: tuple[str, ...]
-    poses: Poses
+    set: PoseSet
     to: Reporter
 
-    def check(self, prediction: Prediction) -> None:
-        """Every row must have been predicted. Raises BadInput with those that were not."""
+    def predicted(self, prediction: Prediction, poses: PoseSet) -> PoseSet:
+        """The poses that were predicted, the others told. Raises BadInput with rows of a table, or with none left."""
         lost = {int(k): prediction.reason(int(k)) for k in np.nonzero(~prediction.solved)[0]}
-        if lost:
-            raise failed_rows(self.poses.place, lost)
+        found = poses.without_points(lost)
+        found.failed.show(self.to)
+        return found
+
+    def show_loads(self, poses: PoseSet) -> None:
+        """Warnings of forces above limits and of slack ropes."""
+        Loads.of(self.loaded.model, self.values, poses.poses.rows, poses.poses.place).show(self.to)
 
 
 def _prepare(request: AnalysisRequest) -> _Setting:
@@ -68,58 +76,61 @@ def _prepare(request: AnalysisRequest) -> _Setting:
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
         to.warn(fault.text())
-    model = loaded.model
-    every = request.select is None and bool(model.names)
-    selected = model.names if every else selection(model, "all" if request.select is None else request.select)
+    if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
+        _selected(request, loaded.model)
+    given = request.poses is not None or request.grid is not None
+    poses = pose_set(to, loaded, request.poses, request.grid) if given else default_poses(to, loaded)
+    loaded = loaded.for_sessions(poses.every.rows.session_names)
+    model, selected = loaded.model, _selected(request, loaded.model)
     start = load_parameters(model, request.parameters)
     for text in start.warnings:
         to.warn(text)
-    if request.poses is None and request.grid is None:
-        to.say("note: no poses given: at the drawing only")
-        to.notes([note] if (note := resting(model)) else [])
-        rows = at_rest(model, Rows.at(model.drawn_readings[None]))
-        poses = Poses(rows, np.ones(1, dtype=bool), lambda _: Place(None, 0, ""))
-    else:
-        source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
-        poses = source.together()
-        to.notes(source.notes)
-        for text in source.travels.warnings():
-            to.warn(text)
-    rows = _offset_rows(model, poses.rows, request.offset or ())
-    return _Setting(loaded, start.values, selected, Poses(rows, poses.reachable, poses.place, poses.measured), to)
+    readings = _offset_readings(model, poses.poses.rows, request.offset or ())
+    return _Setting(loaded, start.values, selected, poses.with_readings(readings), to)
 
 
-def _offset_rows(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Rows:
-    """Rows with actuators moved off their set values, `NAME=VALUE unit`. Raises UsageError."""
+def _selected(request: AnalysisRequest, model: Model) -> tuple[str, ...]:
+    """Names of the selected parameters, all of them by default. Raises UsageError."""
+    if request.select is None and model.names:
+        return model.names
+    return selection(model, "all" if request.select is None else request.select)
+
+
+def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Array:
+    """Readings (N, A) of rows with actuators moved off their set values, `NAME=VALUE unit`. Raises UsageError."""
     readings = rows.readings.copy()
     names = [a.name for a in model.actuators]
     for text in offsets:
         name, equals, value = (t.strip() for t in text.partition("="))
         if not equals:
-            raise UsageError(f"--offset: `{text}` is no offset", hint='NAME=VALUE, for example --offset q1="50 um"')
+            raise UsageError(f"--offset: `{text}` is not an offset", hint='write NAME=VALUE, e.g. --offset q1="50 um"')
         if name not in names:
             raise UsageError(f"--offset: the machine has no actuator `{name}`", hint=did_you_mean(name, names))
         column = names.index(name)
-        if model.layout.drives[column].force_controlled:
-            what = f"--offset: `{name}` is force-controlled: it has no set value"
+        if model.topology.drives[column].force_controlled:
+            what = f"--offset: `{name}` is force-controlled and has no set value"
             raise UsageError(what, hint="offset a position-controlled actuator")
         own = parse_unit(model.actuators[column].unit)
         moved, unit = amount("--offset", value, own)
         if unit.dimension != own.dimension:
-            raise UsageError(f"--offset: `{value}` does not fit `{name}`", hint=f"it reads {own.text}")
+            raise UsageError(f"--offset: the unit of `{value}` does not fit `{name}`", hint=f"give it in {own.text}")
         readings[:, column] += moved
-    return replace(rows, readings=readings)
+    return readings
 
 
 def run_sensitivity(request: AnalysisRequest) -> int:
     """Show and emit sensitivities; returns the exit code. Raises PkmcalError."""
     s = _prepare(request)
+    tool = required_tool_point(s.loaded)
     model, units = s.loaded.model, s.loaded.machine.file_units
-    found = sensitivity(model, s.values, s.poses.rows, s.selected)
-    s.check(found.prediction)
-    show_sensitivity(s.to, model, units, found, len(s.poses))
+    result = sensitivity(model, s.values, s.set.poses.rows, s.selected)
+    used = s.predicted(result.prediction, s.set)
+    s.to.notes([tool.text] if s.set.tool is None else [])
+    show_sensitivity(s.to, model, units, result, len(used.kept))
+    s.show_loads(s.set)
     if request.as_json:
-        emit_json(sensitivity_json(model, units, found, len(s.poses)))
+        head = {"tool_point": tool.name, **used.failed.json()}
+        emit_json(head | sensitivity_json(model, units, result, len(used.kept)))
     return 0
 
 
@@ -127,22 +138,26 @@ def run_observability(request: AnalysisRequest) -> int:
     """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
     s = _prepare(request)
     model = s.loaded.model
-    problem = design_problem(model, s.poses.rows, s.poses.measured)
-    if not problem.count:
-        what = "no channel has a sigma: nothing would be measured"
-        hint = "declare a sensor with `reads:` and `sigma:`"
-        raise BadInput.single(what, Location(model.name), hint, "sensors")
-    s.check(evaluate(problem, s.values).prediction)
-    found = observability(problem, s.values, s.selected)
-    show_observability(s.to, model, found, len(s.poses))
-    if request.parameters is None and s.loaded.compiled.mobility.redundancy > 0 and found.undetermined:
+    poses = touching_poses(s.to, s.loaded, s.values, s.set)
+    used = poses.poses
+    problem = design_problem(model, used.rows, planned_channels(model, used.measured, used.touched))
+    require_measured(problem)
+    prediction = evaluate(problem, s.values).prediction
+    predicted = s.predicted(prediction, poses)
+    if not prediction.solved.all():
+        problem = problem.take(np.nonzero(prediction.solved)[0])
+    result = observability(problem, s.values, s.selected)
+    show_observability(s.to, model, result, len(problem))
+    if request.parameters is None and s.loaded.compiled.mobility.redundancy > 0 and result.undetermined:
         s.to.say(UNSTRAINED)
+    s.show_loads(poses)
     if request.as_json:
-        emit_json(observability_json(model, found, len(s.poses)))
-    lost = {n for n, gone in zip(found.selected, found.found.undetermined(), strict=True) if gone}
+        head = {"tool_point": predicted.tool and predicted.tool.name, **predicted.failed.json()}
+        emit_json(head | observability_json(model, result, len(problem)))
+    lost = {n for n, gone in zip(result.selected, result.directions.undetermined(), strict=True) if gone}
     missed = [n for n in s.selected if n in lost & named(model, request.select or "")]
     if missed:
-        s.to.fail(f"named in --select but not determined: {', '.join(missed)}")
-    elif not found.found.rank:
+        s.to.fail(f"named in --select but undetermined: {', '.join(missed)}")
+    elif not result.directions.rank:
         s.to.fail("these positions determine none of the selected parameters")
-    return 1 if missed or not found.found.rank else 0
+    return 1 if missed or not result.directions.rank else 0

@@ -14,28 +14,31 @@ from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_yo
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.bound import problem_of
+from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated, refit
 from pkmcal_cli.calibration.datum import Datum
+from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.fitted import Fitted, Treatment, fitted, fitted_again
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
-from pkmcal_cli.calibration.settled import settle
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
-from pkmcal_cli.loading.machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.figures import figure_unit
-from pkmcal_cli.report.numbers import readable
+from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.dimensions import LENGTH
+from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
+from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
 
 _FOLDS = "5"
 _SCHEMES = ("session", "cells", "none")
@@ -53,8 +56,9 @@ class CalibrationRequest:
     select: str
     holdout: str | None
     parameters: str | None
-    how: Treatment
+    fit_options: FitOptions
     max_rms: str | None
+    accept: bool
     as_json: bool
     quiet: bool
     force: bool
@@ -92,15 +96,21 @@ def run_calibration(request: CalibrationRequest) -> int:
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     s = _determined(s, to)
-    how = s.request.how
-    found = _fit(s, replace(how, starts=how.starts or 1) if hints else how, to)  # no start mends a wrong column
-    fit = found.robust.fit
+    options = s.request.fit_options
+    if hints:  # no start mends a wrong column
+        options = replace(options, starts=options.starts or 1)
+    calibration = _fit(s, options, to)
+    fit = calibration.robust.fit
     s = replace(s, problem=s.problem.without(fit.failed))
     held_out = _held_out(s, fit)
-    report = CalibrationReport(s.loaded.machine, s.problem, found, held_out, _places(s))
+    gross = gross_row_reasons(s.problem, calibration, _places(s))
+    report = CalibrationReport(s.loaded.machine, s.problem, calibration, held_out, _places(s), (*hints, *gross))
     report.show(to)
+    if report.implausible and request.accept:
+        to.say("accepted (`--accept`)")
     if request.output is not None:
-        text = report.parameter_file(provenance(s.inputs, seed=None, status=fit.status))
+        accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
+        text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **accepted))
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     if request.as_json:
@@ -113,7 +123,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     if request.as_json and request.output is not None and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
-    request.how.check()
+    request.fit_options.check()
     limit = _limit(request.max_rms)
     file = _file_of(request.holdout)
     inputs = given(request.machine, *request.measurements, request.parameters, file)
@@ -132,8 +142,8 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
     if absurd:
         raise BadInput(absurd)
-    if limit is not None and "position" not in _measured_kinds(problem):
-        raise UsageError("--max-rms: no positions were measured", hint="leave it out")
+    if limit is not None and Measurand.POSITION not in _measurands(problem):
+        raise UsageError("--max-rms: no positions were measured", hint="leave out `--max-rms`")
     apart = None if file is None else _apart(loaded, measured, file)
     s = _Setting(
         request=request,
@@ -151,12 +161,12 @@ def _prepare(request: CalibrationRequest) -> _Setting:
 
 def _determined(s: _Setting, to: Reporter) -> _Setting:
     """The setting without the parameters that are held as datum. Raises BadInput for data that determine too little."""
-    settled = settle(s.problem, s.start.values, s.selected)
-    if settled.refusal:
-        raise BadInput([Fault("under-determined", settled.refusal, Location(s.loaded.model.name), settled.remedy)])
-    for line in settled.notes:
+    asked = determinacy(s.problem, s.start.values, s.selected)
+    if asked.refusal:
+        raise BadInput([Fault("under-determined", asked.refusal, Location(s.loaded.model.name), asked.remedy)])
+    for line in asked.notes:
         to.say(line)
-    return replace(s, selected=settled.selected, datum=settled.datum)
+    return replace(s, selected=asked.selected, datum=asked.datum)
 
 
 def _file_of(scheme: str | None) -> str | None:
@@ -164,8 +174,8 @@ def _file_of(scheme: str | None) -> str | None:
     if scheme is None or scheme in _SCHEMES or _NUMBER.fullmatch(scheme):
         return None
     if not is_stream(scheme) and not os.path.splitext(scheme)[1] and not os.path.exists(scheme):
-        hint = did_you_mean(scheme, _SCHEMES, "a number of folds, session, cells, FILE.csv or none")
-        raise UsageError(f"--holdout: `{scheme}` is none", hint=hint)
+        hint = did_you_mean(scheme, _SCHEMES, "give a number of folds, session, cells, FILE.csv or none")
+        raise UsageError(f"--holdout: `{scheme}` is not a scheme", hint=hint)
     return scheme
 
 
@@ -173,22 +183,30 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
     """The rows of a file that is held out. Raises BadInput, and UsageError for rows that are fitted."""
     other = load_measurements(loaded, [file])
     if set(other.sha256) & set(measured.sha256):
-        raise UsageError(f"--holdout: the rows of {file} are fitted", hint="another file, or a number of folds: 5")
+        raise UsageError(f"--holdout: the rows of `{file}` are fitted", hint="give another file, or a number of folds")
     return other
 
 
-def _measured_kinds(problem: Problem) -> set[str]:
-    return {c.quantity for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
+def _measurands(problem: Problem) -> set[Measurand]:
+    return {c.measurand for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
 
 
-def _fit(s: _Setting, how: Treatment, to: Reporter) -> Fitted:
+def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
     try:
-        found = fitted(s.problem, s.selected, s.start.values, how, np.asarray(s.measured.session), to.say)
+        calibration = calibrated(
+            s.problem,
+            s.selected,
+            start=s.start.values,
+            options=options,
+            session=np.asarray(s.measured.session),
+            datum=s.datum,
+            tell=to.say,
+        )
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
-    if found.agreement is not None:
-        to.say(found.agreement.text)
-    return replace(found, datum=s.datum)
+    if calibration.agreement is not None:
+        to.say(calibration.agreement.text)
+    return calibration
 
 
 def _places(s: _Setting) -> Callable[[int], Place]:
@@ -206,32 +224,32 @@ def _held_out(s: _Setting, fit: Fit) -> HeldOut | str:
     """Held-out figures, or why there are none."""
     scheme = s.request.holdout
     if scheme == "none":
-        return "not asked for"
+        return "not requested"
     if s.apart is not None:
         return _validated(s, fit, s.apart)
     if fit.status != "converged":
-        return f"the fit has not succeeded ({fit.status})"
+        return f"the fit did not succeed ({fit.status})"
     if scheme is not None and not 0 < len(scheme) <= _DIGITS:
-        raise UsageError("--holdout: no such number of folds", hint="for example --holdout 5")
+        raise UsageError("--holdout: invalid number of folds", hint="give a number such as 5")
     if scheme is None and not enough_rows(s.problem, fit.selected):
         rows, parameters = count(len(s.problem), "row"), count(len(fit.selected), "parameter")
-        return f"{rows} for {parameters}: fewer than 3 rows a parameter"
+        return f"{rows} for {parameters}: fewer than 3 rows per parameter"
     try:
         labels, words = fold_labels(scheme or _FOLDS, s.problem, s.measured)
     except ValueError as error:
         if scheme is None:
             return str(error)
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(s.problem, fit, labels, words, partial(fitted_again, s.request.how))
+    return cross_validate(s.problem, fit, labels, words, partial(refit, s.request.fit_options))
 
 
 def _validated(s: _Setting, fit: Fit, other: Measurements) -> HeldOut | str:
     """Figures on the rows of another file."""
     problem = problem_of(s.loaded.model, other)
     if not problem.count:
-        return f"nothing in {other.files[0]} was measured with a sigma"
+        return f"no reading in {other.files[0]} has a sigma"
     if fit.status != "converged":
-        return f"the fit has not succeeded ({fit.status})"
+        return f"the fit did not succeed ({fit.status})"
     try:
         return validate(problem, s.problem.model, fit, f"rows of {other.files[0]}")
     except RowsFailed as failure:
@@ -241,25 +259,25 @@ def _validated(s: _Setting, fit: Fit, other: Measurements) -> HeldOut | str:
 def _limit(text: str | None) -> float | None:
     if text is None:
         return None
-    value, unit = amount("--max-rms", text)
+    value, unit = amount("--max-rms", text, fitting=(LENGTH,))
     if unit.dimension.name != "length" or value < 0:
-        raise UsageError(f"--max-rms: `{text}` is no length", hint='for example "20 um"')
+        raise UsageError(f"--max-rms: `{text}` is not a length", hint='give a length such as "20 um"')
     return value
 
 
 def _exit_code(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
     """1 when the verdict is negative: not converged, a named parameter undetermined, the limit missed."""
-    if report.fit.status != "converged":
+    if report.status != "converged" and not (report.implausible and s.request.accept):
         if s.request.quiet:
             to.fail(report.verdict())
         return 1
     wanted = named(report.model, s.request.select) & set(s.selected)
     lost = [r.name for r in report.rows if r.name in wanted and r.std is None]
     if lost:
-        to.fail(f"named in --select but not determined: {', '.join(lost)}")
+        to.fail(f"named in --select but undetermined: {', '.join(lost)}")
         return 1
     if s.limit is not None and (missed := _above(report, s.limit)):
-        to.fail(f"{missed} is above the limit of {s.request.max_rms}")
+        to.fail(f"{missed}, above the limit of {s.request.max_rms}")
         return 1
     return 0
 
@@ -268,6 +286,6 @@ def _above(report: CalibrationReport, limit: float) -> str:
     """Which figure misses the limit, m: the held-out one where there is one, else that of fitted rows; "" if none."""
     held = None if isinstance(report.held_out, str) else report.held_out.after.get("position")
     figures = held or report.after["position"]
-    told = readable(figures.rms, figure_unit(report.machine, figures))
-    rows = "of held-out rows" if held else "of the rows that were fitted"
-    return "" if figures.rms <= limit else f"position rms {rows}, {told},"
+    figure = readable(figures.rms, figure_unit(report.machine, figures))
+    rows = "of held-out rows" if held else "of fitted rows"
+    return "" if figures.rms <= limit else f"position rms {rows}: {figure}"

@@ -6,10 +6,13 @@ from typing import Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.loading.machine import LoadedMachine, load_machine
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
+from pkmcal_cli.model.singular_drives import singular_drives
 from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json
-from pkmcal_cli.report.machine import machine_json, show_machine
+from pkmcal_cli.report.machine_report import machine_json, show_machine
+from pkmcal_cli.report.number_format import readable
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.workflow.arguments import one_stdin
 
 UNREADABLE = "file"
@@ -27,13 +30,14 @@ def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bo
         return _finish(to, {}, list(error.faults), error.total, as_json)
     result, faults = machine_json(loaded.machine, loaded.compiled), idle_faults(loaded)
     show_machine(to, loaded.machine, loaded.compiled, result)
-    for fault in loaded.warnings:
+    warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
+    for fault in warnings:
         to.warn(fault.text())
-    result["warnings"] = [_json(f) for f in loaded.warnings]
+    result["warnings"] = [_json(f) for f in warnings]
     total = len(faults)
     if measurements:
-        result["measurements"], found, count = _check_tables(loaded, measurements, to)
-        faults, total = faults + found, total + count
+        result["measurements"], table_faults, count = _check_tables(loaded, measurements, to)
+        faults, total = faults + table_faults, total + count
     return _finish(to, result, faults, total, as_json)
 
 
@@ -67,12 +71,32 @@ def _json(fault: Fault) -> dict[str, Any]:
     }
 
 
+def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
+    """A warning where the drives that are not redundant do not hold the platform in the whole workspace."""
+    found = singular_drives(loaded.model)
+    if found is None:
+        return []
+    units = loaded.machine.file_units
+    names = loaded.model.motion_of(loaded.model.posed).sets[0]
+    place = ", ".join(
+        f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
+        for name, value in zip(names, found.pose, strict=True)
+    )
+    what = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
+    hint = "only `--method linear` and `rigid` refer to the actuators that are not redundant; they may fail there"
+    if found.better:
+        hint += f". No such pose was found with {' and '.join(found.better[0])} redundant instead"
+    source = loaded.machine.source
+    return [source.fault("substructure", what, ("actuators",), hint, at_key=True, warning=True)]
+
+
 def idle_faults(loaded: LoadedMachine) -> list[Fault]:
     """Parameters that act nowhere by structure."""
     source, names = loaded.machine.source, idle_parameters(loaded.model)
-    what = "acts nowhere: no pose, strained or not, depends on it"
+    what = "has no effect on any pose, strained or not"
     hint = (
-        "the place of a node or body is only drawn: use it in a `length`, a body's point or the ground, or take it out"
+        "positions of nodes and bodies only define the reference configuration: use the parameter in a `length`, a "
+        "body's point or the ground, or remove it"
     )
     return [
         source.fault("idle-parameter", f"parameter `{name}` {what}", ("parameters", name), hint, at_key=True)
@@ -86,10 +110,10 @@ def _check_tables(
     """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
     import numpy as np
 
-    from pkmcal_cli.calibration.bound import problem_of
+    from pkmcal_cli.calibration.measured_problem import problem_of
     from pkmcal_cli.calibration.residual import evaluate
     from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
-    from pkmcal_cli.loading.machine import load_measurements
+    from pkmcal_cli.loading.load_machine import load_measurements
     from pkmcal_cli.loading.poses import place_of
 
     try:
@@ -104,8 +128,8 @@ def _check_tables(
     prediction = evaluate(problem, problem.model.nominal).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    told = measurement_hints(loaded, problem, problem.model.nominal, measured)
-    hints = [Fault("plausibility", text) for text in told]
+    messages = measurement_hints(loaded, problem, problem.model.nominal, measured)
+    hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:
         to.warn(f"warning: {text}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,24 +12,27 @@ from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_folder
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.covariates import derived_directions
-from pkmcal_cli.loading.machine import LoadedMachine, load_machine, load_measurements
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.calibrate import unsolved
+from pkmcal_cli.workflow.fail_on import failing
 
-MOST_ALPHA = 0.2
+FAILING: tuple[Verdict, ...] = ("found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small")
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
 
 
@@ -42,6 +46,7 @@ class DiagnosisRequest:
     alpha: float
     seed: int
     plots: str | None
+    fail_on: str | None
     as_json: bool
     quiet: bool
 
@@ -55,6 +60,7 @@ class Case:
     candidates: Candidates
     problem: Problem  # of the candidates' model
     selected: tuple[str, ...]
+    hints: tuple[str, ...]  # at gross mistakes
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -70,8 +76,8 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
     measured = load_measurements(loaded, measurements)
     model = loaded.model.for_sessions(measured.sessions)
     selected = selection(model, text)
-    found = candidates(model, select(model, text), measured)
-    problem = problem_of(found.model, measured)
+    candidates_ = candidates(model, select(model, text), measured)
+    problem = problem_of(candidates_.model, measured)
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     _enough(problem, measured, selected, fewest)
@@ -82,18 +88,12 @@ def prepare(machine: str, measurements: tuple[str, ...], text: str, to: Reporter
         to.warn(f"warning: {gap}")
     for fault in (*loaded.warnings, *measured.warnings):
         to.warn(fault.text())
-    hints = measurement_hints(loaded, problem, found.model.nominal, measured)
+    hints = measurement_hints(loaded, problem, candidates_.model.nominal, measured)
     for hint in (*hints, *copied_rows(problem, measured)):
         to.warn(f"warning: {hint}")
     if derived := derived_directions(measured, [a.name for a in loaded.model.actuators]):
-        to.notes([f"direction of {', '.join(derived)}: from the order of the rows"])
-    return Case(loaded, measured, found, problem, selected)
-
-
-def check_alpha(alpha: float) -> None:
-    """Raises UsageError for what is no false-alarm rate."""
-    if not 0 < alpha <= MOST_ALPHA:
-        raise UsageError(f"--alpha: {alpha:g} is no false-alarm rate", hint=f"above 0, at most {MOST_ALPHA}")
+        to.notes([f"direction of {', '.join(derived)}: taken from the order of the rows"])
+    return Case(loaded, measured, candidates_, problem, selected, hints)
 
 
 def _enough(problem: Problem, measured: Measurements, selected: tuple[str, ...], fewest: int) -> None:
@@ -112,15 +112,18 @@ def _gaps(measured: Measurements) -> list[str]:
     for name, values in measured.covariates.items():
         empty = int(np.isnan(values).sum())
         if 0 < empty < len(values) and not name.startswith("dir."):
-            out.append(f"column `{name}` is empty in {empty} of {len(values)} rows: no effect that needs it is tested")
+            out.append(
+                f"column `{name}` is empty in {empty} of {len(values)} rows: effects that need it are not tested"
+            )
     return out
 
 
 def run_diagnosis(request: DiagnosisRequest) -> int:
     """Diagnose and show; returns the exit code. Raises PkmcalError."""
     check_alpha(request.alpha)
+    fails_on = failing(request.fail_on, FAILING)
     if request.plots is not None and is_stream(request.plots) and request.quiet:
-        raise UsageError("--plots -: pictures on the terminal, and -q wants none", hint="--plots DIR writes files")
+        raise UsageError("--plots - draws on the terminal, but -q suppresses it", hint="write files with `--plots DIR`")
     if request.plots is not None and not is_stream(request.plots):
         from pkmcal_cli.report.pictures import check_library
 
@@ -128,15 +131,17 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         check_library()
     to = Reporter(request.quiet)
     case = prepare(request.machine, request.measurements, request.select, to)
-    found = diagnosed(case, request.alpha, request.seed)
-    report = DiagnosisReport(case.loaded.machine, case.measured, found)
+    diagnosis = diagnosed(case, request.alpha, request.seed)
+    report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
     report.show(to)
-    _draw(request, case, found, to)
+    Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(to)
+    _draw(request, case, diagnosis, to)
     if request.as_json:
         emit_json(report.json() | {"provenance": _origin(case)})
-    if request.quiet and exit_code(found):
+    failed = diagnosis.verdict in fails_on
+    if request.quiet and failed:
         to.fail(report.verdict_line())
-    return exit_code(found)
+    return int(failed)
 
 
 def _origin(case: Case) -> dict[str, Any]:
@@ -144,18 +149,18 @@ def _origin(case: Case) -> dict[str, Any]:
     return {k: v for k, v in provenance(case.inputs).items() if k not in ("created", "arguments")}
 
 
-def _draw(request: DiagnosisRequest, case: Case, found: Diagnosis, to: Reporter) -> None:
+def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Reporter) -> None:
     """Pictures as files, or as text where they are asked for on the terminal. Raises UsageError, OutputError."""
     if request.plots is None:
         return
     if is_stream(request.plots):
         from pkmcal_cli.report.text_pictures import text_pictures
 
-        to.say(text_pictures(found))
+        to.say(text_pictures(diagnosis))
         return
     from pkmcal_cli.report.pictures import write_pictures
 
-    for file in write_pictures(request.plots, case.loaded.machine, found, case.inputs):
+    for file in write_pictures(request.plots, case.loaded.machine, diagnosis, case.inputs):
         to.say(f"written: {file}")
 
 
@@ -165,9 +170,3 @@ def diagnosed(case: Case, alpha: float, seed: int) -> Diagnosis:
         return diagnose(case.candidates, case.problem, case.selected, alpha, seed)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
-
-
-def exit_code(found: Diagnosis) -> int:
-    """0 for clean, or found and confirmed; 1 for what is in doubt, unknown, a fault of the measurement or its sigma."""
-    good = found.verdict == "clean" or (found.verdict == "found" and not any(f.provisional for f in found.findings))
-    return 0 if good else 1

@@ -4,43 +4,54 @@ from __future__ import annotations
 
 from typing import Any
 
-from pkmcal_cli.effects import PORTS, STAGES, Effect, catalogue
+from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.effects import ENTRIES, STAGES, Effect, catalogue
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.workflow.effects_request import EffectsRequest
 
 _SHOWN = 5
 
 
-def run_effects(machine: str | None, as_json: bool, quiet: bool) -> int:
-    """List the catalogue; with a machine, the places at which each effect can sit. Raises PkmcalError."""
-    to = Reporter(quiet)
+def run_effects(request: EffectsRequest) -> int:
+    """List the catalogue; with a machine, places, or what each effect does there. Raises PkmcalError."""
+    machine = request.machine
+    if request.simulate:
+        from pkmcal_cli.workflow.simulated_effects import run_simulated_effects
+
+        if machine is None:
+            raise UsageError("--simulate needs a machine file", hint="write `pkmcal effects M.yaml --simulate`")
+        return run_simulated_effects(machine, request)
+    if any(given is not None for given in (request.poses, request.grid, request.parameters)):
+        raise UsageError("poses and parameters are for simulation", hint="add `--simulate`")
+    to = Reporter(request.quiet)
     sites = None if machine is None else _places(machine)
     rows, listed = [], []
     for effect in catalogue().values():
         where = None if sites is None else sites[effect.keyword]
         if where == []:
             continue
-        rows.append((effect.keyword, effect.title, _short(where) or PORTS[effect.port], ", ".join(effect.needs)))
+        rows.append((effect.keyword, effect.title, _short(where) or ENTRIES[effect.enters], ", ".join(effect.needs)))
         listed.append(_json(effect, where))
     to.table(
         "Effects",
-        ("keyword", "effect", "at" if machine else "enters", "needs"),
+        ("keyword", "effect", "at" if machine else "acts on", "needs"),
         rows,
         left=4,
-        folded=("effect", "at", "enters"),
+        folded=("effect", "at", "acts on"),
     )
-    to.say("diagnose also tests every single row (bad rows) and noise that grows with distance (noise_model)")
-    to.say("parameters, plausible ranges, causes and remedies: --json, docs/effects.md")
-    if as_json:
+    to.say("`diagnose` also tests each row (bad rows) and noise that grows with distance (noise_model)")
+    to.say("parameters, plausible ranges, causes and remedies: see --json and docs/effects.md")
+    if request.as_json:
         emit_json({"effects": listed})
     return 0
 
 
 def _places(machine: str) -> dict[str, list[str]]:
-    from pkmcal_cli.loading.machine import load_machine
+    from pkmcal_cli.loading.load_machine import load_machine
     from pkmcal_cli.model.effect_sites import places
 
     model = load_machine(machine, receptive=True).model
-    return {e.keyword: list(places(model.sockets, e, ("SESSION",))) for e in catalogue().values()}
+    return {e.keyword: list(places(model.sites, e, ("SESSION",))) for e in catalogue().values()}
 
 
 def _short(where: list[str] | None) -> str:
@@ -55,8 +66,8 @@ def _json(effect: Effect, where: list[str] | None) -> dict[str, Any]:
         "title": effect.title,
         "symbol": effect.symbol or None,
         "source": effect.source,
-        "stage": STAGES[effect.port],
-        "enters": PORTS[effect.port],
+        "stage": STAGES[effect.enters],
+        "enters": ENTRIES[effect.enters],
         "parameters": [
             {
                 "name": p.name,

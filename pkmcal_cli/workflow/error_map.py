@@ -11,12 +11,13 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.loading.machine import Start
+from pkmcal_cli.loading.load_machine import Start
 from pkmcal_cli.loading.poses import Place
-from pkmcal_cli.model.model import Model, tcp_model
-from pkmcal_cli.prediction import Request, Rows, predict
-from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
+from pkmcal_cli.report.number_format import finite
+from pkmcal_cli.units.measurands import Measurand
 
 
 @dataclass(kw_only=True)
@@ -35,11 +36,13 @@ class ErrorMap:
     def of(cls, model: Model, start: Start, path: str | None, method: str) -> ErrorMap:
         """From a parameter file. Raises UsageError and BadInput where there is nothing to carry."""
         if path is None:
-            raise UsageError("--uncertainty: of which calibration?", hint="-p PARAMS.yaml, as calibrate -o writes it")
+            raise UsageError(
+                "--uncertainty needs a calibration", hint="add `-p PARAMS.yaml`, written by `calibrate -o`"
+            )
         if method != "exact":
-            raise UsageError("--uncertainty needs the exact method", hint="leave --method out")
+            raise UsageError("--uncertainty needs the exact method", hint="leave out `--method`")
         if start.covariance is None:
-            what = "this parameter file has no `correlations` with `std`: nothing says how sure its values are"
+            what = "this parameter file has no `correlations` with `std`, so the uncertainty of its values is unknown"
             raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
         names, matrix = start.covariance
         return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix)
@@ -52,17 +55,17 @@ class ErrorMap:
     def _unit(self, dimension: str) -> str:
         return "um" if dimension == "length" else "urad"
 
-    def cells(self, rows: Rows, state: State, places: Mapping[int, Place]) -> list[Array]:
+    def cells(self, rows: Rows, start: WarmStart, places: Mapping[int, Place]) -> list[Array]:
         """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved."""
-        found = predict(self.model, self.values, rows, Request(parameters=self.names), state)
-        assert found.jacobian is not None
-        variance = np.einsum("ncp,pq,ncq->nc", found.jacobian, self.covariance, found.jacobian)
+        prediction = predict(self.model, self.values, rows, Request(parameters=self.names), start)
+        assert prediction.jacobian is not None
+        variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)
         u = np.sqrt(np.maximum(variance, 0.0))
         self._count(u, places)
         return list(u.T)
 
     def _count(self, u: Array, places: Mapping[int, Place]) -> None:
-        coordinates = [k for k, c in enumerate(self.model.channels) if c.quantity == "position"]
+        coordinates = self.model.measuring(Measurand.POSITION)
         size = np.sqrt((u[:, coordinates] ** 2).sum(axis=1))
         self.rows += len(size)
         self.squares += float((size**2).sum())
@@ -73,11 +76,11 @@ class ErrorMap:
     def text(self) -> str:
         """The map in one sentence."""
         if not self.rows:
-            return "no position: no uncertainty"
+            return "uncertainty of the TCP position: not available (no position)"
         rms = np.sqrt(self.squares / self.rows) / 1e-6
         largest, where = self.worst[0] / 1e-6, self.worst[1]
         return (
-            f"uncertainty of the TCP's position by the calibration: {rms:.3g} um rms, largest {largest:.3g} um at "
+            f"uncertainty of the TCP position from the calibration: {rms:.3g} um rms, largest {largest:.3g} um at "
             f"{where} (standard uncertainties; twice that for 95 %)"
         )
 

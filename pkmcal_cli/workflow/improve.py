@@ -4,26 +4,35 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
-from pkmcal_cli.calibration.bound import problem_of
 from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.improve import Improvement, improve
+from pkmcal_cli.calibration.range_check import range_check
+from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.loading.machine import load_measurements
+from pkmcal_cli.loading.load_machine import load_measurements
+from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.calibrate import unsolved
-from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, check_alpha, prepare
+from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, prepare
+from pkmcal_cli.workflow.fail_on import failing
 
+FAILING = (*FAILURES, "implausible")
 FEWEST_TO_SPLIT = 20  # rows of which some can be kept apart
 
 
@@ -38,6 +47,8 @@ class ImproveRequest:
     select: str
     alpha: float
     seed: int
+    accept: bool
+    fail_on: str | None
     as_json: bool
     quiet: bool
     force: bool
@@ -46,6 +57,7 @@ class ImproveRequest:
 def run_improvement(request: ImproveRequest) -> int:
     """Run the loop, show it, write what was accepted; returns the exit code. Raises PkmcalError."""
     check_alpha(request.alpha)
+    fails_on = failing(request.fail_on, FAILING)
     one_stdin(request.machine, *request.measurements, request.validation)
     targets = _targets(request)
     to = Reporter(request.quiet)
@@ -57,17 +69,40 @@ def run_improvement(request: ImproveRequest) -> int:
         check_target(target, inputs, force=request.force)
     validation = None if apart is None else _validation(case, apart)
     try:
-        found = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)
+        improvement = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None
-    report = ImprovementReport(case.loaded.machine, case.measured, found)
+    report = ImprovementReport(case.loaded.machine, case.measured, improvement)
     report.show(to)
-    written = _write(request, inputs, report, found, targets, to)
+    Loads.of_fit(improvement.problem, improvement.fit, partial(place_of, case.measured)).show(to)
+    odd = _implausible(improvement, case.hints)
+    _tell(odd[len(case.hints) :], to)
+    if odd and request.accept:
+        to.say("accepted (`--accept`)")
+    written: tuple[str | None, str | None] = (None, None)
+    if targets is not None:
+        written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
+    failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
     if request.as_json:
-        emit_json(report.json(*written))
-    if found.broken is not None:
-        raise found.broken
-    return 0 if found.confirmed or found.whole.verdict == "clean" else 1
+        emit_json(report.json(*written) | {"implausible": list(odd), "failures": list(failures)})
+    if improvement.broken is not None:
+        raise improvement.broken
+    return int(not fails_on.isdisjoint(failures))
+
+
+def _implausible(improvement: Improvement, hints: tuple[str, ...]) -> tuple[str, ...]:
+    """Hints at gross mistakes, and why the fit with all that was accepted is not to be believed; () if it failed."""
+    problem, fit = improvement.problem, improvement.fit
+    if fit.status != "converged":
+        return ()
+    checked = range_check(problem, fit, improvement.budget)
+    return (*hints, *implausible_values(problem, checked), *implausible_residuals(problem, fit))
+
+
+def _tell(reasons: tuple[str, ...], to: Reporter) -> None:
+    """Reasons that were not told as hints before."""
+    for reason in reasons:
+        to.warn(f"warning: implausible: {reason}")
 
 
 def _targets(request: ImproveRequest) -> tuple[str, str] | None:
@@ -75,11 +110,15 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
     if request.output is None:
         return None
     if is_stream(request.machine):
-        raise UsageError("-o: what is written extends the machine's file, and stdin is none", hint="give a file")
+        raise UsageError(
+            "-o: the output extends the machine file, but the machine comes from stdin", hint="name the machine file"
+        )
     if takes_directly(request.output):
-        raise UsageError("improve: the machine and its parameters go to two files", hint="-o M-improved.yaml")
+        raise UsageError("-o: the machine and its parameters need two files", hint="name a file: -o M-improved.yaml")
     if not _base(request.machine, request.output).isprintable():
-        raise UsageError("-o: what is written extends the machine's file, whose name is no text", hint="rename it")
+        raise UsageError(
+            "-o: the output extends the machine file, whose name is not printable", hint="rename the machine file"
+        )
     stem = os.path.splitext(request.output)[0]
     targets = (request.output, f"{stem}.params.yaml")
     inputs = given(request.machine, *request.measurements, request.validation)
@@ -92,7 +131,7 @@ def _apart(case: Case, file: str) -> Measurements:
     """The rows of a validation file. Raises BadInput, and UsageError for rows that are fitted."""
     measured = load_measurements(case.loaded, [file])
     if set(measured.sha256) & set(case.measured.sha256):
-        raise UsageError("--validation: these rows are those that are fitted", hint="give rows that were kept apart")
+        raise UsageError("--validation: these rows are already used for fitting", hint="give held-out rows")
     return measured
 
 
@@ -108,16 +147,11 @@ def _write(
     request: ImproveRequest,
     inputs: dict[str, str],
     report: ImprovementReport,
-    found: Improvement,
-    targets: tuple[str, str] | None,
+    targets: tuple[str, str],
+    head: dict[str, Any],
     to: Reporter,
-) -> tuple[str | None, str | None]:
-    """Write the overlay and the parameters of accepted effects; their names, None where nothing was written."""
-    if targets is None or not found.confirmed:
-        if targets is not None:
-            to.say("nothing written: no effect was accepted")
-        return None, None
-    head = provenance(inputs, seed=request.seed, status=found.fit.status)
+) -> tuple[str, str]:
+    """Write the overlay and the parameters of accepted effects; their names."""
     machine, parameters = targets
     base = _base(request.machine, machine)
     with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
@@ -128,12 +162,21 @@ def _write(
     return targets
 
 
+def _head(
+    request: ImproveRequest, inputs: dict[str, str], improvement: Improvement, odd: tuple[str, ...]
+) -> dict[str, Any]:
+    """Where the parameters come from, and whether they are to be believed."""
+    accepted = {"accepted": list(odd)} if odd and request.accept else {}
+    status = "implausible" if odd else improvement.fit.status
+    return provenance(inputs, seed=request.seed, status=status, **accepted)
+
+
 def _fingerprint(overlay: str, inputs: dict[str, str]) -> Fingerprint:
     """Of the improved machine, as every command will read it. Raises BadInput where its base is no longer the same."""
     improved = read_machine(overlay)
     for name, digest in improved.files[1:]:
         if digest not in inputs.values():
-            what = "this file has changed since it was read: the improved machine would be another one"
+            what = "this file has changed since it was read, so the improved machine would differ"
             raise BadInput.single(what, Location(name), "run the command again", "file")
     return fingerprint_of(improved)
 

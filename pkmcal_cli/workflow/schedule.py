@@ -8,7 +8,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.writer import open_writer
-from pkmcal_cli.loading.machine import LoadedMachine
+from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.workflow.sides import moves_together
@@ -27,7 +27,7 @@ def write_schedule(
     `approach.ACTUATOR`. The first pose again every 20 rows. What joins rows is kept (`to`).
     """
     model, rng = loaded.model, np.random.default_rng(seed)
-    held = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled]
+    held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
     names, units = [model.actuators[a].name for a in held], [model.actuators[a].unit for a in held]
     side = np.stack([rows.columns[f"dir.{n}"] for n in names], axis=1)
     begin = _begin(model, rows.readings, side, held)

@@ -9,16 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.loading.machine import LoadedMachine
+from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.inverse_kinematics import DIRECTIONS, drive_positions
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 _SHARE = 1e-3  # of the machine's size, or rad: how far away a motion towards the pose begins
 
 
 def moves_together(loaded: LoadedMachine) -> bool:
     """Whether more drives hold their position than the mechanism has freedoms."""
-    held = sum(not d.force_controlled for d in loaded.model.layout.drives)
+    held = sum(not d.force_controlled for d in loaded.model.topology.drives)
     return held > loaded.compiled.mobility.degrees_of_freedom
 
 
@@ -27,7 +28,7 @@ def sides(loaded: LoadedMachine, poses: Array, rng: np.random.Generator) -> Arra
 
     Where the drives move together, those that a straight motion of the TCP in a random direction asks for.
     """
-    drives = len(loaded.model.layout.drives)
+    drives = len(loaded.model.topology.drives)
     if not moves_together(loaded):
         return rng.choice([-1.0, 1.0], (len(poses), drives))
     before = poses - _SHARE * _random_directions(loaded.model, len(poses), rng)

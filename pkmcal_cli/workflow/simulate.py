@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, get_args
 
@@ -15,19 +16,25 @@ from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.writer import TableWriter, open_writer
-from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.loading.machine import load_machine, load_parameters
+from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
+from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_channels
 from pkmcal_cli.loading.poses import Place, Poses, PoseSource
+from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import Method, Prediction, Request, predict
+from pkmcal_cli.prediction import Method, Prediction, Request, Rows, WarmStart, predict
+from pkmcal_cli.prediction.touching import touching
 from pkmcal_cli.report.console import Reporter, emit_json
-from pkmcal_cli.report.numbers import finite
+from pkmcal_cli.report.failed_rows import skipped
+from pkmcal_cli.report.loads import Loads, limited
+from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
-from pkmcal_cli.workflow.noise import Noise
+from pkmcal_cli.workflow.simulated_noise import Noise
 from pkmcal_cli.workflow.table import SimulatedTable
+from pkmcal_cli.workflow.touched_poses import no_touch, readings_at_touch, touches_text
 
 _SHOWN = 20  # failed rows told one by one
 _LISTED = 1000  # failed rows in the JSON
@@ -52,14 +59,16 @@ class SimulationRequest:
     force: bool
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Tally:
     """What has been simulated so far."""
 
     seen: int = 0
     rows: int = 0
     n_failed: int = 0
+    touched: int = 0
     failed: list[tuple[Place, str]] = field(default_factory=list)
+    by_reason: Counter[str] = field(default_factory=Counter)
     low: Array | None = None
     high: Array | None = None
 
@@ -74,6 +83,7 @@ class _Tally:
     def fail(self, block: Poses, reasons: dict[int, str]) -> None:
         """Count rows without a solution; list the first ones."""
         self.n_failed += len(reasons)
+        self.by_reason.update(reasons.values())
         room = _LISTED - len(self.failed)
         self.failed += [(block.place(k), reasons[k]) for k in sorted(reasons)[: max(room, 0)]]
 
@@ -92,30 +102,55 @@ def run_simulation(request: SimulationRequest) -> int:
     start = load_parameters(model, request.parameters)
     for text in start.warnings:
         to.warn(text)
-    errors = ErrorMap.of(model, start, request.parameters, request.method) if request.uncertainty else None
-    noise = Noise.of(model, request.noise, request.seed)
-    if noise.silent:
-        to.warn(f"warning: no sigma is declared for {', '.join(noise.silent)}: no noise there")
+    work = _work(request, loaded, model, start, source, first)
+    if work.noise.silent:
+        to.warn(f"warning: no `sigma` declared for {', '.join(work.noise.silent)}: no noise added there")
     inputs = loaded.inputs | start.inputs | source.inputs
     head = provenance(inputs, seed=request.seed, noise=request.noise, method=request.method)
-    joined = _names_others(first)
-    table = SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined)
-    work = _Work(model=model, request=request, values=start.values, noise=noise, table=table, errors=errors)
-    comments = ["simulated by pkmcal: these are no measurements", *provenance_lines(head)]
+    comments = ["simulated by pkmcal, not measured", *provenance_lines(head)]
     writing = open_writer(target, work.columns, inputs, comments=comments, force=request.force)
     with writing as writer, to.progress() as tick:
         for block in chain([first] if first is not None else [], blocks):
             work.simulate(block, writer, tick)
-    to.notes(source.notes)
-    for text in source.travels.warnings():
+        lines = skipped(work.tally.by_reason, work.tally.seen) if source.points is not None else []
+    tool = source.tool or (None if work.errors is None else required_tool_point(loaded))
+    to.notes(source.notes if source.tool is not None or tool is None else [tool.text, *source.notes])
+    to.notes([] if model.channels else ["the machine has no sensors: the table has no readings"])
+    for text in (*source.travels.warnings(), *lines):
         to.warn(text)
-    _tell(to, work.tally)
-    if errors is not None:
-        to.say(errors.text)
+    if work.tally.touched:
+        to.notes([touches_text(model, work.tally.touched, work.tally.rows)])
+    _tell(to, work, by_row=source.points is None)
     if request.as_json:
-        told = {} if errors is None else {"uncertainty": errors.json()}
-        emit_json(_json(model, request, work.tally, head) | told)
-    return 1 if work.tally.n_failed else 0
+        emit_json({"tool_point": tool and tool.name} | _json(work, head))
+    return 1 if work.tally.n_failed and source.points is None else 0
+
+
+def _error_map(request: SimulationRequest, loaded: LoadedMachine, model: Model, start: Start) -> ErrorMap:
+    """The error map of the tool point. Raises UsageError and BadInput where there is none."""
+    required_tool_point(loaded)
+    return ErrorMap.of(model, start, request.parameters, request.method)
+
+
+def _work(
+    request: SimulationRequest,
+    loaded: LoadedMachine,
+    model: Model,
+    start: Start,
+    source: PoseSource,
+    first: Poses | None,
+) -> _Work:
+    """What the simulation needs besides its rows. Raises PkmcalError."""
+    joined = _names_others(first)
+    return _Work(
+        model=model,
+        request=request,
+        values=start.values,
+        noise=Noise.of(model, request.noise, request.seed),
+        table=SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined),
+        errors=_error_map(request, loaded, model, start) if request.uncertainty else None,
+        loads=Loads(model=model),
+    )
 
 
 def _names_others(block: Poses | None) -> bool:
@@ -126,12 +161,14 @@ def _names_others(block: Poses | None) -> bool:
 def _checked(request: SimulationRequest) -> str:
     """The target, when the arguments go together. Raises UsageError and OutputError."""
     if request.method not in get_args(Method):
-        raise UsageError(f"--method: `{request.method}` is none", hint=did_you_mean(request.method, get_args(Method)))
+        raise UsageError(
+            f"--method: `{request.method}` is not a method", hint=did_you_mean(request.method, get_args(Method))
+        )
     if request.seed < 0:
-        raise UsageError(f"--seed: {request.seed} is negative", hint="a whole number from 0")
+        raise UsageError(f"--seed: {request.seed} is negative", hint="give a whole number from 0")
     target = "-" if request.output is None else request.output
     if request.as_json and is_stream(target):
-        raise UsageError("--json and the table both go to stdout", hint="write the table with `-o OUT.csv`")
+        raise UsageError("--json and the table both write to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
     check_target(target, given(request.machine, request.poses, request.parameters), force=request.force)
     return target
@@ -147,6 +184,7 @@ class _Work:
     noise: Noise
     table: SimulatedTable
     errors: ErrorMap | None
+    loads: Loads
     tally: _Tally = field(default_factory=_Tally)
 
     @property
@@ -157,52 +195,85 @@ class _Work:
     def simulate(self, block: Poses, writer: TableWriter, tick: Callable[[int], None] | None) -> None:
         """Predict and write one block; rows without a solution are told, not written."""
         driven, disturbed = self.noise.draw(block.rows)
-        reachable = np.nonzero(block.reachable)[0]
+        shift = driven.readings - block.rows.readings
+        block, touched, lost = self._at_touch(block, shift, disturbed)
+        driven, lost = block.rows.moved(shift), lost | block.lost
+        reachable = np.array([k for k in range(len(block)) if k not in lost], dtype=np.intp)
         tally = self.tally
         if not len(reachable):
             tally.seen += len(block)
-            tally.fail(block, block.lost)
+            tally.fail(block, lost)
             return
-        asked = Request(self.request.method, forces=self.request.forces)  # type: ignore[arg-type]
-        found = predict(self.model, self.values, driven.take(reachable), asked, progress=tick)
-        reasons = {int(reachable[k]): found.reason(int(k)) for k in np.nonzero(~found.solved)[0]}
-        tally.fail(block, reasons | block.lost)
-        good = np.nonzero(found.solved)[0]
+        forces = self.request.forces or limited(self.model)
+        asked = Request(self.request.method, forces=forces)  # type: ignore[arg-type]
+        prediction = predict(self.model, self.values, driven.take(reachable), asked, progress=tick)
+        reasons = {int(reachable[k]): prediction.reason(int(k)) for k in np.nonzero(~prediction.solved)[0]}
+        tally.fail(block, reasons | lost)
+        self.loads.add(self.values, driven.take(reachable), prediction, lambda k: block.place(int(reachable[k])))
+        good = np.nonzero(prediction.solved)[0]
         rows = reachable[good]
-        readings = found.values[good] + self.noise.of_channels(disturbed[rows], found.values[good])
+        readings = prediction.values[good] + self.noise.of_channels(disturbed[rows], prediction.values[good])
+        known = known_channels(self.model)
+        readings[:, known] = readings_at_touch(self.model, touched[rows])[:, known]
+        tally.touched += int(touched[rows].any(axis=1).sum())
         tally.add(readings)
         ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
         tally.seen += len(block)
-        cells = self.table.cells(ids, block.rows.take(rows), readings, _only(found, good))
-        writer.write([*cells, *self._uncertainties(block, rows, found.state.take(good))])
+        cells = self.table.cells(ids, block.rows.take(rows), readings, _only(prediction, good))
+        writer.write([*cells, *self._uncertainties(block, rows, prediction.start.take(good))])
 
-    def _uncertainties(self, block: Poses, rows: Array, state: State) -> list[Array]:
+    def _at_touch(self, block: Poses, shift: Array, disturbed: Array) -> tuple[Poses, Channels, dict[int, str]]:
+        """The block at commands at which its probes touch, where they do (N, C), and why rows have no such commands.
+
+        What a probe reads is known; its noise is where it triggers.
+        """
+        touched = touched_channels(self.model, self.table.machine, len(block), block.touched)
+        touched &= block.reachable[:, None]
+        if not touched.any():
+            return block, touched, {}
+        reading = readings_at_touch(self.model, touched)
+        wanted = reading - self.noise.of_channels(disturbed, np.nan_to_num(reading))
+        rows, done = touching(self.model, self.values, block.rows, wanted, shift)
+        lost = {int(k): no_touch(self.model, touched[k]) for k in np.nonzero(~done)[0]}
+        return replace(block, rows=self._directed(rows)), touched, lost
+
+    def _directed(self, rows: Rows) -> Rows:
+        """Rows with the directions of motion that follow from their order, where the poses gave none."""
+        columns = {n: c for n, c in rows.columns.items() if not n.startswith("dir.") or n in self.table.covariates}
+        if len(columns) == len(rows.columns):
+            return rows
+        return with_directions(replace(rows, columns=columns), [a.name for a in self.model.actuators])
+
+    def _uncertainties(self, block: Poses, rows: Array, start: WarmStart) -> list[Array]:
         if self.errors is None:
             return []
         places = {k: block.place(int(row)) for k, row in enumerate(rows)}
-        return self.errors.cells(block.rows.take(rows), state, places)
+        return self.errors.cells(block.rows.take(rows), start, places)
 
 
-def _only(found: Prediction, rows: Array) -> Prediction:
+def _only(prediction: Prediction, rows: Array) -> Prediction:
     """Forces and energy of some rows."""
-    from dataclasses import replace
-
-    if found.forces is None or found.energy is None:
-        return found
-    return replace(found, forces=found.forces[rows], energy=found.energy[rows])
+    if prediction.forces is None or prediction.energy is None:
+        return prediction
+    return replace(prediction, forces=prediction.forces[rows], energy=prediction.energy[rows])
 
 
-def _tell(to: Reporter, tally: _Tally) -> None:
+def _tell(to: Reporter, work: _Work, by_row: bool) -> None:
+    tally = work.tally
     to.say(f"{count(tally.rows, 'row')} simulated")
-    for place, reason in tally.failed[:_SHOWN]:
+    for place, reason in tally.failed[: _SHOWN if by_row else 0]:
         to.fail(f"{place}: {reason}")
-    if tally.n_failed > _SHOWN:
+    if by_row and tally.n_failed > _SHOWN:
         to.fail(f"... and {tally.n_failed - _SHOWN} more")
-    if tally.n_failed:
-        to.fail(f"without a solution, not in the table: {count(tally.n_failed, 'row')}")
+    if by_row and tally.n_failed:
+        to.fail(f"not in the table (no solution): {count(tally.n_failed, 'row')}")
+    work.loads.show(to)
+    if work.errors is not None:
+        to.say(work.errors.text)
 
 
-def _json(model: Model, request: SimulationRequest, tally: _Tally, head: dict[str, Any]) -> dict[str, Any]:
+def _json(work: _Work, head: dict[str, Any]) -> dict[str, Any]:
+    model, request, tally = work.model, work.request, work.tally
     channels = []
     for k, channel in enumerate(model.channels):
         unit = parse_unit(channel.unit)
@@ -218,5 +289,7 @@ def _json(model: Model, request: SimulationRequest, tally: _Tally, head: dict[st
         "seed": request.seed,
         "output": request.output,
         "channels": channels,
+        "loads": work.loads.json(),
         "provenance": head,
+        **({} if work.errors is None else {"uncertainty": work.errors.json()}),
     }

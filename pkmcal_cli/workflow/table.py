@@ -29,9 +29,9 @@ class SimulatedTable:
     def __init__(
         self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str], joined: bool = False
     ) -> None:
-        self.asked, self.covariates = asked, [n for n in covariates if n != "session"]
+        self.machine, self.asked, self.covariates = machine, asked, [n for n in covariates if n != "session"]
         self.sessions = "session" in covariates
-        self.drives = [a for a, d in enumerate(model.layout.drives) if not d.force_controlled]
+        self.drives = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
         known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
         self.columns += [("session", None)] if self.sessions else []
@@ -59,13 +59,16 @@ class SimulatedTable:
     def _add(self, header: str, unit: str | None) -> None:
         """A column; a header that names its unit itself keeps it."""
         cell = split_header(header)
+        if unit is not None and cell.unit == parse_unit(unit).text:
+            self.columns.append((cell.name, unit))
+            return
         try:
             named = cell.unit is not None and parse_unit(cell.unit)
         except UnitError:
             named = False
         self.columns.append((cell.name, cell.unit) if named else (header, unit))
 
-    def cells(self, ids: list[str], rows: Rows, readings: Array, found: Prediction) -> list[Values]:
+    def cells(self, ids: list[str], rows: Rows, readings: Array, prediction: Prediction) -> list[Values]:
         """Columns of solved rows and their readings (N, C)."""
         forces = rows.forces
         cells: list[Values] = [ids]
@@ -77,8 +80,8 @@ class SimulatedTable:
         cells += [rows.columns[n] for n in self.covariates]
         cells += [*(rows.readings[:, a] for a in self.drives), *readings[:, self.read].T]
         if self.asked:
-            assert found.forces is not None and found.energy is not None
-            forces = found.forces
+            assert prediction.forces is not None and prediction.energy is not None
+            forces = prediction.forces
         with np.errstate(invalid="ignore", divide="ignore"):
             cells += [forces[:, a] / scale for a, scale in zip(self.forces, self.scales, strict=True)]
-        return [*cells, found.energy] if self.asked and found.energy is not None else cells
+        return [*cells, prediction.energy] if self.asked and prediction.energy is not None else cells

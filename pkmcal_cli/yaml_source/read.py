@@ -34,7 +34,7 @@ _BASED = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _FINITE = "give a finite number"
-_LARGE = "no machine file needs as much; is it the right file?"
+_LARGE = "check that this is the right file: no machine file needs this much"
 _WORDS: dict[str, bool | None] = {
     "": None, "~": None, "null": None, "Null": None, "NULL": None, "true": True, "True": True,
     "TRUE": True, "false": False, "False": False, "FALSE": False,
@@ -79,7 +79,7 @@ def _read_bytes(file: str) -> bytes:
     except ValueError as error:
         raise _refused(file, "file", f"the file cannot be read: {error}") from None
     if len(data) > MAX_BYTES:
-        raise _refused(file, "file", "the file is larger than 8 MiB, which no machine file is")
+        raise _refused(file, "file", "the file is larger than 8 MiB, the maximum")
     return data
 
 
@@ -126,12 +126,12 @@ class _Builder:
             where = self.place(mark) if mark else Location(self.file, 0)
             what = f"not valid YAML: {error.problem or error.context}"
             if error.context and error.context_mark:
-                what += f" ({error.context} begun in line {error.context_mark.line + 1})"
+                what += f" ({error.context}, started in line {error.context_mark.line + 1})"
             raise self.fault("yaml", what, where, _yaml_hint(self.lines, where, error.problem or "")) from None
         except yaml.reader.ReaderError as error:
             head = text[: error.position]
             where = Location(self.file, head.count("\n") + 1, len(head) - head.rfind("\n"))
-            what = f"character #x{error.character:04x} cannot stand in YAML"
+            what = f"character #x{error.character:04x} is not allowed in YAML"
             raise self.fault("yaml", what, where, "delete it") from None
 
     def build(self, text: str) -> SourceNode:
@@ -143,7 +143,7 @@ class _Builder:
                 documents += 1
                 if documents > 1:
                     where = self.place(event.start_mark)
-                    raise self.fault("yaml", "a second document begins here", where, "keep one")
+                    raise self.fault("yaml", "a second document begins here", where, "keep only one document")
             elif isinstance(event, yaml.MappingEndEvent | yaml.SequenceEndEvent):
                 done = stack.pop()
                 self.open_anchors.discard(done.anchor)
@@ -159,10 +159,10 @@ class _Builder:
 
     def checked_root(self, root: SourceNode | None) -> SourceNode:
         if root is None or root.value is None:
-            raise _refused(self.file, "yaml", "the file is empty", f"begin with `{self.start}`")
+            raise _refused(self.file, "yaml", "the file is empty", f"start with `{self.start}`")
         if not isinstance(root.value, dict):
-            hint = f"begin with, for example, `{self.start}`"
-            raise self.fault("yaml", f"{self.kind} is a map (`key: value`)", root.where, hint)
+            hint = f"start with, for example, `{self.start}`"
+            raise self.fault("yaml", f"{self.kind} must be a map (`key: value`)", root.where, hint)
         return root
 
     def node(self, event: Any, depth: int) -> tuple[SourceNode, _Open | None]:
@@ -194,8 +194,8 @@ class _Builder:
         node = self.anchors.get(anchor)
         self.aliases += 1
         if node is None or anchor in self.open_anchors:
-            what = "an alias inside its own anchor" if node else f"alias `*{anchor}` has no anchor"
-            raise self.fault("yaml", what, where, "give the value itself")
+            what = f"alias `*{anchor}` is inside its own anchor" if node else f"alias `*{anchor}` has no anchor"
+            raise self.fault("yaml", what, where, "write the value itself")
         if self.aliases > MAX_ALIASES:
             raise self.fault("yaml", f"more than {MAX_ALIASES} aliases in the file", where, _LARGE)
         size = size_of(node)
@@ -208,7 +208,7 @@ class _Builder:
             return
         if not tag.startswith(_PREFIX) or tag[len(_PREFIX) :] not in _CORE_TAGS:
             shown = tag.replace(_PREFIX, "!!")
-            raise self.fault("yaml", f"tag `{shown}` is not read", where, "remove the tag")
+            raise self.fault("yaml", f"tag `{shown}` is not supported", where, "remove the tag")
 
     def scalar(self, event: Any, where: Location) -> SourceNode:
         text: str = event.value
@@ -227,12 +227,12 @@ class _Builder:
         if _BASED.fullmatch(text) and len(text) < 300:
             return int(text, 0)
         if _SPECIAL.fullmatch(text) or text in ("nan", "NaN", "inf", "Infinity", "-inf"):
-            self.faults.add(self.fault("value", f"`{text}` is no finite number", where, _FINITE).faults[0])
+            self.faults.add(self.fault("value", f"`{text}` is not a finite number", where, _FINITE).faults[0])
             return 0.0
         if _FLOAT.fullmatch(text):
             number = float(text)
             if not math.isfinite(number):
-                what = f"`{text[:20]}` is too large a number"
+                what = f"the number `{text[:20]}` is too large"
                 self.faults.add(self.fault("value", what, where, _FINITE).faults[0])
                 return 0.0
             return number
@@ -271,10 +271,10 @@ class _Open:
             return
         again, before = key.where, first.key or first.where
         for here, other in ((before, again), (again, before)):
-            what = f"key `{name}` is given twice (here and in line {other.line})"
+            what = f"duplicate key `{name}` (also in line {other.line})"
             if here.line == other.line:
-                what = f"key `{name}` is given twice"
-            made = builder.fault("duplicate-key", what, here, "keep one of them")
+                what = f"duplicate key `{name}`"
+            made = builder.fault("duplicate-key", what, here, "keep only one of them")
             builder.faults.add(made.faults[0])
 
 

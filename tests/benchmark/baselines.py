@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 
 MOST = 5
 

@@ -14,12 +14,13 @@ from tests.benchmark.summary import clear, reported, rows_of
 
 HEAD = """# Diagnosis: what it finds, and what it misses
 
-Simulated campaigns with effects that the machine file does not declare, diagnosed at the usual false-alarm rate of
-0.5 %. The simulator (`tests/truth/`) shares neither code nor formulation with the engine: it minimises energy, and its
-effects have shapes of their own. Four machines take turns: Triglide, the same without redundancy, Scissors, a spatial
-delta with a redundant column. 192 poses each, two sessions over four hours, 10 um noise (Scissors 0.5 um). A case
-follows from its test and its number alone. Effects are drawn keyword by keyword, then place by place, and no larger
-than is plausible (the range in the catalogue) nor such as declared parameters absorb.
+The benchmark diagnoses simulated campaigns with effects that the machine file does not declare, at the default
+false-alarm rate of 0.5 %. The simulator (`tests/truth/`) shares neither code nor formulation with the engine: it
+minimises energy, and its effects have their own shapes. Four machines alternate: the Triglide, the same machine without
+redundancy, the Scissors, and a spatial delta with a redundant column. Each campaign has 192 poses in two sessions over
+four hours, with 10 um noise (Scissors 0.5 um). A case is fully determined by its test and its number. Effects are drawn
+by keyword, then by place. They are no larger than is plausible (the range in the catalogue), and not such that declared
+parameters absorb them.
 
 Written by `python -m tests.benchmark > docs/diagnosis-benchmark.md`; do not edit.
 """
@@ -33,22 +34,22 @@ def document(results: Sequence[Result], note: str = "") -> str:
         HEAD,
         run_of(results, note),
         "## Results\n\n95 % intervals (Wilson) in brackets.\n",
-        table(("test", "measure", "reached", "to reach", "met"), (r.cells for r in rows_of(results))),
+        table(("test", "measure", "result", "target", "met"), (r.cells for r in rows_of(results))),
         "## What falls short, and why\n" + REASONS,
         "## Rules\n" + RULES,
         "## Outcomes by machine\n",
         outcomes(results),
         "## Power\n",
         power(results),
-        "## Effects that are in no catalogue\n",
+        "## Effects outside the catalogue\n",
         outside(results),
         "## Alias pairs\n",
         aliases(results),
-        "## What was named\n\nTest `single`, by keyword; rows: planted, cells: first finding.\n",
+        "## First findings\n\nTest `single`, by keyword; rows: planted, cells: first finding.\n",
         confusion(results),
         "## Sizes off by more than three standard deviations\n",
         sizes(results),
-        "## Every miss\n\nNot listed: sets that hold the truth where another effect has a cosine above 0.95.\n",
+        "## Every miss\n\nNot listed: credible sets with the true effect if another effect has a cosine above 0.95.\n",
         *misses(results),
     ]
     return "\n".join(part for part in parts if part)
@@ -75,7 +76,7 @@ def outcomes(results: Sequence[Result]) -> str:
             here = [r for r in mine if r.machine == machine]
             found = Counter(r.outcome for r in here)
             words = ", ".join(f"{k} {n}" for k, n in found.most_common())
-            rows.append((test, machine, len(here), words, sum(r.residues > 0 for r in here)))
+            rows.append((test, machine, len(here), words, sum(r.discrepancies > 0 for r in here)))
     return table(("test", "machine", "cases", "outcomes", "with a shape residue"), rows)
 
 
@@ -93,7 +94,7 @@ def power(results: Sequence[Result]) -> str:
             Share.of(mine, lambda r: r.outcome == "exact"),
         )
         rows.append((f"{level:g}", *shares))
-    return table(("size in MDB", "anything reported", "truth in a set", "exact"), rows)
+    return table(("size in MDB", "anything reported", "true effect in a set", "exact"), rows)
 
 
 def outside(results: Sequence[Result]) -> str:
@@ -106,7 +107,10 @@ def outside(results: Sequence[Result]) -> str:
             flagged = sum(bool(r.unknown) for r in mine)
             named = sum(bool(r.found) and not r.unknown for r in mine)
             rows.append((test, keyword, len(mine), flagged, named, len(mine) - flagged - named))
-    return table(("test", "effect", "cases", "flagged", "only under catalogue names", "silent, or only bad rows"), rows)
+    return table(
+        ("test", "effect", "cases", "flagged", "only named as catalogue effects", "nothing reported, or only bad rows"),
+        rows,
+    )
 
 
 def confusion(results: Sequence[Result]) -> str:
@@ -120,7 +124,9 @@ def confusion(results: Sequence[Result]) -> str:
         other = Counter(named[r.number] for r in mine if r.outcome != "exact")
         words = ", ".join(f"{k} {n}" for k, n in other.most_common())
         rows.append((keyword, len(mine), sum(map(clear, mine)), right.hits, words))
-    return table(("planted", "cases", "separable, above 1.5 MDB", "exact", "else first named (`-`: nothing)"), rows)
+    return table(
+        ("planted", "cases", "separable, above 1.5 MDB", "exact", "otherwise first named (`-`: nothing)"), rows
+    )
 
 
 def _keyword(r: Result) -> str:
@@ -135,7 +141,14 @@ def sizes(results: Sequence[Result]) -> str:
         for e, name, r in sorted(every, key=lambda found: -abs(found[0]))
         if abs(e) > 3
     ]
-    head = ("error / std", "parameter", "machine", "case", "size in MDB", "cosine of the truth with its hypothesis")
+    head = (
+        "error / std",
+        "parameter",
+        "machine",
+        "case",
+        "size in MDB",
+        "cosine of the true effect with its hypothesis",
+    )
     return table(head, rows)
 
 
@@ -176,7 +189,7 @@ def _found(r: Result) -> str:
         named.append(f"{f['name']} ({f['evidence']:.0f}; {members})")
     named += [f"unknown: {u[0]} (p {u[1]:.0e}) {u[2]}".strip() for u in r.unknown]
     if r.bad_rows:
-        named.append(f"{len(r.bad_rows)} bad rows ({r.rows['lost']} of them good)")
+        named.append(f"bad rows: {len(r.bad_rows)} ({r.rows['lost']} of them good)")
     return "; ".join(named) or "-"
 
 
@@ -198,7 +211,7 @@ def _reasons(p: dict[str, Any]) -> Iterator[str]:
         yield f"the calibration moves its signature: cosine {p['own']:.2f} falls to {p['calibrated']:.2f}"
     apart = p["size"] * max(1 - p["cosine"] ** 2, 0.0) ** 0.5
     if p["cosine"] > 0.7 and apart < 2.5:
-        yield f"{apart:.1f} MDB tell it from {p['rival']} (cosine {p['cosine']:.3f})"
+        yield f"separated from {p['rival']} by {apart:.1f} MDB (cosine {p['cosine']:.3f})"
     beyond = p["size"] * max(1 - p["own"] ** 2, 0.0) ** 0.5
     if beyond > 0.7:
-        yield f"own shape: {beyond:.1f} MDB of {p['name']} are outside its hypothesis (cosine {p['own']:.2f})"
+        yield f"different shape: {beyond:.1f} MDB of {p['name']} are outside its hypothesis (cosine {p['own']:.2f})"

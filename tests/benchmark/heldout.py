@@ -11,7 +11,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.prediction import frozen
 from tests.benchmark.cases import Case
 from tests.benchmark.setting import ready

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
 from pkmcal_cli.diagnosis.findings import Finding
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from tests.benchmark.baselines import baselines
 from tests.benchmark.cases import Case
 from tests.benchmark.draw import joint_sizes
@@ -20,29 +20,30 @@ from tests.benchmark.names import in_set, is_residue, names_of
 from tests.benchmark.setting import Setting, diagnosed
 
 RULES = """
-- **exact**: every planted effect is a finding at its place (or the held parameter that it is another name of), there
-  is no other finding, nothing unknown, no bad row. A further finding counts as a *shape residue*, not as an extra, if
-  it enters at the same place as a planted effect, by the same port (drive, guide, carriage, length) and needs the same
-  columns: the simulator's effects have shapes of their own, 10 to 25 % beyond the catalogue's.
+- **exact**: every planted effect is found at its place (or as the held parameter of which it is another name), with no
+  other finding, nothing unknown and no bad row. A further finding counts as a *shape residue*, not as an extra, if it
+  enters at the same place as a planted effect, in the same way (drive, guide, carriage, length), and needs the same
+  columns. The simulator's effects differ from the catalogue's shapes by 10 to 25 %.
 - **in set**: the planted effect is in the 95 % credible set of a finding.
-- **wrong element**: a finding is the planted keyword at another place, its credible set has one member, the truth is
-  not found.
-- **missed**: nothing is reported. **doubt**: all planted effects are found, but something unknown is reported too;
-  **extra**: another finding too; **rows**: good rows are called bad too.
-- **unknown**: nothing is named, something unknown is reported. **set**: another effect is named first, the truth is in
-  the credible set of a finding. **same place**: another effect of the same place and port is named; **wrong**: another;
-  **missed one**: some of several are found; **named**: an effect is named, none of the catalogue was planted.
-- **separable**: no other hypothesis of the engine has a cosine above 0.95 with what the planted effect does to the
-  readings, nor with that part of it which the effect's own hypothesis explains; declared parameters projected out.
-  (Where the truth's own shape lowers all cosines, two hypotheses that do exactly the same would else count as
-  separable.)
-- Sizes are in minimal detectable ones (MDB): the effect's change of the true readings in stated standard deviations,
-  declared parameters projected out, over sqrt(17.07). Of several effects each is between 2 and 8 MDB alone, separable,
-  at a place of its own, and at least 1.5 MDB with the others projected out. Sizes of unknown effects are their rms over
-  the stated noise.
-- **lone wrong name** (missing columns): an effect of the machine whose credible set has one member and lacks the truth,
-  and nothing is said to be unknown.
-- **held-out error**: rms against the true readings of a second campaign of the same day, other poses and times.
+- **wrong element**: a finding is the planted keyword at another place, its credible set has one member, and the true
+  effect is not found.
+- **missed**: nothing is reported. **doubt**: all planted effects are found, but something unknown is also reported.
+  **extra**: another effect is also found. **rows**: good rows are also reported as bad.
+- **unknown**: no effect is named, and something unknown is reported. **set**: another effect is named first, and the
+  true one is in the credible set of a finding. **same place**: another effect with the same place and entry is named.
+  **wrong**: any other effect is named. **missed one**: only some of several effects are found. **named**: an effect is
+  named although none of the catalogue was planted.
+- **separable**: no other hypothesis of the engine has a cosine above 0.95 with the change that the planted effect makes
+  to the readings, nor with the part of this change that the effect's own hypothesis explains; declared parameters are
+  projected out. (The second condition is needed because the simulator's own shapes lower all cosines; without it, two
+  hypotheses with exactly the same action would count as separable.)
+- Sizes are in units of the minimal detectable size (MDB): the effect's change of the true readings in stated standard
+  deviations, declared parameters projected out, divided by sqrt(17.07). If several effects are planted, each is between
+  2 and 8 MDB alone, separable, at a place of its own, and at least 1.5 MDB with the others projected out. The size of
+  an unknown effect is its rms divided by the stated noise.
+- **single wrong name** (missing columns): an effect of the machine is named whose credible set has one member and lacks
+  the true effect, and nothing is reported as unknown.
+- **held-out error**: rms against the true readings of a second campaign on the same day, with other poses and times.
 """
 
 
@@ -62,7 +63,7 @@ class Result:
     outcome: str
     in_set: bool
     seconds: float
-    residues: int = 0
+    discrepancies: int = 0
     size: float = 0.0
     rows: Mapping[str, int] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -83,7 +84,7 @@ def judged(case: Case) -> Result:
     except Exception as error:  # a crash is a result too
         return _crashed(case, repr(error))
     seconds = time.process_time() - start
-    outcome, residues = outcome_of(case, d)
+    outcome, discrepancies = outcome_of(case, d)
     whole = outcome == "exact" and bool(case.drawn)
     head = _head(case)
     if case.drawn and not whole and not case.scenario.omit:
@@ -100,7 +101,7 @@ def judged(case: Case) -> Result:
         outcome=outcome,
         in_set=bool(case.drawn) and all(in_set(x, d) for x in case.drawn),
         seconds=seconds,
-        residues=residues,
+        discrepancies=discrepancies,
         rows=rows | {"lost": len(called - bad)},
         errors=errors_of(case, d) if whole else {},
         held_out=held_out(case, d) if whole else {},
@@ -164,20 +165,20 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def outcome_of(case: Case, d: Diagnosis) -> tuple[str, int]:
-    """The outcome in a word, and how many findings are shape residues."""
+    """The outcome in a word, and how many findings are shape model discrepancies."""
     named = [f.hypothesis.name for f in d.findings]
     hits = [x for x in case.drawn if names_of(x, d) & set(named)]
     hit_names = {n for x in hits for n in names_of(x, d)}
-    residues = [n for n in named if n not in hit_names and any(is_residue(n, x) for x in hits)]
-    extras = [n for n in named if n not in hit_names and n not in residues]
+    discrepancies = [n for n in named if n not in hit_names and any(is_residue(n, x) for x in hits)]
+    extras = [n for n in named if n not in hit_names and n not in discrepancies]
     if not (named or d.unknown or (d.bad_rows and not case.scenario.outliers)):
         return ("missed" if case.planted else "exact"), 0
     if case.drawn and len(hits) == len(case.drawn):
         word = "extra" if extras else "doubt" if d.unknown else "rows" if d.bad_rows else "exact"
-        return word, len(residues)
+        return word, len(discrepancies)
     if not named:
         return ("unknown" if d.unknown else "rows"), 0
-    return (_misnamed(case, d) if case.drawn else "named"), len(residues)
+    return (_misnamed(case, d) if case.drawn else "named"), len(discrepancies)
 
 
 def _misnamed(case: Case, d: Diagnosis) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pkmcal_cli.diagnosis.diagnose import Diagnosis
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.effects import catalogue
 from tests.benchmark.draw import Drawn
 
@@ -25,4 +25,4 @@ def is_residue(name: str, drawn: Drawn) -> bool:
     mine, other = catalogue().get(drawn.planted.keyword), catalogue().get(keyword)
     if mine is None or other is None or at != drawn.planted.at:
         return False
-    return mine.port in SHAPED and (mine.port, mine.needs) == (other.port, other.needs)
+    return mine.enters in SHAPED and (mine.enters, mine.needs) == (other.enters, other.needs)

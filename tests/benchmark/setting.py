@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bound import problem_of
+from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.compiler import compile_machine
-from pkmcal_cli.diagnosis.diagnose import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis, candidates
-from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear, Score, linear_problem
+from pkmcal_cli.diagnosis.linear import Linear, linear_problem
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
+from pkmcal_cli.diagnosis.score import NONCENTRALITY, Score
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model

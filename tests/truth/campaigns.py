@@ -3,7 +3,7 @@
     planted = [unit("scissors", "backlash", "q2", seed=1).scaled(2)]
     text = campaign("scissors", planted, seed=1).csv_text()
 
-The truth is a minimum of energy of pinned rods (`fast_pinned`), with effects of own shape (`effects_true`,
+The truth is a minimum of energy of pinned rods (`fast_pinned`), with effects of own discrepancy (`effects_true`,
 `instrument_true`); nothing is shared with the engine. SI units; the table is in mm, degC, kg, s.
 """
 

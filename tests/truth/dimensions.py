@@ -74,6 +74,7 @@ ANGLES = {
     "triglide-nonredundant": {"gamma": np.radians(0.02)},
     "scissors": {"g1": 1e-4, "g2": 1e-4},
     "delta4": {f"g{i}": 1e-4 for i in DELTA4_COLUMNS},
+    "gantry": {**dict.fromkeys(("al", "bl", "cl", "ar"), np.radians(0.01)), "cr": np.radians(0.002)},
 }
 """Half-widths in rad of those parameters of a machine that are angles; all others but stiffnesses are lengths."""
 DELTA4 = {

@@ -13,7 +13,7 @@ import numpy as np
 
 from .fast_pinned import Array, Load
 from .planted import Context, Planted, Shift
-from .shop_shapes import curve, normalised
+from .shop_shapes import curve, normalised, settling
 
 STRUT_LAG, FOOT_LAG = 180.0, 300.0
 """s behind the logged temperature."""
@@ -29,8 +29,10 @@ Effect = Callable[[Planted, Context, Shift], Shift]
 
 
 def zero(p: Planted, c: Context, shift: Shift) -> Shift:
-    """o: zero offset in m."""
-    return shift.with_drive(c.drive(p.at), np.full(len(shift.drive), p.get("o")))
+    """o: zero offset in m; DRIVE[s2]: in session s2 only."""
+    drive, _, session = p.at.removesuffix("]").partition("[")
+    acts = c.conditions.session == int(session.removeprefix("s")) if session else np.ones(len(shift.drive))
+    return shift.with_drive(c.drive(drive), p.get("o") * acts)
 
 
 def scale(p: Planted, c: Context, shift: Shift) -> Shift:
@@ -81,6 +83,12 @@ def thermal_screw(p: Planted, c: Context, shift: Shift) -> Shift:
     return shift.with_drive(a, (p.get("a") * uneven + p.get("o")) * c.warmth(p.at, 0.0))
 
 
+def zero_drift(p: Planted, c: Context, shift: Shift) -> Shift:
+    """o1, o2 in m: exponential settling of a drive's zero over the day, and a slow harmonic of the second order."""
+    u = normalised(c.conditions.time, 0.0, c.conditions.air.length)
+    return shift.with_drive(c.drive(p.at), settling(u, p.get("o1"), c.extra) + curve(u, {2: p.get("o2")}, 0))
+
+
 def moved_across(p: Planted, c: Context, shift: Shift, law: Callable[[Array, Array, float], Array]) -> Shift:
     """Carriages of the guide in `at` (GUIDE.AXIS) displaced by law(position, u, half travel) in m."""
     name, _, letter = p.at.partition(".")
@@ -96,15 +104,16 @@ def moved_across(p: Planted, c: Context, shift: Shift, law: Callable[[Array, Arr
 
 
 def straight(p: Planted, c: Context, shift: Shift) -> Shift:
-    """n2 to n4 in m: harmonics over the used part of the guide with these Legendre coefficients, and a ripple."""
+    """n2 to n4 in m: harmonics over the used part of the guide with these Legendre coefficients, and a ripple; n0 in m:
+    how far off the whole guide lies."""
     orders = {k: p.get(f"n{k}") for k in range(2, 5)}
-    return moved_across(p, c, shift, lambda q, u, half: curve(u, orders, c.extra))
+    return moved_across(p, c, shift, lambda q, u, half: p.get("n0") + curve(u, orders, c.extra))
 
 
 def guide_angle(p: Planted, c: Context, shift: Shift) -> Shift:
-    """g in rad: inclination of the guide about its zero, with an S of 10 %."""
+    """g in rad: inclination of the guide about the middle of its used part, with an S of 10 %."""
     g, extra = p.get("g"), 0.1 * c.extra
-    return moved_across(p, c, shift, lambda q, u, half: g * (q + extra * half * curve(u, {3: 1.0}, 0)))
+    return moved_across(p, c, shift, lambda q, u, half: g * half * (u + extra * curve(u, {3: 1.0}, 0)))
 
 
 def carriage_angle(p: Planted, c: Context, shift: Shift) -> Shift:
@@ -199,7 +208,8 @@ def tool_load(p: Planted, c: Context, shift: Shift) -> Shift:
 STRUCTURE: dict[str, Effect] = {
     f.__name__: f
     for f in (
-        *(zero, scale, pitch_curve, pitch, backlash, unequal_backlash, windup, thermal_screw, straight, guide_angle),
+        *(zero, zero_drift, scale, pitch_curve, pitch, backlash, unequal_backlash, windup, thermal_screw),
+        *(straight, guide_angle),
         *(carriage_angle, thermal_strut, thermal_foot, stiffness, clearance, loose_joint, ovality, payload, tool_load),
     )
 }

@@ -25,7 +25,7 @@ def across(plan: Plan) -> list[str]:
 
 
 def families(machine: str) -> list[tuple[str, str]]:
-    """Every (keyword, at) of the catalogue that can be planted on a machine and changes its readings: nothing by
+    """Every (keyword, at) that the simulator has, can be planted on a machine and changes its readings: nothing by
     forces where there are none."""
     plan = PLANS[machine]
     by_drive = ["zero", "scale", "pitch_curve", "pitch", "backlash", "unequal_backlash", "thermal_screw"]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +20,17 @@ import yaml
 
 from . import dimensions as dim
 from . import self_measured_tables
+from .gantry import BOWED, SCALES, Bow, Gantry
 from .machines import PINNED, Hexapod7
 from .pinned import Array
 from .pinned_machine import Machine
 
 FOLDER = Path(__file__).resolve().parents[2] / "machines"
 UM = 1e-6
-METHOD = {
-    True: "minimum of the potential energy of a platform on pinned rods (springs)",
-    False: "stationary point of the potential energy of legs that are chains of rigid pieces with springs",
+METHOD: dict[type, str] = {
+    Machine: "minimum of the potential energy of a platform on pinned rods (springs)",
+    Hexapod7: "stationary point of the potential energy of legs that are chains of rigid pieces with springs",
+    Gantry: "minimum of the potential energy of a frame of fine beam elements, two meshes extrapolated",
 }
 
 
@@ -48,7 +51,7 @@ class Campaign:
     """A measurement file: machine, poses (N, k) in m and rad, sd of the noise of a position in m and of an
     orientation in rad, seeds of the parameter errors and of the noise."""
 
-    machine: Machine | Hexapod7
+    machine: Machine | Hexapod7 | Gantry
     poses: Array
     noise: float
     noise_angle: float
@@ -71,10 +74,14 @@ class Campaign:
         """Drive positions (N, drives) in m, rounded to 1 nm."""
         return np.round(self.machine.inverse(self.poses), 9)
 
-    def true_readings(self) -> Array:
-        """Readings (N, channels) in m and rad without noise."""
+    @cached_property
+    def _true_readings(self) -> Array:
         found = self.machine.forward(self.set_values(), self.planted()).tcp
         return found[:, : len(self.machine.channels)]
+
+    def true_readings(self) -> Array:
+        """Readings (N, channels) in m and rad without noise."""
+        return self._true_readings
 
     def readings(self) -> Array:
         """Readings (N, channels) in m and rad with noise."""
@@ -104,7 +111,13 @@ def spread(count: int, lower: list[float], upper: list[float]) -> Array:
 
 
 def campaigns() -> dict[str, Campaign]:
-    """All measurement files by the machine's name."""
+    """All measurement files by name."""
+    machines: dict[str, Callable[[], Machine | Hexapod7 | Gantry]] = {
+        **PINNED,
+        "hexapod7": Hexapod7,
+        "gantry": partial(Gantry, pieces=(4, 8)),
+        "gantry-bow": partial(Gantry, pieces=(4, 8), bow=Bow(x=BOWED)),
+    }
     workspace = grid((0, 950, 3), (160, 390, 77))
     drawn = np.array([*dim.HEXAPOD7_DRAWN, 0, 0, 0])
     reach = np.array([0.08, 0.08, 0.08, 0.15, 0.15, 0.15])
@@ -115,27 +128,35 @@ def campaigns() -> dict[str, Campaign]:
         "scissors": grid((-203, 203, 10), (-200, 200, 8)),
         "delta4": spread(80, [-0.12, -0.12, 0.2], [0.12, 0.12, 0.4]),
         "hexapod7": spread(80, list(drawn - reach), list(drawn + reach)),
+        "gantry": grid((150, 1350, 6), (30, 1530, 12)),
+        "gantry-bow": grid((150, 1350, 6), (30, 1530, 12)),
     }
     noise = dict.fromkeys(poses, 10 * UM) | {"scissors": 0.5 * UM, "hexapod7": 5 * UM}
+    noise |= {"gantry": 3 * UM, "gantry-bow": 3 * UM}
     # the non-redundant Triglide is the Triglide without its third leg: the same errors, other noise
-    error_seeds = {name: seed for seed, name in enumerate(poses, 101)} | {"triglide-nonredundant": 101}
+    # and the bowed gantry is the gantry; 107 to 109 and 207 to 209 are taken
+    seeds = dict(zip(poses, (*range(1, 7), 10, 11), strict=True))
+    error_seeds = {name: 100 + seed for name, seed in seeds.items()}
+    error_seeds |= {"triglide-nonredundant": 101, "gantry-bow": 110}
     return {
         name: Campaign(
-            Hexapod7() if name == "hexapod7" else PINNED[name](),
+            machines[name](),
             poses[name],
             noise[name],
             10e-6 if name == "hexapod7" else 0.0,
             error_seeds[name],
-            noise_seed,
+            200 + seed,
         )
-        for noise_seed, name in enumerate(poses, 201)
+        for name, seed in seeds.items()
     }
 
 
-def in_file_units(machine: Machine | Hexapod7, name: str, value: float) -> dict[str, Any]:
+def in_file_units(machine: Machine | Hexapod7 | Gantry, name: str, value: float) -> dict[str, Any]:
     """A parameter's value and unit as in the machine files."""
     if name.startswith("k"):
         return {"value": float(value / dim.KN_PER_MM), "unit": "kN/mm"}
+    if name in SCALES:
+        return {"value": float(value), "unit": "1"}
     if name in dim.ANGLES.get(machine.name, ()):
         if machine.name == "scissors":
             return {"value": float(value), "unit": "rad"}
@@ -149,19 +170,25 @@ def provenance(name: str, campaign: Campaign) -> Mapping[str, Any]:
     noise: dict[str, str] = {"position": f"{campaign.noise / UM:g} um"}
     if campaign.noise_angle:
         noise["orientation"] = f"{campaign.noise_angle / UM:g} urad"
+    planted: dict[str, Any] = {
+        "distribution": "nominal + normal error, standard deviation = range / 2",
+        "parameters": {n: in_file_units(machine, n, v) for n, v in campaign.planted().items()},
+    }
+    if isinstance(machine, Gantry) and machine.bow.x:
+        outward = f"{machine.bow.x / UM:g} um"
+        planted["undeclared"] = (
+            f"the right rail is an arc, in its middle {outward} further outward (x) than at its ends"
+        )
     return {
         "data": f"{name}.csv",
         "kind": "simulated",
         "generator": "python -m tests.truth.generate",
-        "method": METHOD[isinstance(machine, Machine)] + "; independent of the engine, no code in common",
+        "method": METHOD[type(machine)] + "; independent of the engine, no code in common",
         "control": "all drives position-controlled; set values of the nominal machine, strain-free",
         "seed": {"errors": campaign.error_seed, "noise": campaign.noise_seed},
         "rows": len(campaign.poses),
         "noise": {"distribution": "normal", "standard_deviation": noise},
-        "planted": {
-            "distribution": "nominal + normal error, standard deviation = range / 2",
-            "parameters": {n: in_file_units(machine, n, v) for n, v in campaign.planted().items()},
-        },
+        "planted": planted,
     }
 
 

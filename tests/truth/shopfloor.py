@@ -17,6 +17,7 @@ import yaml
 from .campaigns import Campaign, Planted, Scenario, campaign
 from .dimensions import MM
 from .generate import FOLDER, METHOD
+from .pinned_machine import Machine
 from .shop_plans import PLANS
 
 NAME, MACHINE = "scissors-shopfloor", "scissors"
@@ -44,7 +45,7 @@ def provenance(measured: Campaign) -> Mapping[str, Any]:
         "data": f"{NAME}.csv",
         "kind": "simulated",
         "generator": "python -m tests.truth.shopfloor",
-        "method": METHOD[True] + "; independent of the engine, no code in common",
+        "method": METHOD[Machine] + "; independent of the engine, no code in common",
         "control": "all drives position-controlled; set values of the nominal machine, strain-free",
         "seed": {"errors": SEED, "noise": SEED},
         "rows": ROWS,

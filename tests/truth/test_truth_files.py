@@ -12,7 +12,7 @@ from .generate import FOLDER, campaigns, provenance
 
 CAMPAIGNS = campaigns()
 TABLES = own.tables()
-UNITS = {"mm": dim.MM, "rad": 1.0, "deg": np.radians(1), "kN/mm": dim.KN_PER_MM}
+UNITS = {"mm": dim.MM, "rad": 1.0, "deg": np.radians(1), "kN/mm": dim.KN_PER_MM, "1": 1.0}
 
 
 @pytest.mark.parametrize("name", CAMPAIGNS)

@@ -7,14 +7,18 @@ from typing import Any
 
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.channels import SensorChannel, channels_of
+from pkmcal_cli.language.checks.guides import check_guides
 from pkmcal_cli.language.checks.sensors import check_sensor
-from pkmcal_cli.language.checks.validation import Aside
+from pkmcal_cli.language.checks.validation import Quarantine
+from pkmcal_cli.language.checks.workspaces import check_workspace
 from pkmcal_cli.language.fields import PLANAR
 from pkmcal_cli.language.instruments import KINDS, Actuator
-from pkmcal_cli.language.machine import Bar, Beam, Machine, Stiffness
-from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint
+from pkmcal_cli.language.machine import Axial, Beam, Stiffness, WrittenMachine
+from pkmcal_cli.language.members import PLANAR_JOINTS, End, Joint, Pulley
+from pkmcal_cli.language.quantities import Written, WrittenValue
 from pkmcal_cli.language.sections import sections_of, sections_with
 from pkmcal_cli.units.dimensions import LENGTH
+from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 RESERVED = frozenset(["id", "session", "tool", "part", "to", "time", "T", "payload", "replicate"])
@@ -22,13 +26,13 @@ RESERVED = frozenset(["id", "session", "tool", "part", "to", "time", "T", "paylo
 
 
 @dataclass
-class SenseCheck:
-    """Checks the entries of a machine with drafts one by one; faults are added at their places."""
+class ConsistencyCheck:
+    """Checks the entries of a machine with values as written one by one; faults are added at their places."""
 
-    machine: Machine
+    machine: WrittenMachine
     source: SourceMap
     faults: FaultList
-    aside: Aside
+    quarantined: Quarantine
 
     def run(self) -> None:
         """All checks."""
@@ -38,19 +42,26 @@ class SenseCheck:
             self._check_section(("sections", name), section)
         for name, beam in machine.beams.items():
             self._check_beam(("beams", name), beam)
-        for kind in sections_of(Bar):
+        for name, rope in machine.ropes.items():
+            for point, pulley in rope.pulleys.items():
+                self._check_pulley(("ropes", name, "pulleys", point), pulley)
+        for kind in sections_of(Axial):
             for name, bar in getattr(machine, kind).items():
                 if bar.EA is not None and bar.k is not None:
-                    self._fault("give `EA` or `k`, not both", (kind, name, "k"), "delete one of them", at_key=True)
+                    self._fault(
+                        "`EA` and `k` cannot both be given", (kind, name, "k"), "delete one of them", at_key=True
+                    )
         for name, joint in machine.joints.items():
             self._check_joint(("joints", name), joint.type, joint)
             self._check_stiffness(("joints", name, "stiffness"), joint.stiffness)
         for name, guide in machine.guides.items():
             self._check_stiffness(("guides", name, "stiffness"), guide.stiffness)
+        check_guides(machine, self._fault)
         for name, actuator in machine.actuators.items():
             self._check_actuator(("actuators", name), name, actuator)
         for name, sensor in machine.sensors.items():
             check_sensor(machine, ("sensors", name), sensor, self._fault)
+        check_workspace(machine, self._fault)
         self._check_columns()
         self._check_weight()
 
@@ -60,19 +71,21 @@ class SenseCheck:
         return self.machine.space == "planar"
 
     def _fault(self, what: str, path: Path, hint: str | None = None, **more: Any) -> None:
-        if self.aside.touches(path[:2]):
+        if self.quarantined.touches(path[:2]):
             return
         self.faults.add(self.source.fault("value", what, path, hint, **more))
 
     def _check_bodies(self) -> None:
         for name, body in self.machine.bodies.items():
             path: Path = ("bodies", name, "at")
-            if body.on is not None and len(body.at) != 1:
-                self._fault("on a guide `at` is the travel, one number", path, "at: 100")
-            if body.on is None and len(body.at) == 1:
+            if body.guide is not None and len(body.at) != 1:
+                self._fault(
+                    "`at` of a body on a guide must be one number, the travel", path, "write, for example, `at: 100`"
+                )
+            if body.guide is None and len(body.at) == 1:
                 count = self.machine.dimensions
-                what = f"`at` of a body that is on no guide is a point of {count} numbers"
-                self._fault(what, path, "give the point, or `on: GUIDE`")
+                what = f"`at` of a body without a guide must be a point of {count} numbers"
+                self._fault(what, path, "give a point, or add `guide: GUIDE`")
             self._check_directions(body.fixed, ("bodies", name, "fixed"))
         for name, node in self.machine.nodes.items():
             self._check_directions(node.fixed, ("nodes", name, "fixed"))
@@ -80,23 +93,23 @@ class SenseCheck:
     def _check_directions(self, directions: tuple[str, ...], path: Path) -> None:
         for index, direction in enumerate(directions):
             if self.planar and direction not in PLANAR:
-                what = f"there is no `{direction}` in the plane"
-                self._fault(what, (*path, index), "one of `x`, `y`, `rz`")
+                what = f"`{direction}` does not exist in a planar machine"
+                self._fault(what, (*path, index), "use `x`, `y` or `rz`")
 
     def _check_section(self, path: Path, section: Any) -> None:
         forms = ("square", "rectangle", "round", "tube", "area")
         given = [form for form in forms if getattr(section, form) is not None]
         if len(given) != 1:
-            what = "a section is exactly one of square, rectangle, round, tube, area"
-            hint = f"it has {', '.join(given)}: delete the others" if given else "for example square: 20 mm"
+            what = "a section needs exactly one of square, rectangle, round, tube, area"
+            hint = f"keep only one of {', '.join(given)}" if given else "add, for example, `square: 20 mm`"
             self._fault(what, path, hint, at_key=True)
         elif given != ["area"]:
             for extra in ("Iy", "Iz", "J"):
                 if getattr(section, extra) is not None:
-                    what = f"`{extra}` follows from `{given[0]}`"
-                    self._fault(what, (*path, extra), "delete it, or give `area` instead", at_key=True)
+                    what = f"`{extra}` is already determined by `{given[0]}`"
+                    self._fault(what, (*path, extra), f"delete it, or use `area` instead of `{given[0]}`", at_key=True)
 
-    def _check_beam(self, path: Path, beam: Beam) -> None:
+    def _check_beam(self, path: Path, beam: Beam[Written]) -> None:
         if (beam.section is None) != (beam.material is None):
             has, lacks = ("section", "material") if beam.section else ("material", "section")
             self._fault(f"a beam with `{has}` needs `{lacks}`", (*path, has), f"add `{lacks}: NAME`", at_key=True)
@@ -104,86 +117,115 @@ class SenseCheck:
             if getattr(beam, key) is None:
                 continue
             if beam.section is not None:
-                hint = "give section and material, or the stiffnesses"
-                what = f"`{key}` follows from section and material"
+                hint = "delete it, or give stiffnesses instead of `section` and `material`"
+                what = f"`{key}` is already determined by `section` and `material`"
                 self._fault(what, (*path, key), hint, at_key=True)
             elif beam.EI is not None and key in ("EIy", "EIz"):
-                self._fault(f"give `EI` or `{key}`, not both", (*path, key), "delete one of them", at_key=True)
+                self._fault(f"`EI` and `{key}` cannot both be given", (*path, key), "delete one of them", at_key=True)
             elif self.planar and key in ("EIy", "GJ"):
-                what = f"`{key}` means nothing in the plane"
-                self._fault(what, (*path, key), "the plane knows `EA` and `EI`", at_key=True)
+                what = f"`{key}` does not exist in a planar machine"
+                self._fault(what, (*path, key), "use `EA` and `EI`", at_key=True)
         for index, end in enumerate(beam.ends):
             self._check_joint((*path, "ends", index), end.joint, end)
             self._check_stiffness((*path, "ends", index, "stiffness"), end.stiffness)
 
-    def _check_joint(self, path: Path, kind: str, joint: Joint | End) -> None:
+    def _check_pulley(self, path: Path, pulley: Pulley[Written]) -> None:
+        """In the plane a pulley is on one side of the rope; in space it swivels."""
+        if self.planar and pulley.side is None:
+            hint = "add `side: left` or `right`: where its centre is, seen along the rope in the order of `between`"
+            self._fault("a pulley in a planar machine needs `side`", path, hint, at_key=True)
+        if not self.planar and pulley.axis is None:
+            hint = "add, for example, `axis: z` if it swivels about z and the rope comes to it in the direction of z"
+            self._fault("a pulley in a spatial machine needs `axis`", path, hint, at_key=True)
+        for key, foreign in (("axis", self.planar), ("side", not self.planar)):
+            if foreign and getattr(pulley, key) is not None:
+                what = f"a pulley in a {self.machine.space} machine has no `{key}`"
+                self._fault(what, (*path, key), "delete it", at_key=True)
+
+    def _check_winding(self, path: Path, winds: dict[str, Written]) -> None:
+        """A drive winds one rope or several, by weights that are numbers."""
+        if not winds:
+            self._fault("`winds` names no rope", path, "write, for example, `winds: rope1`")
+        for rope, weight in winds.items():
+            if isinstance(weight, WrittenValue) and any(n in self.machine.parameters for n in weight.names):
+                what = f"the weight of `{rope}` must not depend on parameters"
+                self._fault(what, (*path, rope), "give a number")
+
+    def _check_joint(self, path: Path, kind: str, joint: Joint[Written] | End[Written]) -> None:
         where = (*path, "type") if isinstance(joint, Joint) else (*path, "joint")
         if self.planar and kind not in PLANAR_JOINTS:
-            hint = "in the plane: " + ", ".join(PLANAR_JOINTS)
-            self._fault(f"there is no {kind} joint in the plane", where, hint)
+            hint = "use one of " + ", ".join(PLANAR_JOINTS)
+            self._fault(f"a {kind} joint does not exist in a planar machine", where, hint)
         if joint.axes is not None and kind != "universal":
-            self._fault("only a universal joint has `axes`", (*path, "axes"), "axis: z", at_key=True)
+            self._fault(
+                "only a universal joint has `axes`", (*path, "axes"), "write, for example, `axis: z`", at_key=True
+            )
+        if self.planar and kind == "revolute" and joint.axis not in (None, "z"):
+            self._fault("in a planar machine every revolute joint turns about z", (*path, "axis"), "delete `axis`")
         if joint.axis is not None and kind in ("universal", "spherical", "fixed"):
-            hint = "axes: [x, y]" if kind == "universal" else "delete it"
+            hint = "write, for example, `axes: [x, y]`" if kind == "universal" else "delete it"
             self._fault(f"a {kind} joint has no `axis`", (*path, "axis"), hint, at_key=True)
 
-    def _check_stiffness(self, path: Path, stiffness: Stiffness | None) -> None:
+    def _check_stiffness(self, path: Path, stiffness: Stiffness[Written] | None) -> None:
         if stiffness is None:
             return
         given = [key for key in Stiffness.model_fields if getattr(stiffness, key) is not None]
         for key in given:
             parts = key.split("_")
             if self.planar and key != "radial" and not set(parts) <= set(PLANAR):
-                self._fault(f"there is no `{key}` in the plane", (*path, key), "delete it", at_key=True)
+                self._fault(f"`{key}` does not exist in a planar machine", (*path, key), "delete it", at_key=True)
             missing = [part for part in parts if part not in given]
             if len(parts) == 2 and missing:
                 what = f"coupling `{key}` needs the stiffness `{missing[0]}`"
-                self._fault(what, (*path, key), f"give `{parts[0]}` and `{parts[1]}`", at_key=True)
+                self._fault(what, (*path, key), f"give both `{parts[0]}` and `{parts[1]}`", at_key=True)
             if "radial" in given and key in ("x", "y", "z"):
-                what = f"`{key}` and `radial` exclude one another"
+                what = f"`{key}` and `radial` cannot both be given"
                 self._fault(what, (*path, key), "delete one of them", at_key=True)
 
-    def _check_actuator(self, path: Path, name: str, actuator: Actuator) -> None:
+    def _check_actuator(self, path: Path, name: str, actuator: Actuator[Written]) -> None:
         keys = [key for key in KINDS if getattr(actuator, key) is not None]
         if len(keys) != 1:
             what = f"actuator `{name}` needs exactly one of moves, drives, turns, winds"
-            hint = f"it has {' and '.join(keys)}" if keys else "for example moves: BODY"
+            hint = f"keep only one of {', '.join(keys)}" if keys else "add, for example, `moves: BODY`"
             self._fault(what, path, hint, at_key=True)
             return
         key = keys[0]
         if "kind" in actuator.model_fields_set and actuator.kind != KINDS[key]:
-            what = f"`{key}` makes it a {KINDS[key]}, not a {actuator.kind}"
-            self._fault(what, (*path, "kind"), "delete `kind`, it is implied")
-        for extra, owner in (("radius", "winds"), ("offset", "drives")):
+            what = f"`{key}` implies `kind: {KINDS[key]}`, not `kind: {actuator.kind}`"
+            self._fault(what, (*path, "kind"), "delete `kind`")
+        for extra, owner in (("radius", "winds"), ("folds", "winds"), ("offset", "drives")):
             if getattr(actuator, extra) is not None and key != owner:
-                what = f"`{extra}` belongs to an actuator that {owner}"
+                what = f"`{extra}` applies only to an actuator with `{owner}`"
                 self._fault(what, (*path, extra), "delete it", at_key=True)
+        if actuator.winds is not None:
+            self._check_winding((*path, "winds"), actuator.winds)
         if actuator.control == "passive" and actuator.force is not None:
             self._fault("a passive actuator has no force", (*path, "force"), "delete it", at_key=True)
         self._check_scale(path, actuator)
         self._check_target(path, key, actuator)
 
-    def _check_scale(self, path: Path, actuator: Actuator) -> None:
+    def _check_scale(self, path: Path, actuator: Actuator[Written]) -> None:
         same = actuator.reading_dimension == actuator.travel_dimension
+        name = parse_unit(actuator.unit or "1").text
         if not same and actuator.radius is None and "scale" not in actuator.model_fields_set:
             unit = "mm" if actuator.travel_dimension == LENGTH else "deg"
-            what = f"a reading in {actuator.unit} needs `scale`, the travel per {actuator.unit}"
-            hint = f"for example scale: 5/360 ({unit} per {actuator.unit})"
+            what = f"a reading in {name} needs `scale`, the travel per {name}"
+            hint = f"add, for example, `scale: 5/360` ({unit} per {name})"
             self._fault(what, (*path, "unit"), hint)
         if actuator.radius is not None and actuator.reading_dimension == LENGTH:
-            what = f"a spool with radius is read as an angle, not in {actuator.unit}"
-            self._fault(what, (*path, "unit"), "unit: deg, or delete `radius`")
+            what = f"the reading of a spool with `radius` is an angle, but its unit is {name}"
+            self._fault(what, (*path, "unit"), "use `unit: deg`, or delete `radius`")
 
-    def _check_target(self, path: Path, key: str, actuator: Actuator) -> None:
+    def _check_target(self, path: Path, key: str, actuator: Actuator[Written]) -> None:
         body = self.machine.bodies.get(actuator.moves or "")
-        if body is not None and body.on is None:
-            what = f"body `{actuator.moves}` is on no guide"
-            self._fault(what, (*path, "moves"), "give the body `on: GUIDE`")
+        if body is not None and body.guide is None and not self.quarantined.touches(("bodies", actuator.target)):
+            what = f"body `{actuator.moves}` is not on a guide"
+            self._fault(what, (*path, "moves"), "add `guide: GUIDE` to the body")
         joint = self.machine.joints.get(actuator.target) if key in ("drives", "turns") else None
         wanted = "prismatic" if key == "drives" else "revolute"
         if joint is not None and joint.type != wanted:
-            what = f"joint `{actuator.target}` is {joint.type}, `{key}` wants a {wanted} one"
-            self._fault(what, (*path, key), f"give the joint `type: {wanted}`")
+            what = f"joint `{actuator.target}` is {joint.type}; `{key}` needs a {wanted} joint"
+            self._fault(what, (*path, key), f"use `type: {wanted}` for the joint")
 
     def _check_columns(self) -> None:
         columns: list[tuple[str, Path]] = []
@@ -197,11 +239,11 @@ class SenseCheck:
         taken: dict[str, Path] = {}
         for column, path in columns:
             if column in RESERVED:
-                self._fault(f"column `{column}` has a meaning of its own in every table", path, "name another column")
+                self._fault(f"the column name `{column}` is reserved", path, "choose another column name")
             other = taken.setdefault(column, path)
             if other != path:
-                what = f"column `{column}` is read by {other[0]}.{other[1]} already"
-                self._fault(what, path, "name another column")
+                what = f"column `{column}` is already used by {other[0]}.{other[1]}"
+                self._fault(what, path, "choose another column name")
 
     def _column_path(self, channel: SensorChannel) -> Path:
         """Where the column of a sensor's channel is named."""
@@ -215,12 +257,12 @@ class SenseCheck:
         machine = self.machine
         heavy = any(t.mass is not None for s in sections_with("mass") for t in getattr(machine, s).values())
         if heavy and not self.planar and machine.own_weight and machine.gravity == ():
-            found = self.source.fault(
+            fault = self.source.fault(
                 "gravity",
-                "masses are given, but no gravity: they weigh nothing",
+                "`gravity` is missing: the given masses have no weight",
                 ("space",),
-                "gravity: [0, 0, -9.81], or own_weight: false",
+                "add `gravity: [0, 0, -9.81]`, or `own_weight: false`",
                 at_key=True,
                 warning=True,
             )
-            self.faults.add(found)
+            self.faults.add(fault)

@@ -1,4 +1,4 @@
-"""Values at nominal: finite, of the right sign, and of a magnitude that is usual for the field."""
+"""Values at nominal: finite, of the right sign, and of a magnitude that is plausible for the field."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from pkmcal_cli.base.errors import Fault, FaultList
 from pkmcal_cli.language.parts import Parameter
-from pkmcal_cli.language.quantities import Draft, Quantity
+from pkmcal_cli.language.quantities import Quantity, WrittenNumber, WrittenValue
 from pkmcal_cli.units.dimensions import (
     ANGLE,
     AREA,
@@ -45,7 +45,7 @@ class MagnitudeCheck:
     """Checks bound quantities at the nominal values; faults and warnings are added."""
 
     parameters: Mapping[str, Parameter]
-    written: Mapping[str, Parameter]
+    declared: Mapping[str, Parameter[WrittenNumber]]
     units: FileUnits
     source: SourceMap
     faults: FaultList
@@ -56,61 +56,61 @@ class MagnitudeCheck:
     def __post_init__(self) -> None:
         self.values = {name: p.nominal for name, p in self.parameters.items()}
 
-    def check(self, path: Path, draft: Draft, quantity: Quantity) -> None:
-        """One quantity with the draft it was bound from."""
+    def check(self, path: Path, written: WrittenValue, quantity: Quantity) -> None:
+        """One quantity with the value as written it was bound from."""
         values = self.values
         value = quantity.number(values)
         if not math.isfinite(value):
             if not any(math.isnan(values[name]) for name in quantity.names):
-                what = f"`{draft.text}` has no finite value at the nominal parameters"
+                what = f"`{written.text}` has no finite value at the nominal parameters"
                 hint = "check the nominal values and the expression"
                 self.faults.add(self.source.fault("value", what, path, hint))
             return
         unit = self.units.unit(quantity.dimension)
-        shown = "" if draft.tree is None else f" (it is {unit.format(value)})"
-        if (wrong := beyond(value, draft.measure.sign != "")) is not None:
-            self.faults.add(self.source.fault("value", f"`{draft.text}` is {wrong}{shown}", path, HINT))
-        elif (broken := _broken(draft.measure.sign, value)) is not None:
+        shown = "" if written.tree is None else f" (value: {unit.format(value)})"
+        if (wrong := beyond(value, written.measure.sign != "")) is not None:
+            self.faults.add(self.source.fault("value", f"`{written.text}` is {wrong}{shown}", path, HINT))
+        elif (broken := _broken(written.measure.sign, value)) is not None:
             must, hint = broken
-            self.faults.add(self.source.fault("value", f"`{draft.text}` must {must} here{shown}", path, hint))
+            self.faults.add(self.source.fault("value", f"`{written.text}` must {must}{shown}", path, hint))
         else:
-            self._check_usual(path, draft, quantity, abs(value))
+            self._check_plausible(path, written, quantity, abs(value))
 
-    def _check_usual(self, path: Path, draft: Draft, quantity: Quantity, value: float) -> None:
-        usual = draft.measure.usual
-        if usual is None or value == 0 or usual[0] <= value <= usual[1]:
+    def _check_plausible(self, path: Path, written: WrittenValue, quantity: Quantity, value: float) -> None:
+        plausible = written.measure.plausible
+        if plausible is None or value == 0 or plausible[0] <= value <= plausible[1]:
             return
         label = next(str(part) for part in reversed(path) if isinstance(part, str))
-        if isinstance(draft.tree, ast.Name) and draft.tree.id in self.written:
-            label = draft.tree.id
+        if isinstance(written.tree, ast.Name) and written.tree.id in self.declared:
+            label = written.tree.id
             path = ("parameters", label, "nominal")
-            nominal = self.written[label].nominal
-            own = self.written[label].unit
-            if isinstance(nominal, Draft):
-                draft = nominal
+            nominal = self.declared[label].nominal
+            own = self.declared[label].unit
+            if isinstance(nominal, WrittenValue):
+                written = nominal
         else:
             own = ""
         if path in self._told:
             return
         self._told.add(path)
-        unit = draft.unit or (parse_unit(own) if own else self.units.unit(quantity.dimension))
-        self._warn(path, label, value, unit, usual, quantity.dimension)
+        unit = written.unit or (parse_unit(own) if own else self.units.unit(quantity.dimension))
+        self._warn(path, label, value, unit, plausible, quantity.dimension)
 
     def _warn(
-        self, path: Path, label: str, value: float, unit: Unit, usual: tuple[float, float],
+        self, path: Path, label: str, value: float, unit: Unit, plausible: tuple[float, float],
         dimension: Dimension,
     ) -> None:  # fmt: skip
         number = value / unit.scale
-        guess = _guess(number, unit, usual, dimension)
-        far = value > usual[1] * _SLIP or value < usual[0] / _SLIP
+        guess = _guess(number, unit, plausible, dimension)
+        far = value > plausible[1] * _SLIP or value < plausible[0] / _SLIP
         if guess is None and not far:
             return
         what = f"{label} = {number:g} {unit.text}"
-        what += f": did you mean {number:g} {guess}?" if guess else " is far from what is usual"
+        what += f": did you mean {number:g} {guess}?" if guess else " is far outside the usual range"
         shown = self.units.unit(dimension)
-        hint = f"usual is {shown.format(usual[0], 3)} to {shown.format(usual[1], 3)}"
-        if usual[0] == 0:
-            hint = f"usual is up to {shown.format(usual[1], 3)}"
+        hint = f"check the unit; usual range: {shown.format(plausible[0], 3)} to {shown.format(plausible[1], 3)}"
+        if plausible[0] == 0:
+            hint = f"check the unit; usual range: up to {shown.format(plausible[1], 3)}"
         self._warned += 1
         if self._warned <= MAX_WARNINGS:
             made: Fault = self.source.fault("magnitude", what, path, hint, warning=True)
@@ -124,21 +124,21 @@ def _broken(sign: str, value: float) -> tuple[str, str] | None:
     if sign == "0+" and value < 0:
         return "be positive or zero", "check the sign"
     if sign == "+-" and value == 0:
-        return "not be 0", "what is multiplied by 0 tells and moves nothing; without the key it is 1"
+        return "not be 0", "give a value other than 0, or delete the key (default: 1)"
     return None
 
 
-def _guess(number: float, unit: Unit, usual: tuple[float, float], dimension: Dimension) -> str | None:
-    """The unit with which the same number would be usual; None if there is none."""
+def _guess(number: float, unit: Unit, plausible: tuple[float, float], dimension: Dimension) -> str | None:
+    """The unit with which the same number would be plausible; None if there is none."""
     best: tuple[float, str] | None = None
     for text in _CANDIDATES.get(dimension, ()):
         candidate = parse_unit(text)
         value = number * candidate.scale
         ratio = candidate.scale / unit.scale
-        if not usual[0] <= value <= usual[1] or max(ratio, 1 / ratio) < _SLIP:
+        if not plausible[0] <= value <= plausible[1] or max(ratio, 1 / ratio) < _SLIP:
             continue
-        if usual[0] > 0:
-            distance = abs(math.log(value / math.sqrt(usual[0] * usual[1])))
+        if plausible[0] > 0:
+            distance = abs(math.log(value / math.sqrt(plausible[0] * plausible[1])))
         else:
             distance = -value
         if best is None or distance < best[0]:
@@ -146,16 +146,16 @@ def _guess(number: float, unit: Unit, usual: tuple[float, float], dimension: Dim
     return best[1] if best else None
 
 
-def radian_warning(path: Path, draft: Draft, units: FileUnits, source: SourceMap) -> Fault | None:
+def radian_warning(path: Path, written: WrittenValue, units: FileUnits, source: SourceMap) -> Fault | None:
     """A warning where pi and a file in degrees meet: `pi/2` as an angle, `cos(30)`."""
-    if draft.tree is None or units.angle.scale == 1.0:
+    if written.tree is None or units.angle.scale == 1.0:
         return None
-    nodes = list(ast.walk(draft.tree))
+    nodes = list(ast.walk(written.tree))
     uses_pi = any(isinstance(n, ast.Name) and n.id == "pi" for n in nodes)
     called = any(isinstance(n, ast.Call) for n in nodes)
-    if uses_pi and not called and not draft.names and ANGLE in draft.measure.dimensions:
-        what = f"`{draft.text}` is taken in {units.angle.text}, the file's unit of angles"
-        hint = f"write the angle in {units.angle.text}, or in rad as a text `1.5708 rad`"
+    if uses_pi and not called and not written.names and ANGLE in written.measure.dimensions:
+        what = f"`{written.text}` is read in {units.angle.text}, the angle unit of this file"
+        hint = f"write the angle in {units.angle.text}, or with its unit: `1.5708 rad`"
         return source.fault("magnitude", what, path, hint, warning=True)
     for node in nodes:
         if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
@@ -165,7 +165,7 @@ def radian_warning(path: Path, draft: Draft, units: FileUnits, source: SourceMap
             continue
         number = argument.value
         if node.func.id in ("sin", "cos", "tan") and number > 2 * math.pi:
-            what = f"`{ast.unparse(node)}` is of {number} rad: numbers in functions are in rad"
-            hint = f"write {node.func.id}({number}*pi/180) for degrees"
+            what = f"`{ast.unparse(node)}` is evaluated at {number} rad: function arguments are in rad"
+            hint = f"for degrees, write `{node.func.id}({number}*pi/180)`"
             return source.fault("magnitude", what, path, hint, argument.col_offset, warning=True)
     return None

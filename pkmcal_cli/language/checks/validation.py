@@ -1,6 +1,6 @@
 """From plain data to models: pydantic's errors as faults at places, the rest salvaged.
 
-Entries with a fault are set aside, so that the names and units of all others are still checked
+Entries with a fault are quarantined, so that the names and units of all others are still checked
 in the same run.
 """
 
@@ -14,45 +14,47 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from pkmcal_cli.base.errors import FaultList, did_you_mean
-from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.fields import Entity
+from pkmcal_cli.language.machine import Machine, WrittenMachine
 from pkmcal_cli.language.quantities import hint_of, kind_of
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _ROUNDS = 8
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_TWO = "for example `between: [p, q]`, `limits: [low, high]`"
+_TWO = "write a list, for example `between: [p, q]` or `limits: [low, high]`"
+_PAIR = "write two points; only a rope runs over more"
 _MAP = "write `name: {...}`"
 _DECISIVE = ("moves", "drives", "turns", "winds", "unit", "radius", "reads", "nominal")
 """Keys on which the meaning of their siblings hangs."""
 
 
 @dataclass
-class Aside:
-    """What was set aside because of faults: plain data by path."""
+class Quarantine:
+    """What was quarantined because of faults: plain data by path."""
 
     data: dict[Path, Any] = field(default_factory=dict)
 
     def touches(self, path: Path) -> bool:
-        """Whether something at or under this path was set aside."""
+        """Whether something at or under this path was quarantined."""
         return any(each[: len(path)] == path for each in self.data)
 
     def names(self, section: str) -> list[str]:
-        """Names of the entries of a section that were set aside."""
+        """Names of the entries of a section that were quarantined."""
         return [str(path[1]) for path in self.data if len(path) == 2 and path[0] == section]
 
     def words(self) -> frozenset[str]:
-        """All words in what was set aside, and its names."""
-        found: set[str] = set()
+        """All words in what was quarantined, and its names."""
+        words: set[str] = set()
         stack: list[Any] = [*self.data.values(), *(part for path in self.data for part in path)]
         while stack:
             item = stack.pop()
             if isinstance(item, str):
-                found.update(_WORD.findall(item))
+                words.update(_WORD.findall(item))
             elif isinstance(item, dict):
                 stack += [*item, *item.values()]
             elif isinstance(item, tuple | list):
                 stack += item
-        return frozenset(found)
+        return frozenset(words)
 
     def take(self, data: dict[str, Any], path: Path) -> None:
         """Takes what stands at a path out of the plain data."""
@@ -63,38 +65,38 @@ class Aside:
             self.data[path] = at.pop(path[-1])
 
 
-def shape(source: SourceMap, faults: FaultList) -> tuple[Machine | None, Aside]:
-    """The machine (with drafts) of the tree's plain data, and what was set aside.
+def validated(source: SourceMap, faults: FaultList) -> tuple[WrittenMachine | None, Quarantine]:
+    """The machine as written, of the tree's plain data, and what was quarantined.
 
     Adds a fault for everything that does not fit; no machine where nothing can be said further.
     """
     data = source.root.plain()
     for section in [name for name, value in data.items() if value is None]:
         data[section] = {} if section in Machine.model_fields else None
-    aside = Aside()
+    quarantined = Quarantine()
     for _ in range(_ROUNDS):
         context = {"space": data.get("space")}
         try:
-            return Machine.model_validate(data, context=context), aside
+            return Machine.model_validate(data, context=context), quarantined
         except ValidationError as error:
-            paths = _report(error, source, faults, aside)
+            paths = _report(error, source, faults, quarantined)
         if ("space",) in paths:
-            return None, aside
+            return None, quarantined
         for path in paths:
-            aside.take(data, path)
-    return None, aside
+            quarantined.take(data, path)
+    return None, quarantined
 
 
-def _report(error: ValidationError, source: SourceMap, faults: FaultList, aside: Aside) -> list[Path]:
-    """Adds pydantic's errors as faults; the paths that must be set aside to go on."""
+def _report(error: ValidationError, source: SourceMap, faults: FaultList, quarantined: Quarantine) -> list[Path]:
+    """Adds pydantic's errors as faults; the paths that must be quarantined to go on."""
     paths: list[Path] = []
-    for found in error.errors(include_url=False):
-        loc, kind = found["loc"], found["type"]
-        if kind == "missing" and aside.touches(loc):
+    for error_ in error.errors(include_url=False):
+        loc, kind = error_["loc"], error_["type"]
+        if kind == "missing" and quarantined.touches(loc):
             paths.append(loc[:2])
             continue
         path = _known_path(source, loc)
-        _add(found, path, source, faults)
+        _add(error_, path, source, faults)
         paths.append(("space",) if loc == ("space",) else _to_take(path, kind))
     return list(dict.fromkeys(paths))
 
@@ -121,9 +123,9 @@ def _known_path(source: SourceMap, loc: tuple[str | int, ...]) -> Path:
     return tuple(path)
 
 
-def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultList) -> None:
+def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultList) -> None:
     """One error of pydantic as a fault."""
-    kind, loc, context = found["type"], found["loc"], found.get("ctx", {})
+    kind, loc, context = details["type"], details["loc"], details.get("ctx", {})
     if kind == "pkmcal":
         at_key = loc[-1] == "[key]"
         faults.add(
@@ -132,51 +134,56 @@ def _add(found: Mapping[str, Any], path: Path, source: SourceMap, faults: FaultL
             )
         )
     elif kind == "extra_forbidden":
-        owner = _owner(loc[:-1])
+        owner, key = _owner(loc[:-1]), str(loc[-1])
         names = list(owner.model_fields) if owner is not None else []
-        what = f"unknown key `{loc[-1]}`{_of(loc[:-1])}"
-        hint = did_you_mean(str(loc[-1]), names, _list_of(names))
+        what = f"unknown key `{key}`{_of(loc[:-1])}"
+        new = owner.renamed.get(key) if owner is not None else None
+        hint = f"`{key}` is now called `{new}`" if new else did_you_mean(key, names, _list_of(names))
         faults.add(source.fault("unknown-key", what, path, hint, at_key=True))
     elif kind == "missing" and isinstance(loc[-1], int):
-        what = f"2 entries are wanted{_of(loc[:-1])}, not {len(found['input'])}"
+        what = f"expected 2 entries{_of(loc[:-1])}, found {len(details['input'])}"
         faults.add(source.fault("value", what, path, _TWO))
     elif kind == "missing":
         owner = _owner(loc[:-1])
-        what = f"`{loc[-1]}` is missing{_of(loc[:-1])}"
+        what = f"missing key `{loc[-1]}`{_of(loc[:-1])}"
         about = owner.model_fields.get(str(loc[-1])) if owner is not None else None
-        hint = f"{loc[-1]}: {about.description}" if about and about.description else None
+        hint = f"add `{loc[-1]}` ({about.description})" if about and about.description else None
         faults.add(source.fault("missing-key", what, path, hint, at_key=bool(path)))
     else:
-        what, hint = _plain_words(found)
+        what, hint = _plain_words(details)
         faults.add(source.fault("type" if "type" in kind else "value", what, path, hint))
 
 
-def _plain_words(found: Mapping[str, Any]) -> tuple[str, str | None]:
+def _plain_words(details: Mapping[str, Any]) -> tuple[str, str | None]:
     """Pydantic's own error in words of the file."""
-    kind, raw, context = found["type"], found.get("input"), found.get("ctx", {})
+    kind, raw, context = details["type"], details.get("input"), details.get("ctx", {})
     shown = kind_of(raw)
     if kind == "literal_error":
         words = [w.strip().strip("'") for w in context["expected"].replace(" or ", ",").split(",")]
         return f"{shown} is not allowed here", did_you_mean(str(raw), words, _list_of(words))
     if kind == "bool_type":
-        return f"true or false is wanted here, not {shown}", "write `true` or `false`"
+        return f"expected true or false, found {shown}", "write `true` or `false`"
     if kind == "string_type":
-        return f"a name or text is wanted here, not {shown}", hint_of(raw)
+        return f"expected a name or text, found {shown}", hint_of(raw)
     if kind == "int_type":
-        return f"a whole number is wanted here, not {shown}", "for example 1"
+        return f"expected an integer, found {shown}", "write, for example, 1"
     if kind in ("dict_type", "model_type", "model_attributes_type"):
-        return f"a map (`name: ...`) is wanted here, not {shown}", _MAP
+        return f"expected a map (`name: ...`), found {shown}", _MAP
     if kind == "tuple_type":
-        return f"a list is wanted here, not {shown}", _TWO
+        return f"expected a list, found {shown}", _TWO
     if kind == "too_long":
-        return f"{context['max_length']} entries are wanted here, not {context['actual_length']}", _TWO
+        hint = _PAIR if details["loc"][-1] == "between" else _TWO
+        return f"expected {context['max_length']} entries, found {context['actual_length']}", hint
+    if kind == "too_short":
+        least, found = context["min_length"], context["actual_length"]
+        return f"expected at least {least} entries, found {found}", _TWO
     if kind in ("greater_than_equal", "less_than_equal"):
-        return f"{shown} is out of range: {found['msg'].removeprefix('Input should be ')}", None
-    return str(found["msg"]), None
+        return f"{shown} is out of range; expected a value {details['msg'].removeprefix('Input should be ')}", None
+    return str(details["msg"]), None
 
 
 def _list_of(names: list[str]) -> str:
-    return "one of " + ", ".join(f"`{name}`" for name in names)
+    return "use one of " + ", ".join(f"`{name}`" for name in names)
 
 
 def _of(loc: tuple[str | int, ...]) -> str:
@@ -185,7 +192,7 @@ def _of(loc: tuple[str | int, ...]) -> str:
     return f" in {'.'.join(parts)}" if parts else ""
 
 
-def _owner(loc: tuple[str | int, ...]) -> type[BaseModel] | None:
+def _owner(loc: tuple[str | int, ...]) -> type[Entity] | None:
     """The model that a location leads to."""
     kind: Any = Machine
     for part in loc:
@@ -195,7 +202,7 @@ def _owner(loc: tuple[str | int, ...]) -> type[BaseModel] | None:
         else:
             kind = next(iter(get_args(kind)[::-1]), None)
         kind = _model_in(kind)
-    return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
+    return kind if isinstance(kind, type) and issubclass(kind, Entity) else None
 
 
 def _model_in(kind: Any) -> Any:

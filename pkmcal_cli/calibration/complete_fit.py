@@ -1,0 +1,134 @@
+"""A whole calibration: the fit as it was asked for, its starts, its intervals, its datum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+
+from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
+from pkmcal_cli.calibration.datum import Datum
+from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
+from pkmcal_cli.calibration.estimated_ranges import with_estimated_ranges
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.intervals import (
+    Intervals,
+    Method,
+    linear_intervals,
+    profile_intervals,
+    with_held,
+)
+from pkmcal_cli.calibration.prior import prior_of_ranges
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
+from pkmcal_cli.calibration.starts import Agreement, identify_from
+from pkmcal_cli.calibration.steady_ropes import steady_fit
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap.
+
+    starts: how many; 0 is one, and more where it fails.
+    """
+
+    loss: str = "squares"
+    prior: str = "none"
+    uncertainty: str = "linear"
+    seed: int = 0
+    starts: int = 0
+
+    def check(self) -> None:
+        """Raises UsageError for words that are none."""
+        known = {"loss": get_args(Loss), "prior": ("none", "ranges"), "uncertainty": get_args(Method)}
+        for option, words in known.items():
+            given = getattr(self, option)
+            if given not in words:
+                raise UsageError(
+                    f"--{option}: `{given}` is not a valid value",
+                    hint=did_you_mean(given, words, f"give one of {', '.join(words)}"),
+                )
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was found, by which starts, held by which datum."""
+
+    robust: RobustFit
+    budget: ErrorBudget
+    intervals: Intervals
+    agreement: Agreement | None
+    datum: Datum | None = None
+
+
+def calibrated(
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array,
+    options: FitOptions,
+    session: Array,
+    datum: Datum | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Calibration:
+    """Calibrate from values (P,); session (N,): number of the session of each row. Raises RowsFailed.
+
+    The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer.
+    """
+    problem = _with_prior(problem, selected, options)
+    first, agreement = identify_from(problem, selected, start, options.starts, options.seed, tell)
+    first = steady_fit(problem.without(first.failed), first)
+    robust = _with_loss(problem.without(first.failed), first, options)
+    held = held_parameters(problem, selected, () if datum is None else datum.held)
+    robust, budget = _with_ranges(robust, start, held)
+    return Calibration(robust, budget, _intervals(robust, budget, options, session), agreement, datum)
+
+
+def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tuple[RobustFit, ErrorBudget]:
+    """The fit with ranges as they turned out to be, and what its errors are made of."""
+    noise = None if robust.loss == "squares" else robust.fit.directions.spread
+    budget = error_budget(robust.problem, robust.fit, held, noise=noise)
+    fit = robust.fit.with_spread(budget.spread)
+    if fit.status == "converged":
+        factors = budget.scales.typical[: len(fit.selected)] / np.sqrt(budget.spread)
+        problem, fit = with_estimated_ranges(robust.problem, fit, start, factors)
+        if problem is not robust.problem:
+            prior = replace(robust.problem, prior=problem.prior)
+            budget = error_budget(prior, fit, held, scales=budget.scales)
+            robust = replace(robust, problem=problem)
+    return replace(robust, fit=fit), budget
+
+
+def refit(options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array) -> Fit:
+    """The same fit of other rows, from one start. Raises RowsFailed."""
+    problem = _with_prior(problem, selected, options)
+    first = identify(problem, selected, start)
+    robust, _ = _with_ranges(_with_loss(problem.without(first.failed), first, options), start, ())
+    return robust.fit
+
+
+def _with_prior(problem: Problem, selected: tuple[str, ...], options: FitOptions) -> Problem:
+    return replace(problem, prior=prior_of_ranges(problem.model, selected)) if options.prior == "ranges" else problem
+
+
+def _with_loss(problem: Problem, first: Fit, options: FitOptions) -> RobustFit:
+    """The fit by least squares, or from there with another loss."""
+    if options.loss == "squares" or first.status != "converged":
+        return plain_fit(problem, first)
+    return identify_robustly(problem, first, options.loss)  # type: ignore[arg-type]
+
+
+def _intervals(robust: RobustFit, budget: ErrorBudget, options: FitOptions, session: Array) -> Intervals:
+    """Intervals of the selected parameters, as they are asked for."""
+    fit, names = robust.fit, robust.problem.model.names
+    index = np.array([names.index(n) for n in fit.selected], dtype=np.intp)
+    if fit.status != "converged" or options.uncertainty == "linear":
+        return linear_intervals(fit, budget, index)
+    if options.uncertainty == "profile":
+        return with_held(profile_intervals(robust.problem, fit, budget, index), fit, budget, index)
+    found = bootstrap_intervals(robust.problem, fit, index, session, options.seed, robust.gain)
+    return with_held(found, fit, budget, index)

@@ -1,0 +1,75 @@
+"""Before a fit: are there equations enough, and has the base a place? What is held as datum, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.datum import Datum, datum_of
+from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
+
+_LISTED = 8  # null directions that are told one by one
+
+
+@dataclass(frozen=True)
+class Determinacy:
+    """What is to be identified: `selected` without the datum's parameters; or why not, and the remedy."""
+
+    selected: tuple[str, ...]
+    datum: Datum | None
+    refusal: str = ""
+    remedy: str = ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be told."""
+        return (self.datum.text,) if self.datum is not None else ()
+
+
+def determinacy(problem: Problem, values: Array, selected: tuple[str, ...]) -> Determinacy:
+    """What the data can be asked for at parameter values (P,), if most rows can be predicted there."""
+    directions_, whole = _directions(problem, values, selected)
+    if directions_ is None:
+        return Determinacy(selected, None)
+    datum = datum_of(problem.model, values, directions_)
+    held = datum.held if datum is not None else ()
+    kept = tuple(n for n in selected if n not in held)
+    if datum is not None and datum.missing:
+        left = ", ".join(datum.gauge.motions)
+        what = f"the data do not fix the base ({left}); {_counts(problem, directions_, datum)}"
+        return Determinacy(kept, datum, what, f"declare what defines the base: `datum: [{', '.join(datum.proposed)}]`")
+    if problem.count < len(kept) and whole:  # else the fit tells which rows cannot be predicted
+        what = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"
+        return Determinacy(kept, datum, what, "measure more, or identify fewer parameters (`--select`)")
+    return Determinacy(kept, datum)
+
+
+def _directions(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[Directions | None, bool]:
+    """Null and weak directions, None where most rows cannot be predicted; whether all can."""
+    if not selected or not problem.count:
+        return None, False
+    evaluation = evaluate(problem, values, selected)
+    rows = np.nonzero(evaluation.prediction.solved)[0]
+    part = problem if len(rows) == len(problem) else problem.take(rows)
+    if len(rows) < len(problem) / 2 or (problem.measured.any(axis=0) & ~part.measured.any(axis=0)).any():
+        return None, False  # the others may be those that say where the base is
+    solved = evaluation if part is problem else evaluate(part, values, selected)
+    ranges = np.array([problem.model.parameters[problem.model.names.index(n)].range for n in selected])
+    return directions(linearise(part, solved).jacobian, selected, ranges), part is problem
+
+
+def _counts(problem: Problem, directions_: Directions, datum: Datum | None) -> str:
+    free = 0 if datum is None else len(datum.held)
+    unknowns = len(directions_.names) - free
+    return f"{problem.count} equations, {unknowns} unknowns, {int(directions_.null.sum()) - free} null directions"
+
+
+def _listed(directions_: Directions) -> str:
+    """The null directions in words."""
+    texts = [text for c in combinations(directions_) if c.kind == "null" for text in c.texts]
+    more = f" and {len(texts) - _LISTED} more" if len(texts) > _LISTED else ""
+    return "; ".join(texts[:_LISTED]) + more

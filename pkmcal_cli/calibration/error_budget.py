@@ -1,0 +1,216 @@
+"""What the errors of identified parameters are made of: noise, what their own ranges hold, what is not identified.
+
+The estimate is linear in what is measured, so its error is T e + (T J - 1) z + T H h with noise e, true offsets z and h
+from nominal of the parameters that are identified and of the others, and their Jacobians J and H. The last part is
+that of consider covariances (Schmidt 1966; Tapley, Schutz, Born 2004, ch. 6). Offsets and noise have scales that are
+estimated (`range_scales`), so errors are mixtures of normal ones, with tails like Student's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import Directions
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
+from pkmcal_cli.calibration.residual import evaluate, linearise
+
+COVER = 1.959963985  # standard uncertainties of a 95 % interval
+_HALVINGS = 30
+_WORTH = {"stated": 10.0, "exact": np.inf, "unknown": 1.0}  # degrees of freedom of a variance
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorBudget:
+    """Errors of p identified parameters `names`, besides h others that are `held` with a range; SI.
+
+    data (G, p, p): covariance by the noise of each of G instruments as stated; by_own (p, p), by_held (p, h): errors by
+    offsets of half a range; half_ranges (p + h,); scales: of the offsets, identified ones first, and of the noise.
+    """
+
+    names: tuple[str, ...]
+    held: tuple[str, ...]
+    instruments: tuple[str, ...]
+    data: Array
+    by_own: Array
+    by_held: Array
+    half_ranges: Array
+    scales: Scales
+
+    def _std(self, by_own: Array, by_held: Array) -> Array:
+        """Standard uncertainties (p,) by noise and by some offsets (p, p), (p, h)."""
+        squares = np.hstack([by_own, by_held]) ** 2
+        noise = np.diagonal(self.data, axis1=1, axis2=2)  # (G, p)
+        return _equivalent(self.scales.variances @ squares.T + self.scales.noise @ noise)
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard uncertainties (p,): 1.96 of them hold 95 % of the errors."""
+        return self._std(self.by_own, self.by_held)
+
+    @cached_property
+    def std_by_data(self) -> Array:
+        """The part (p,) of noise and of what ranges hold."""
+        return self._std(self.by_own, np.zeros_like(self.by_held))
+
+    @cached_property
+    def std_by_held(self) -> Array:
+        """The part (p,) of parameters that are not identified."""
+        return np.asarray(np.sqrt(np.maximum(self.std**2 - self.std_by_data**2, 0.0)))
+
+    @cached_property
+    def noise_covariance(self) -> Array:
+        """Covariance (p, p) by noise alone, as large as it turned out to be."""
+        return np.asarray(np.tensordot(self.scales.typical_noise, self.data, 1))
+
+    @property
+    def spread(self) -> float:
+        """By what the stated variances of the readings were multiplied, on the whole."""
+        half2 = self.half_ranges[: len(self.names)] ** 2
+        before = float((np.diag(self.data.sum(axis=0)) / half2).sum())
+        return float((np.diag(self.noise_covariance) / half2).sum()) / before if before > 0 else 1.0
+
+    @cached_property
+    def share_of_ranges(self) -> Array:
+        """Share (p,) of the variance by noise and ranges that ranges make."""
+        own = (self.by_own**2) @ self.scales.typical[: len(self.names)] ** 2
+        whole = own + np.diag(self.noise_covariance)
+        return np.asarray(np.divide(own, whole, out=np.zeros(len(own)), where=whole > 0))
+
+    @cached_property
+    def joint_covariance(self) -> Array:
+        """Covariance (p + h, p + h) of the errors of all: what a held parameter shifts others by is in it.
+
+        Of typical scales, all times one factor that makes it as large as `std` on the whole: a factor for each, or for
+        the identified ones alone, would spoil the sums that cancel.
+        """
+        p, h = self.by_held.shape
+        below = np.hstack([np.zeros((h, p)), np.diag(-self.half_ranges[p:])])  # what is held is off by its offset
+        by_offset = np.vstack([np.hstack([self.by_own, self.by_held]), below]) * self.scales.typical
+        out = by_offset @ by_offset.T
+        out[:p, :p] += self.noise_covariance
+        typical = np.sqrt(np.maximum(np.diag(out)[:p], 1e-300))
+        return np.asarray(out * float(np.median(self.std / typical)) ** 2 if p else out)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the identified ones."""
+        return self.joint_covariance[: len(self.names), : len(self.names)]
+
+
+def _equivalent(variances: Array) -> Array:
+    """Standard deviations (p,) of normal errors that are within 95 % limits where mixtures (M, p) are."""
+    deviation = np.sqrt(variances)
+    low, high = np.zeros(deviation.shape[1]), 20.0 * deviation.max(axis=0, initial=0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            inside = np.where(deviation > 0, 2.0 * ndtr(middle / deviation) - 1.0, 1.0).mean(axis=0)
+            low, high = np.where(inside < 0.95, middle, low), np.where(inside < 0.95, high, middle)
+    return np.asarray(high / COVER)
+
+
+def held_parameters(problem: Problem, selected: tuple[str, ...], datum: tuple[str, ...]) -> tuple[str, ...]:
+    """Parameters that are not identified, and not exact.
+
+    Those of effects are what their entries say, and those that are declared as the datum define the axes.
+    """
+    effects = {n for e in problem.model.effects for n in e.parameters}
+    known = effects.union(selected, datum, problem.model.datum)
+    return tuple(p.name for p in problem.model.parameters if p.name not in known and not p.fixed and p.range > 0)
+
+
+def error_budget(
+    problem: Problem,
+    fit: Fit,
+    held: tuple[str, ...] = (),
+    scales: Scales | None = None,
+    noise: float | None = None,
+) -> ErrorBudget:
+    """Of a fit that has ended. `scales`: known from elsewhere; noise: what all stated variances are multiplied by."""
+    both, p = (*fit.selected, *held), len(fit.selected)
+    index = [problem.model.names.index(n) for n in both]
+    half = 0.5 * problem.model.ranges[index]
+    last = evaluate(problem, fit.values, both, fit.last.start, fit.shift) if held else fit.last
+    near, groups = linearise(problem, last), _instruments(problem)
+    jacobian = near.jacobian * half
+    evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
+    if scales is None:
+        scales = drawn_scales(evidence if noise is None else evidence.with_noise(noise))
+        scales = scales if noise is None else replace(scales, noise=np.full(scales.noise.shape, noise))
+    gain = _gain(fit.directions, jacobian[:, :p], half[:p])  # (p, p): by it J^T y gives the estimate
+    whole, own = evidence.information.sum(axis=0), half[:p, None]
+    return ErrorBudget(
+        names=fit.selected,
+        held=held,
+        instruments=groups.names,
+        data=gain @ evidence.information[:, :p, :p] @ gain.T * np.outer(half[:p], half[:p]),
+        by_own=(gain @ whole[:p, :p] - np.eye(p)) * own,
+        by_held=gain @ whole[:p, p:] * own,
+        half_ranges=half,
+        scales=scales,
+    )
+
+
+def _evidence(
+    problem: Problem, fit: Fit, groups: _Instruments, jacobian: Array, residual: Array, index: list[int]
+) -> Evidence:
+    """What each instrument says: whitened residual (n,) and Jacobian (n, q) in half ranges, of parameters `index`."""
+    rows = [np.nonzero(groups.place == k)[0] for k in range(len(groups.names))]
+    parts = [(jacobian[r], residual[r]) for r in rows]
+    parameters = [problem.model.parameters[k] for k in index]
+    offsets = 2.0 * (fit.values - problem.model.nominal)[index] / problem.model.ranges[index]
+    estimated = np.arange(len(index)) < len(fit.selected)
+    return Evidence(
+        information=np.array([j.T @ j for j, _ in parts]),
+        score=np.array([j.T @ r for j, r in parts]),
+        squares=np.array([r @ r for _, r in parts]),
+        counts=groups.counts,
+        freedom=groups.freedom,
+        centre=np.where(estimated, offsets, 0.0),
+        kinds=tuple(p.kind or p.dimension for p in parameters),
+        estimated=estimated,
+    )
+
+
+def _gain(spectrum: Directions, jacobian: Array, half: Array) -> Array:
+    """(J^T J)^-1 (p, p) of all equations (n, p) in the directions that a fit moves, in half ranges."""
+    moved = spectrum.vectors[~spectrum.held] * (spectrum.ranges / (2.0 * half))  # (d, p)
+    if not moved.size:
+        return np.zeros((len(half), len(half)))
+    upper = np.asarray(np.linalg.qr(jacobian @ moved.T, mode="r"))
+    root = np.linalg.solve(upper.T, moved)  # (d, p)
+    return np.asarray(root.T @ root)
+
+
+@dataclass(frozen=True)
+class _Instruments:
+    """Instruments that measured; whose each whitened residual (n,) is, -1 for what is no reading; equations (G,)."""
+
+    names: tuple[str, ...]
+    place: NDArray[np.intp]
+    counts: Array
+    freedom: Array
+
+
+def _instruments(problem: Problem) -> _Instruments:
+    """Instruments with readings. The noise of drives is in the readings of all, and worth as little as either."""
+    channels = problem.model.channels
+    drives = [d for a, d in enumerate(problem.model.actuators) if problem.drive_sigma[:, a].any()]
+    common = min((_WORTH[d.sigma_is] for d in drives), default=np.inf)
+    used = [k for k in range(len(channels)) if problem.measured[:, k].any()]
+    names = tuple(dict.fromkeys(channels[k].instrument for k in used))
+    of_channel = [names.index(channels[k].instrument) if k in used else -1 for k in range(len(channels))]
+    counts = [sum(int(problem.measured[:, k].sum()) for k in used if of_channel[k] == g) for g in range(len(names))]
+    worth = {channels[k].instrument: _WORTH[channels[k].sigma_is] for k in used}
+    place = np.tile(of_channel, len(problem)).astype(np.intp)
+    known = 0 if problem.prior is None else len(problem.prior.rows)
+    place = np.concatenate([place, np.full(known, -1)])
+    return _Instruments(names, place, np.array(counts), np.array([min(worth[n], common) for n in names]))

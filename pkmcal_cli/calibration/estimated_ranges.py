@@ -1,0 +1,59 @@
+"""The same fit with ranges as wide as parameters turned out to be off, and sigma as large: they decide what is held.
+
+What is compared is their ratio, so ranges over the root of the noise's variance do for both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import UNSEEN, Directions, directions
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.prior import prior_of_ranges
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise
+
+
+def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Array) -> tuple[Problem, Fit]:
+    """Problem and fit with the ranges of the selected parameters times factors (p,); unchanged where nothing is held.
+
+    start (P,): where the fit began; what the data do not see stays there, and what they hardly see at nominal.
+    """
+    model = problem.model
+    ranges = model.ranges
+    index = [model.names.index(n) for n in fit.selected]
+    ranges[index] *= factors
+    unseen = UNSEEN * min(float(factors.min(initial=1.0)), 1.0)  # what was seen still is
+    wider, values = replace(problem, model=model.with_ranges(ranges), unseen=unseen), fit.values
+    if problem.prior is None:
+        spectrum = directions(linearise(problem, fit.last).jacobian, fit.selected, ranges[index], unseen)
+        if not (spectrum.weak.any() or fit.directions.weak.any()):
+            return problem, fit
+        values = centred(problem, values, start, spectrum)
+    else:
+        wider = replace(wider, prior=prior_of_ranges(wider.model, fit.selected))
+    try:
+        again = identify(wider, fit.selected, values, shift=fit.shift)
+    except RowsFailed:
+        return problem, fit
+    if again.status != "converged" or again.failed:
+        return problem, fit
+    again = again.with_spread(fit.directions.spread)
+    steps = fit.iterations + again.iterations
+    return wider, replace(again, before=fit.before, failed=fit.failed, kinked=fit.kinked, iterations=steps)
+
+
+def centred(problem: Problem, values: Array, start: Array, spectrum: Directions) -> Array:
+    """Values (P,) with weak directions about nominal, null ones as at the start (P,)."""
+    index = [problem.model.names.index(n) for n in spectrum.names]
+    nominal, held = problem.model.nominal[index], spectrum.held
+    way = np.where(spectrum.weak[:, None], nominal - values[index], (start - values)[index])
+    way /= spectrum.ranges
+    unseen = spectrum.vectors[held]  # (k, p)
+    out = values.copy()
+    out[index] += unseen.T @ (unseen * way[held]).sum(axis=1) * spectrum.ranges
+    return out

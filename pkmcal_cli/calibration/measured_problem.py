@@ -1,0 +1,52 @@
+"""Measurements bound to a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.copies import copies
+from pkmcal_cli.calibration.frame_start import with_frames
+from pkmcal_cli.calibration.problem import Problem, stated_sigma, usable
+from pkmcal_cli.loading.covariates import with_covariates, with_directions
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.measurands import Measurand
+
+
+def problem_of(model: Model, measurements: Measurements) -> Problem:
+    """Measurements bound to a model; a channel's sigma is the table's where it has one, else the machine's.
+
+    Of rows that are copies of each other one is measured.
+    """
+    model = model.for_sessions(measurements.sessions)
+    drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
+    drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
+    readings, given = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
+    rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
+    rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
+    rows = replace(rows, partner=measurements.partners)
+    sigma = stated_sigma(model, readings)
+    for k, channel in enumerate(model.channels):
+        if channel.measurand is Measurand.DRIVE:  # columns have travel
+            given[:, k] /= model.gains[channel.index]
+    sigma = np.where(np.isnan(given), sigma, given)
+    known = ~np.isnan(readings) & ~np.isnan(sigma)
+    model = with_frames(model, rows, np.where(known, readings, np.nan))
+    problem = Problem(
+        model=model, rows=rows, readings=readings, sigma=sigma, drive_sigma=np.nan_to_num(drive_sigma), measured=known
+    )
+    groups = tuple(copies(problem))
+    known[[row for group in groups for row in group[1:]]] = False
+    return usable(replace(problem, copies=groups))
+
+
+def _by_channel(model: Model, measurements: Measurements, table: Array) -> Array:
+    """Columns of a table (N, K) by the channels of the model, nan where it has none."""
+    out = np.full((len(measurements), len(model.channels)), np.nan)
+    names = [c.name for c in model.channels]
+    out[:, [names.index(name) for name in measurements.channels]] = table
+    return out

@@ -1,0 +1,56 @@
+"""Whether a fit that has converged can be believed: values, and what it leaves, against what anybody would expect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_check import RangeCheck
+
+_FAR = 10.0  # effective ranges off nominal
+_WIDER = 3.0  # times the range of the machine file: no kind is wider effectively
+_LEFT, _LARGE = 1 / 3, 1e-2  # share of the rms before, and of the machine's size, that a fit of good data goes below
+_WEIGHTY = 0.1  # weight below which a reading is left out
+_LISTED = 4
+
+
+def implausible_values(problem: Problem, checked: RangeCheck) -> tuple[str, ...]:
+    """Parameters that are further off nominal than any machine is built."""
+    model, far = problem.model, []
+    for name, offset in checked.offsets.items():
+        parameter = model.parameters[model.names.index(name)]
+        wider = float(np.clip(checked.factors.get(parameter.kind or parameter.dimension, 1.0), 1.0, _WIDER))
+        if abs(offset) / 2 > _FAR * wider and not _of_effect(problem, name):
+            far.append((abs(offset) / 2, name))
+    if not far:
+        return ()
+    listed = ", ".join(f"{name} ({ranges:.0f})" for ranges, name in sorted(far, reverse=True)[:_LISTED])
+    more = f" and {len(far) - _LISTED} more" if len(far) > _LISTED else ""
+    return (f"values many ranges off nominal: {listed}{more}",)
+
+
+def _of_effect(problem: Problem, name: str) -> bool:
+    """Whether a number of a declared effect, which has a scale of its own."""
+    return any(name in e.parameters for e in problem.model.effects)
+
+
+def implausible_residuals(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """Lengths that stay nearly as far off as they were before the fit, but for those that a robust loss leaves out."""
+    before, after = (_rms(problem, e.residual) for e in (fit.before, fit.after))
+    size = problem.model.length
+    if not after > _LARGE * size or (np.isfinite(before) and not after > _LEFT * before):
+        return ()
+    return (f"the fit leaves {after * 1e3:.3g} mm rms, {after / size:.1%} of the machine's size",)
+
+
+def _rms(problem: Problem, residual: Array) -> float:
+    """Of all readings that are lengths, are predicted, and have weight, m; nan where there is none."""
+    lengths = [k for k, c in enumerate(problem.model.channels) if c.dimension == "length"]
+    on = problem.measured[:, lengths] & np.isfinite(residual[:, lengths])
+    if problem.weight is not None:
+        on &= problem.weight[:, lengths] > _WEIGHTY
+    if not on.any():
+        return float("nan")
+    return float(np.sqrt((residual[:, lengths][on] ** 2).mean()))

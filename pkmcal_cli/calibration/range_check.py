@@ -1,0 +1,69 @@
+"""Whether parameters are as far off nominal as their ranges say, in what the data determine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtr, chdtrc
+
+from pkmcal_cli.calibration.error_budget import ErrorBudget
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import Directions, directions
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise
+
+_DOUBT = 0.01
+_FAR = 3.0  # prior standard deviations, half ranges, from which on a value is worth a word
+
+
+@dataclass(frozen=True)
+class RangeCheck:
+    """Probability, two-sided, of offsets so large or so small if ranges are right; factor of the ranges by kind.
+
+    offsets, kinds: of the identified parameters, in half ranges; declared: directions with the ranges of the file.
+    """
+
+    p_value: float
+    factors: Mapping[str, float]
+    offsets: Mapping[str, float]
+    kinds: frozenset[str]
+    declared: Directions
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the ranges do not fit."""
+        return self.p_value < _DOUBT
+
+    @property
+    def far(self) -> dict[str, float]:
+        """Offsets that nobody would expect, largest first."""
+        found = sorted(self.offsets.items(), key=lambda item: -abs(item[1]))
+        return {name: offset for name, offset in found if abs(offset) > _FAR}
+
+
+def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
+    """Of a fit; `problem` has the ranges of the machine file."""
+    model = problem.model
+    index = [model.names.index(n) for n in fit.selected]
+    ranges = model.ranges[index]
+    offsets = 2.0 * (fit.values - model.nominal)[index] / ranges
+    rows = linearise(problem, fit.last).jacobian[: problem.readings.size]
+    spectrum = directions(rows, fit.selected, ranges)
+    moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
+    known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)
+    half, p = ranges / 2.0, len(ranges)
+    own = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has
+    expected = own @ own.T + budget.noise_covariance / np.outer(half, half)
+    by_held = budget.by_held / half[:, None]
+    along, count = known @ offsets, len(known)
+    spread = known @ (expected + by_held @ by_held.T) @ known.T
+    statistic = max(float(along @ np.linalg.pinv(spread, hermitian=True) @ along), 0.0) if count else 0.0
+    chance = 2.0 * min(float(chdtr(count, statistic)), float(chdtrc(count, statistic))) if count else 1.0
+    factors = {kind: float(np.median(drawn)) for kind, drawn in budget.scales.factors.items()}
+    named = dict(zip(fit.selected, offsets.tolist(), strict=True))
+    lost = spectrum.undetermined()
+    seen = {n: z for (n, z), gone in zip(named.items(), lost, strict=True) if not gone}
+    kinds = frozenset(model.parameters[k].kind or model.parameters[k].dimension for k in index)
+    return RangeCheck(min(chance, 1.0), factors, seen, kinds, spectrum)

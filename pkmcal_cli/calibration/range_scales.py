@@ -1,0 +1,169 @@
+"""How far off nominal parameters are in terms of their ranges, and how noisy instruments: both stated, both guesses.
+
+The true offset of a parameter, in half ranges, is normal with variance tau^2 / w. tau belongs to all parameters of one
+kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so one that is wild widens no other (1 for
+those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
+stated. A weak prior says that what is stated is right: tau^2 about 1 with 2 degrees of freedom, w about 1 with 10, phi
+with what the stated sigma is worth. The problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013,
+Bayesian Data Analysis, ch. 11), always with the same random numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+
+_KIND_FREEDOM = 2.0
+_OWN_FREEDOM = 10.0
+_CHAINS, _STEPS, _WARMING = 40, 35, 10
+_QUIET = 1e-8  # least variance of noise, in stated ones
+_KNOWN = 1e5  # half ranges over uncertainty: what is known better than that is known
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What G instruments say of the offsets z (q,) from nominal, in half ranges, about where a fit ended.
+
+    Chi-square of each is squares - 2 score (z - centre) + (z - centre) information (z - centre): information (G, q, q),
+    score (G, q), squares (G,), centre (q,). counts (G,): equations; freedom (G,): degrees of freedom that the stated
+    sigma is worth, inf where it is exact. kinds (q,); `estimated` (q,): whether an offset is identified, so that its
+    kind learns from it.
+    """
+
+    information: Array
+    score: Array
+    squares: Array
+    counts: Array
+    freedom: Array
+    centre: Array
+    kinds: tuple[str, ...]
+    estimated: NDArray[np.bool_]
+
+    def with_noise(self, variance: float) -> Evidence:
+        """The same with noise of a known variance, in stated ones."""
+        return replace(
+            self,
+            information=self.information / variance,
+            score=self.score / variance,
+            squares=self.squares / variance,
+            freedom=np.full(len(self.freedom), np.inf),
+        )
+
+    def taken(self, offsets: NDArray[np.intp], instruments: NDArray[np.intp]) -> Evidence:
+        """The same in another order."""
+        return Evidence(
+            information=self.information[np.ix_(instruments, offsets, offsets)],
+            score=self.score[np.ix_(instruments, offsets)],
+            squares=self.squares[instruments],
+            counts=self.counts[instruments],
+            freedom=self.freedom[instruments],
+            centre=self.centre[offsets],
+            kinds=tuple(self.kinds[k] for k in offsets),
+            estimated=self.estimated[offsets],
+        )
+
+    def tamed(self) -> Evidence:
+        """The same, but nothing is known so well that rounding would matter."""
+        size, vectors = np.linalg.eigh(self.information.sum(axis=0))
+        share = np.minimum(1.0, _KNOWN / np.sqrt(np.maximum(size, 1.0)))
+        tame = (vectors * share) @ vectors.T
+        return replace(self, information=tame @ self.information @ tame, score=self.score @ tame)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """Drawn variances (M, q) of the offsets in half ranges squared, phi (M, G) of instruments, tau (M,) of kinds."""
+
+    variances: Array
+    noise: Array
+    factors: Mapping[str, Array]
+
+    @cached_property
+    def typical(self) -> Array:
+        """Standard deviations (q,) of the offsets, in half ranges."""
+        return np.asarray(np.sqrt(np.median(self.variances, axis=0)))
+
+    @cached_property
+    def typical_noise(self) -> Array:
+        """By what the stated variances of the instruments (G,) are multiplied."""
+        return np.asarray(np.median(self.noise, axis=0))
+
+
+def drawn_scales(evidence: Evidence, seed: int = 0) -> Scales:
+    """Draws of the scales after the data, the same in whatever order parameters and instruments are named."""
+    order, instruments = _order(evidence)
+    found = _drawn(evidence.taken(order, instruments), seed)
+    back = np.argsort(order)
+    return replace(found, variances=found.variances[:, back], noise=found.noise[:, np.argsort(instruments)])
+
+
+def _order(evidence: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Offsets and instruments by what is known of them."""
+    size = np.einsum("gii->i", evidence.information)
+    keys = zip(evidence.estimated, size, np.abs(evidence.centre), strict=True)
+    offsets = sorted(enumerate(keys), key=lambda item: item[1])
+    of_instruments = sorted(enumerate(zip(evidence.counts, evidence.squares, strict=True)), key=lambda item: item[1])
+    return np.array([k for k, _ in offsets], dtype=np.intp), np.array([k for k, _ in of_instruments], dtype=np.intp)
+
+
+def _drawn(evidence: Evidence, seed: int) -> Scales:
+    rng, given = np.random.default_rng(seed), evidence.tamed()
+    kinds, place = np.unique(given.kinds, return_inverse=True)
+    shape = (_CHAINS, len(place))
+    tau2, own = np.ones((_CHAINS, len(kinds))), np.ones(shape)
+    noise = np.ones((_CHAINS, len(given.counts)))
+    drawn: list[tuple[Array, Array, Array]] = []
+    for step in range(_STEPS):
+        offsets = _offsets(rng, given, tau2[:, place] / own, noise)
+        own = np.where(given.estimated, _own(rng, offsets**2 / tau2[:, place]), 1.0)
+        tau2 = _of_kinds(rng, own * offsets**2 * given.estimated, place, given.estimated, len(kinds))
+        noise = _of_instruments(rng, given, offsets)
+        if step >= _WARMING:
+            drawn.append((tau2[:, place] / own, noise, np.sqrt(tau2)))
+    variances, noises, taus = (np.concatenate(part) for part in zip(*drawn, strict=True))
+    return Scales(variances=variances, noise=noises, factors=dict(zip(kinds.tolist(), taus.T, strict=True)))
+
+
+def _offsets(rng: np.random.Generator, given: Evidence, variance: Array, noise: Array) -> Array:
+    """Offsets (M, q) given their variances (M, q) and those of the instruments (M, G)."""
+    q = len(given.centre)
+    pulled = given.score + given.information @ given.centre  # (G, q)
+    precision = np.einsum("mg,gij->mij", 1.0 / noise, given.information)
+    precision[:, np.arange(q), np.arange(q)] += 1.0 / variance
+    root = np.linalg.cholesky(precision)
+    mean = np.linalg.solve(root, ((1.0 / noise) @ pulled)[..., None])
+    drawn = mean + rng.normal(size=(*variance.shape, 1))
+    return np.asarray(np.linalg.solve(np.swapaxes(root, 1, 2), drawn)[..., 0])
+
+
+def _of_instruments(rng: np.random.Generator, given: Evidence, offsets: Array) -> Array:
+    """phi (M, G) given offsets (M, q)."""
+    step = offsets - given.centre
+    misfit = given.squares - 2.0 * step @ given.score.T + np.einsum("mi,gij,mj->mg", step, given.information, step)
+    freedom = np.where(np.isfinite(given.freedom), given.freedom, 0.0)
+    total = np.maximum(misfit, 0.0) + freedom
+    drawn = np.maximum(total / rng.chisquare(np.maximum(given.counts + freedom, 1.0), total.shape), _QUIET)
+    return np.where(np.isfinite(given.freedom), drawn, 1.0)
+
+
+def _own(rng: np.random.Generator, squares: Array) -> Array:
+    """Weights w (M, q) given squared offsets in tau."""
+    return np.asarray(rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares)))
+
+
+def _of_kinds(
+    rng: np.random.Generator, squares: Array, place: NDArray[np.intp], on: NDArray[np.bool_], kinds: int
+) -> Array:
+    """tau^2 (M, K) given weighted squares of offsets (M, q) of kinds `place` (q,); 1 where none is identified."""
+    out = np.ones((len(squares), kinds))
+    for k in np.unique(place[on]):
+        count = int((on & (place == k)).sum())
+        total = squares[:, place == k].sum(axis=1) + _KIND_FREEDOM
+        out[:, k] = total / rng.chisquare(count + _KIND_FREEDOM, len(squares))
+    return out

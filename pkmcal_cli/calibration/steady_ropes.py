@@ -1,0 +1,58 @@
+"""Rows in which a rope is between taut and slack: within what is not known, either may be true.
+
+Their readings have a kink there, about which no linear interval holds and no step of a fit is right. They are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.prediction import Request, predict
+
+_NEAR = 2.0  # standard uncertainties of a rope's elongation
+_ROUNDS = 3
+
+
+def steady_fit(problem: Problem, fit: Fit) -> Fit:
+    """The fit without rows near the kink of a rope; with them (`Fit.kinked`) where too few others are left."""
+    left_out: dict[int, str] = {}
+    best = fit
+    for _ in range(_ROUNDS):
+        near = {r: why for r, why in near_kinks(problem, best).items() if r not in left_out}
+        if not near:
+            return best
+        left_out |= near
+        rest = problem.without(left_out)
+        if 2 * len(left_out) > len(problem) or rest.count <= len(fit.selected):
+            return replace(fit, kinked=tuple(left_out))
+        try:
+            other = identify(rest, fit.selected, best.values)
+        except RowsFailed:
+            return replace(fit, kinked=tuple(left_out))
+        if other.status != "converged" or other.directions.held.sum() > fit.directions.held.sum():
+            return replace(fit, kinked=tuple(left_out))
+        best = replace(other, before=fit.before, failed={**fit.failed, **left_out, **other.failed})
+    return best
+
+
+def near_kinks(problem: Problem, fit: Fit) -> Mapping[int, str]:
+    """Rows, and why, in which a rope is within two standard uncertainties of the kink; of those that are measured."""
+    model = problem.model
+    if not model.exact.ropes:
+        return {}
+    request = Request(parameters=fit.selected, by_drive=True, ropes=True)
+    found = predict(model, fit.values, problem.rows.moved(fit.shift), request, fit.last.start)
+    assert found.ropes is not None
+    slopes = found.ropes.jacobian
+    variance = np.einsum("nrp,pq,nrq->nr", slopes, fit.directions.determined_covariance(), slopes)
+    variance += np.einsum("nra,na->nr", found.ropes.by_drive**2, problem.reading_sigma**2)
+    near = np.abs(found.ropes.values) < _NEAR * np.sqrt(np.maximum(variance, 0.0))
+    near &= (found.solved & problem.measured.any(axis=1))[:, None]
+    reason = "a rope is taut or slack (within 2 std)"
+    return {int(row): reason for row in np.nonzero(near.any(axis=1))[0]}

@@ -1,0 +1,166 @@
+"""Effects put into their effect sites, with their parameters: those that a machine declares, and any others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+from pkmcal_cli.base.errors import BadInput, Fault, did_you_mean
+from pkmcal_cli.effects import ABSENT, KINDS, Effect, catalogue
+from pkmcal_cli.language.channels import kind_of_sensor
+from pkmcal_cli.language.effect_entries import EffectNumber, unit_at
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.model.effect_sites import (
+    ALL,
+    EffectSite,
+    EffectSites,
+    PlacedEffect,
+    fitting,
+    parameters_at,
+    place_and_session,
+    places,
+)
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.parts import ModelParameter
+
+_FRAME: Final = "frame"
+_AWAY = 20.0  # sizes of the machine: how far away an instrument may stand
+Placed = tuple[tuple[PlacedEffect, ...], tuple[ModelParameter, ...]]
+
+
+def declared_effects(machine: Machine, sites: EffectSites, length: float) -> Placed:
+    """The effects of a machine file, and poses of frames that are fitted. Raises BadInput with places that are none.
+
+    `length`: size of the machine, m; the frame of an instrument may stand some sizes away.
+    """
+    effects: list[PlacedEffect] = []
+    parameters: list[ModelParameter] = []
+    faults = []
+    for name, entries in machine.effects.items():
+        keyword, _, at = name.partition("@")
+        effect = catalogue()[keyword]
+        known = _places_for(machine, sites, effect, at)
+        if at not in known:
+            faults.append(_no_place(machine, sites, effect, at, known))
+            continue
+        placed, own_parameters = placed_effect(effect, at, known[at], machine.space == "planar", entries)
+        faults += _idle_numbers(machine, placed, entries)
+        effects.append(placed)
+        parameters += own_parameters
+    if faults:
+        raise BadInput(faults)
+    for name, sensor in machine.sensors.items():
+        if sensor.frame not in (None, "machine") and f"{_FRAME}@{name}" not in machine.effects:
+            placed, own_parameters = _fitted_frame(name, sites[_FRAME][name], machine.space == "planar", length)
+            effects.append(placed)
+            parameters += [replace(p, per_session=sensor.frame != "fitted") for p in own_parameters]
+    return tuple(effects), tuple(parameters)
+
+
+def _places_for(machine: Machine, sites: EffectSites, effect: Effect, at: str) -> Mapping[str, tuple[EffectSite, ...]]:
+    """Places where a file may declare an effect, by name; one that acts by gravity also without."""
+    session = at if effect.places == "session" else place_and_session(at)[1]
+    if not weightless(machine, effect):
+        return places(sites, effect, (session,) if session else ())
+    return dict.fromkeys((ALL,) if effect.places == "all" else fitting(sites, effect), ())
+
+
+def weightless(machine: Machine, effect: Effect) -> bool:
+    """Whether an effect acts by a gravity that the machine has not."""
+    acts = machine.has_gravity and (machine.own_weight or effect.enters != "weight")
+    return effect.weighty and not acts
+
+
+def absence(machine: Machine, sites: EffectSites, effect: Effect) -> str:
+    """Why an effect has no place on a machine."""
+    if effect.weighty and not machine.has_gravity:
+        return "no gravity"
+    if weightless(machine, effect):
+        return effect.nowhere
+    if not sites.get(effect.enters):
+        return ABSENT[effect.enters]
+    return effect.nowhere if fitting(sites, effect) else KINDS[effect.where]
+
+
+def _no_place(machine: Machine, sites: EffectSites, effect: Effect, at: str, known: Collection[str]) -> Fault:
+    """Why an effect cannot be where the machine file puts it."""
+    what = f"`{effect.keyword}` cannot be placed at `{at}`"
+    listed = f"use one of {', '.join(list(known)[:12])}" if known else "delete it: this machine has no place for it"
+    hint = did_you_mean(at, known, listed)
+    if effect.enters == _FRAME and at in machine.sensors:
+        kind = kind_of_sensor(machine.sensors[at])
+        what += f": {kind.unmoved.get(effect.keyword, 'nothing that it reads depends on it')}"
+        others = [e.keyword for e in catalogue().values() if e.enters == _FRAME and at in places(sites, e)]
+        hint = f"delete it; effects at `{at}`: {', '.join(others)}" if others else "delete it"
+    return machine.source.fault("unknown-name", what, ("effects", f"{effect.keyword}@{at}"), hint, at_key=True)
+
+
+def _idle_numbers(machine: Machine, placed: PlacedEffect, entries: Mapping[str, EffectNumber]) -> Iterator[Fault]:
+    """Numbers of an effect that nothing at its place depends on."""
+    constants = {option.name for option in placed.effect.options}
+    for key in entries:
+        if key not in constants and key not in placed.numbers:
+            what = f"nothing at `{placed.at}` depends on `{key}` of `{placed.effect.keyword}`"
+            hint = f"delete it; parameters there: {', '.join(placed.numbers)}"
+            yield machine.source.fault("unknown-name", what, ("effects", placed.name, key), hint, at_key=True)
+
+
+def _fitted_frame(
+    name: str, sites: tuple[EffectSite, ...], planar: bool, length: float
+) -> tuple[PlacedEffect, tuple[ModelParameter, ...]]:
+    """The pose of an instrument that may stand anywhere."""
+    placed, parameters = placed_effect(catalogue()[_FRAME], name, sites, planar)
+    away = {"length": (_AWAY * length, "mm"), "angle": (math.pi, "deg")}
+    return placed, tuple(replace(p, range=away[p.dimension][0], unit=away[p.dimension][1]) for p in parameters)
+
+
+def placed_effect(
+    effect: Effect,
+    at: str,
+    sites: tuple[EffectSite, ...],
+    planar: bool,
+    entries: Mapping[str, EffectNumber] | None = None,
+) -> tuple[PlacedEffect, tuple[ModelParameter, ...]]:
+    """An effect at a place and its parameters: values and ranges of the entries, else null and the plausible range."""
+    entries = entries or {}
+    rotary = any(s.kind == "rotary" for s in sites)
+    parameters = []
+    for spec in parameters_at(effect, sites, planar):
+        unit, entry = unit_at(spec, rotary), entries.get(spec.name, EffectNumber())
+        spread = spec.range_in(rotary) * unit.scale if entry.range is None else entry.range
+        low, high = spec.possible
+        bounds = entry.bounds or (low * unit.scale, high * unit.scale)
+        name = f"{effect.keyword}@{at}.{spec.name}"
+        dimension = unit.dimension.name
+        text = "" if unit.text == "1" else unit.text
+        known = spec.known is not None and entry.identify is not True
+        parameters.append(
+            ModelParameter(
+                name=name,
+                nominal=entry.value,
+                range=spread,
+                bounds=bounds,
+                unit=text,
+                dimension=dimension,
+                identify=not known if entry.identify is None else entry.identify,
+                kind=effect.keyword,
+                fixed=known and entry.range is None and entry.identify is None,
+            )
+        )
+    options = {
+        option.name: entries[option.name].interval or (entries[option.name].value,)
+        for option in effect.options
+        if option.name in entries
+    }
+    return PlacedEffect(effect, at, sites, tuple(p.name for p in parameters), options), tuple(parameters)
+
+
+def possible_effects(model: Model, sessions: tuple[str, ...] = ()) -> list[tuple[Effect, str, tuple[EffectSite, ...]]]:
+    """Every effect of the catalogue at every place of a receptive model: (effect, place, effect sites)."""
+    return [
+        (effect, at, sites)
+        for effect in catalogue().values()
+        for at, sites in places(model.sites, effect, sessions).items()
+    ]

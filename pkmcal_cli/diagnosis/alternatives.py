@@ -1,0 +1,155 @@
+"""Alternatives without a name: a step or an oscillation in time, a local bump of a drive or guide, a smooth field.
+
+They compete with what was accepted, by the same evidence. Where one of them explains better what effects of the
+catalogue were accepted for, these may be stand-ins for something that the catalogue lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
+from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.noise_tests import time_order
+from pkmcal_cli.diagnosis.unit_columns import unit_columns
+from pkmcal_cli.model.effect_sites import ALL, PlacedEffect
+
+_WIDTHS = (0.03, 0.045, 0.065, 0.1)  # full width at half maximum of bumps, in shares of the travel
+_ROWS = 4  # on a bump, at least
+_STEP = 0.3  # of their places, in widths
+_FEWEST_CYCLES = 4.0  # slower oscillations are drift or temperature
+_NEAR = 3  # rows from the change of a session, where a step is a new set-up
+_EDGE = 4  # rows before and after a step, at least
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The best alternative of one kind: what it depends on, statistic and log evidence (BIC, tries counted)."""
+
+    depends_on: str
+    words: str
+    statistic: float
+    evidence: float
+    rms: float  # of what it explains, in stated standard uncertainties
+
+
+@dataclass(frozen=True)
+class Family:
+    """Alternatives of one kind: blocks of k columns each (n, m, k), and words for each of the m."""
+
+    depends_on: str
+    columns: Array
+    words: Sequence[str]
+
+
+def families(problem: Problem, fit: Fit) -> list[Family]:
+    """All alternatives at a solution, whitened."""
+    return [f for f in (_steps(problem), _oscillations(problem), *_fields(problem), _bumps(problem, fit)) if f]
+
+
+def best_alternative(linear: Linear, scale: Scale, kinds: Sequence[Family]) -> Alternative | None:
+    """The alternative with most evidence against a residual with declared parameters projected out."""
+    best_of_kinds = [_best(linear, scale, kind) for kind in kinds]
+    return max(best_of_kinds, key=lambda g: g.evidence, default=None)
+
+
+def _best(linear: Linear, scale: Scale, kind: Family) -> Alternative:
+    rows, tries, size = kind.columns.shape
+    columns = linear.whitened(kind.columns.reshape(rows, -1)).reshape(kind.columns.shape)
+    free = linear.free(columns.reshape(rows, -1)).reshape(columns.shape)
+    information = np.einsum("nmk,nml->mkl", columns, free)
+    before = np.einsum("nmk,nmk->mk", columns, columns)
+    gradient = np.einsum("nmk,n->mk", columns, linear.unexplained)
+    values, vectors = np.linalg.eigh(information)
+    turned = np.einsum("mkd,mk->md", vectors, gradient)
+    seen = values > 1e-3 * before.max(axis=1, keepdims=True, initial=1e-300)
+    statistic = np.where(seen, turned**2 / np.where(seen, values, 1.0), 0.0).sum(axis=1)
+    evidence = (statistic / scale.variance - seen.sum(axis=1) * np.log(linear.used)) / 2 - np.log(tries)
+    best = int(np.argmax(evidence))
+    excess = max(float(statistic[best]) - size * scale.variance, 0.0)
+    rms = float(np.sqrt(excess / linear.used))
+    return Alternative(kind.depends_on, kind.words[best], float(statistic[best]), float(evidence[best]), rms)
+
+
+def _steps(problem: Problem) -> Family | None:
+    """Shifts of all readings from one row on, in the order of time; not where a session changes."""
+    order = time_order(problem)
+    rows = len(problem)
+    starts = np.array([k for k in range(_EDGE, rows - _EDGE) if not _changes(problem, order, k)], dtype=np.intp)
+    if not len(starts):
+        return None
+    rank = np.argsort(order)
+    shapes = (rank[:, None] >= starts).astype(float)
+    words = [f"step at row {int(order[k]) + 1}" for k in starts]
+    return Family(TIME, _blocks(problem, shapes[:, :, None]), words)
+
+
+def _changes(problem: Problem, order: NDArray[np.intp], k: int) -> bool:
+    """Whether a session changes near place k of the order."""
+    near = order[max(k - _NEAR, 0) : k + _NEAR]
+    columns = problem.rows.columns
+    return any(np.ptp(columns[name][near]) > 0 for name in columns if name.startswith("session."))
+
+
+def _oscillations(problem: Problem) -> Family | None:
+    """Sine and cosine of time in all readings."""
+    time = problem.rows.columns.get("time")
+    if time is None or not np.isfinite(time).all() or not np.ptp(time) > 0:
+        return None
+    cycles = np.arange(_FEWEST_CYCLES, len(problem) / 2, 0.5)
+    if not len(cycles):
+        return None
+    phase = 2 * np.pi * np.outer((time - time.min()) / np.ptp(time), cycles)
+    shapes = np.stack([np.cos(phase), np.sin(phase)], axis=2)
+    return Family(TIME, _blocks(problem, shapes), [f"oscillation, {c:g} periods in the table" for c in cycles])
+
+
+def _fields(problem: Problem) -> Iterator[Family]:
+    """Smooth fields over the workspace, of several degrees."""
+    for degree in range(2, 6):
+        shapes = pose_shapes(problem, degree)
+        if shapes.shape[1]:
+            yield Family(POSE, _blocks(problem, shapes[:, None, :]), [f"smooth field of degree {degree}"])
+
+
+def _blocks(problem: Problem, shapes: Array) -> Array:
+    """Shapes (N, m, k) in each channel: (N * C, m, k * C)."""
+    rows, tries, _ = shapes.shape
+    columns = by_channel(problem, shapes.reshape(rows, -1))
+    return columns.reshape(columns.shape[0], tries, -1)
+
+
+def _bumps(problem: Problem, fit: Fit) -> Family | None:
+    """Bumps over the travel of every drive and guide; carriages of one guide feel the same one."""
+    placed: dict[tuple[str, str], PlacedEffect] = {}
+    for e in problem.model.effects:
+        if e.effect.enters in ("command", "guide") and e.at != ALL and not e.acts_in:
+            placed.setdefault((e.effect.enters, e.at), e)
+    units = unit_columns(problem, fit.values, fit.after.start, list(placed.values()))
+    columns, words = [], []
+    for e in placed.values():
+        of_effect = [u for u in units if u.placed is e]
+        travel = np.stack([u.inputs.travel for u in of_effect], axis=1)  # (N, S)
+        if np.isfinite(travel).all() and np.ptp(travel) > 0:
+            share = (travel - travel.min()) / np.ptp(travel)
+            for middle, width in _places():
+                bumps = np.exp(-4 * np.log(2) * ((share - middle) / width) ** 2)
+                if (bumps.max(axis=1) > 0.5).sum() < _ROWS:
+                    continue  # these are odd rows
+                columns.append(sum(u.shaped(bumps[:, [s]])[:, 0] for s, u in enumerate(of_effect)))
+                words.append(f"local, {width * 100:.0f} % wide, at {100 * middle:.0f} % of the travel of {e.at}")
+    return Family(POSE, np.stack(columns, axis=1)[:, :, None], words) if columns else None  # type: ignore[arg-type]
+
+
+def _places() -> Iterator[tuple[float, float]]:
+    """Middles and full widths at half maximum of bumps, in shares of the travel in the table."""
+    for width in _WIDTHS:
+        for middle in np.arange(0.0, 1.0 + 1e-9, _STEP * width):
+            yield float(middle), width

@@ -1,0 +1,225 @@
+"""The closed loop: fit, diagnose, add, fit again; reported by points that neither fitted nor chose.
+
+What is tried is what the diagnosis of all rows names, no more and no less. The table is cut into blocks. In each
+rotation one block only reports: the rest fits the parameters and chooses the effects; an effect changes the errors on
+a rotation's report rows only if that rotation's other rows chose it, or one of its set. Over all rotations every row
+reports once. With a validation table there is one rotation, and that table reports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import linearise
+from pkmcal_cli.diagnosis.confirm import cells
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
+from pkmcal_cli.diagnosis.outlying_rows import MOST
+from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose, named
+from pkmcal_cli.diagnosis.scoring import start_of
+from pkmcal_cli.prediction import frozen
+
+ROTATIONS = 5
+FAILURES = "missing", "not_confirmed", "sigma_too_small"
+_FAILS = "its calibration did not converge"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect that was tried: errors with it, gain on the report rows (mean square, whitened), how often chosen.
+
+    `refused`: why it was not accepted; "" if it was. `errors` and `gain` are those before where no fit has it.
+    """
+
+    hypothesis: Hypothesis
+    errors: Errors
+    gain: Interval
+    chosen: int
+    refused: str
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it belongs to the improved machine."""
+        return not self.refused
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the error on the report rows falls by it; they do not decide whether it is accepted."""
+        return self.gain.low > 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Improvement:
+    """The loop's result; `gain`: of the mean square whitened, `rms_gain` (SI) of positions; `fit`: on all rows.
+
+    `broken`: what ended the loop early, if nobody had foreseen it; what was done before stands.
+    """
+
+    whole: Diagnosis
+    rotations: int
+    steps: tuple[Step, ...]
+    accepted: tuple[Hypothesis, ...]
+    before: Errors
+    after: Errors
+    gain: Interval
+    rms_gain: Interval
+    fit: Fit
+    budget: ErrorBudget  # of this fit
+    problem: Problem
+    alpha: float  # false-alarm rate of the diagnosis
+    broken: Exception | None = None
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the error on the report rows falls, by the lower end of the interval."""
+        return bool(self.accepted) and self.gain.low > 0
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why the loop is not at its end: something significant is missing still, or report rows do not confirm."""
+        found = {
+            "missing": bool(self.whole.unknown) or any(not s.accepted for s in self.steps),
+            "not_confirmed": any(s.accepted and not s.confirmed for s in self.steps) or not self._falls,
+            "sigma_too_small": self.whole.verdict == "sigma_too_small",
+        }
+        return tuple(name for name in FAILURES if found[name])
+
+    @property
+    def _falls(self) -> bool:
+        return not self.accepted or self.confirmed
+
+
+def improve(
+    candidates: Candidates,
+    problem: Problem,
+    selected: tuple[str, ...],
+    validation: Problem | None,
+    alpha: float,
+    seed: int,
+) -> Improvement:
+    """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
+    whole = diagnose(candidates, problem, selected, alpha, seed)
+    clean = whole.problem  # without its bad rows
+    model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
+    clean, candidates = replace(clean, model=model), replace(candidates, model=model)
+    validation = None if validation is None else replace(validation, model=model)
+    first = [_rotation(candidates, train, report, selected, alpha, seed) for train, report in _parts(clean, validation)]
+    before = errors_of(first)
+    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared))
+    broken: Exception | None = None
+    try:
+        for hypothesis in sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE):  # these need no effect
+            progress = _tried(progress, hypothesis, clean, whole, seed)
+    except Exception as error:  # what was done before it stands, and is told first
+        broken = error
+    return Improvement(
+        whole=whole,
+        rotations=len(first),
+        steps=progress.steps,
+        accepted=progress.accepted,
+        before=before,
+        after=progress.errors,
+        gain=gain_of(first, progress.folds, seed),
+        rms_gain=rms_gain_of(first, progress.folds, seed),
+        fit=progress.last,
+        budget=error_budget(clean, progress.last, held_parameters(clean, progress.last.selected, ())),
+        problem=clean,
+        alpha=alpha,
+        broken=broken,
+    )
+
+
+@dataclass(frozen=True)
+class _Progress:
+    """How far the loop has come: rotations with what was accepted, their errors, the fit on all rows; every step."""
+
+    folds: tuple[OuterFold, ...]
+    errors: Errors
+    last: Fit
+    steps: tuple[Step, ...] = ()
+    accepted: tuple[Hypothesis, ...] = ()
+
+
+def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: Diagnosis, seed: int) -> _Progress:
+    """The loop after one more effect; `clean`: all rows but the bad ones."""
+    told = whole.not_told_from(hypothesis)
+    chosen = [t.chose(told) for t in progress.folds]
+    accepted = (*progress.accepted, hypothesis)
+    try:
+        trial = tuple(_with(t, hypothesis, whole) if c else t for t, c in zip(progress.folds, chosen, strict=True))
+        gain, errors = gain_of(progress.folds, trial, seed), errors_of(trial)
+        refused = _refused(progress, trial, sum(chosen), errors)
+        last = progress.last if refused else _determined(clean, accepted, whole)
+    except (RowsFailed, np.linalg.LinAlgError):
+        step = Step(hypothesis, progress.errors, Interval(0.0, -np.inf, np.inf), sum(chosen), _FAILS)
+        return replace(progress, steps=(*progress.steps, step))
+    steps = (*progress.steps, Step(hypothesis, errors, gain, sum(chosen), refused))
+    return replace(progress, steps=steps) if refused else _Progress(trial, errors, last, steps, accepted)
+
+
+def _refused(progress: _Progress, trial: Sequence[OuterFold], chosen: int, errors: Errors) -> str:
+    """Why an effect is not accepted, "" where it is.
+
+    Errors on the report rows are no reason: they would no longer be errors on rows that did not choose.
+    """
+    if 2 * chosen <= len(trial):
+        return f"selected in only {chosen} of {count(len(trial), 'rotation')}"
+    if errors.failed - progress.errors.failed > max(int(MOST * sum(len(t.report) for t in trial)), 1):
+        return f"with it {count(errors.failed - progress.errors.failed, 'more row')} cannot be predicted"
+    return "" if all(t.fit.usable for t in trial) else _FAILS
+
+
+def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, Problem]]:
+    """Rows that fit and choose, and rows that report, by rotation."""
+    if validation is not None:
+        return [(problem, validation)]
+    labels = cells(problem, ROTATIONS)
+    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in range(ROTATIONS)]
+    return [(problem.take(train), problem.take(report)) for train, report in pairs if len(report)]
+
+
+def _rotation(
+    candidates: Candidates, train: Problem, report: Problem, selected: tuple[str, ...], alpha: float, seed: int
+) -> OuterFold:
+    return OuterFold(train, report, named(candidates, train, selected, alpha, seed), identify(train, selected))
+
+
+def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:
+    accepted = (*fold.accepted, hypothesis)
+    return replace(fold, fit=_fit_with(fold.train, accepted, whole), accepted=accepted)
+
+
+def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
+    """A calibration with effects, from nominal values. Raises RowsFailed."""
+    chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
+    names = tuple(n for n in problem.model.names if n in chosen)
+    return identify(problem, names, start_of(problem.model, accepted))
+
+
+def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
+    """The same, but that numbers of effects which the data do not tell from other parameters stay at null.
+
+    The shift of a measuring frame beside that of the base would leave both open.
+    """
+    fit = _fit_with(problem, accepted, whole)
+    effects = {n for h in accepted if h.effect != RELEASE for n in h.parameters}
+    near = linearise(problem.without(fit.failed), fit.last)
+    kept = list(fit.selected)
+    while True:
+        index = [fit.selected.index(n) for n in kept]
+        null = directions(near.jacobian[:, index], tuple(kept), fit.directions.ranges[index]).null_vectors()
+        share = dict(zip(kept, np.abs(null).max(axis=0, initial=0.0), strict=True))
+        removable = [n for n in kept if n in effects and share[n] > 0]
+        if not removable:
+            start = start_of(problem.model, accepted)
+            return fit if len(kept) == len(fit.selected) else identify(problem, tuple(kept), start)
+        kept.remove(max(removable, key=lambda n: share[n]))

@@ -1,0 +1,252 @@
+"""The size of an effect that is detected in 80 % of campaigns: by the threshold over all hypotheses, without a veto.
+
+A hypothesis is accepted where its p value is below the threshold, unless rows held out are predicted worse with it
+(`confirm`). Both follow from the products of columns and noise in each fold, which are drawn: they are normal with the
+folds' normal matrices as covariances, whatever the number of rows. Linear near null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, fdtrc, gammaincinv
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.confirm import blocks
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
+from pkmcal_cli.diagnosis.noise_tests import improbable
+from pkmcal_cli.diagnosis.score import Score
+from pkmcal_cli.diagnosis.selection_bias import Acceptance
+
+_DETECTED = 0.8
+_DRAWS = 500
+_HALVINGS = 14
+_ROUNDING = 1e-12  # of the largest eigenvalue; and of a column in standard uncertainties, squared
+_TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
+_SMOOTH = 0.15  # standard uncertainties
+_KNOWN = 1e8  # degrees of freedom, half
+_LARGEST = 1e4  # standard deviations of a prior: as good as never
+_SMALL = 1e-6  # prior of what is not held, as in the confirmation
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """What a hypothesis must pass: p value below `critical`, with noise of this scale."""
+
+    critical: float
+    scale: Scale
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """Products with the columns of one fold's rows, Q of them besides d declared directions, and D draws of noise.
+
+    columns (Q, Q), noise (Q, D): what is left of columns in the fold once declared parameters are fitted to the others,
+    times that of columns and noise; train (Q, Q), trained (Q, D): the same of the other rows. values: how many.
+    """
+
+    columns: Array
+    noise: Array
+    train: Array
+    trained: Array
+    values: int
+
+
+class Detection:
+    """Detectable sizes of hypotheses at a linearised problem."""
+
+    def __init__(
+        self, linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis], scores: Sequence[Score], seed: int
+    ) -> None:
+        self.linear, self.problem, self.seed = linear, problem, seed
+        self.hypotheses, self.scores = tuple(hypotheses), tuple(scores)
+        self._schemes: dict[bytes, _Scheme] = {}
+
+    @cached_property
+    def _labels(self) -> list[NDArray[np.intp]]:
+        return [blocks(self.problem, h)[0] for h in self.hypotheses]
+
+    def size(self, k: int, direction: Array, procedure: Procedure) -> float:
+        """Length of a vector of this direction (p,), in standard deviations of the priors, at which hypothesis k is
+        detected in 80 % of campaigns; inf where it never is."""
+        if not self.scores[k].count:
+            return float("inf")
+        run = self._run(k, direction, procedure)
+        low, high = 0.0, 1.0
+        while run.rate(high) < _DETECTED:
+            low, high = high, 4.0 * high
+            if high > _LARGEST:
+                return float("inf")
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if run.rate(middle) < _DETECTED else (low, middle)
+        return 0.5 * (low + high)
+
+    def acceptance(self, k: int, direction: Array, procedure: Procedure) -> Acceptance:
+        """How hypothesis k is accepted by the size at which it appears, in a direction (p,) that shows."""
+        run, unit = self._run(k, direction, procedure), float(direction @ self.scores[k].whole @ direction)
+        tried = [run.campaigns(s / np.sqrt(unit)) for s in np.linspace(0.0, _SHOWN, _TRIED)]
+        sizes = np.sqrt(np.concatenate([statistic for statistic, _ in tried]))
+        accepted = np.concatenate([told for _, told in tried]).astype(float)
+        grid = np.arange(0.0, _SHOWN, _SMOOTH / 2)
+        weight = np.exp(-0.5 * ((grid[:, None] - sizes) / _SMOOTH) ** 2)
+        chance = (weight @ accepted) / np.maximum(weight.sum(axis=1), 1e-300)
+        return Acceptance(grid, np.maximum.accumulate(chance))
+
+    def _run(self, k: int, direction: Array, procedure: Procedure) -> _Run:
+        labels = self._labels[k]
+        key = labels.tobytes()
+        if key not in self._schemes:
+            same = [j for j, own in enumerate(self._labels) if own.tobytes() == key]
+            self._schemes[key] = _Scheme.of(self.linear, [self.hypotheses[j] for j in same], labels, self.seed)
+        return self._schemes[key].run(self.hypotheses[k], self.scores[k], direction, procedure)
+
+
+@dataclass(frozen=True)
+class _Scheme:
+    """All hypotheses that are confirmed by the same folds."""
+
+    places: dict[str, NDArray[np.intp]]  # of hypotheses' columns among all
+    information: Array  # (Q, Q), declared parameters projected out
+    gradient: Array  # (Q, D) of noise
+    folds: tuple[_Fold, ...]
+    chance: Array  # (D,) of an estimate of the noise that is smaller
+
+    @classmethod
+    def of(cls, linear: Linear, hypotheses: Sequence[Hypothesis], labels: NDArray[np.intp], seed: int) -> _Scheme:
+        """Products with all columns, and draws of those with noise."""
+        prior = linear.fixed[1]
+        declared = [linear.of(linear.projected), *([] if linear.extra is None else [linear.extra])]
+        columns = [linear.tested(h) for h in hypotheses]
+        ends = np.cumsum([0, *(c.shape[1] for c in columns)])
+        places = {h.name: np.arange(ends[j], ends[j + 1]) for j, h in enumerate(hypotheses)}
+        x, d = np.hstack([*declared, *columns]), len(prior)
+        x[:, (x**2).sum(axis=0) < _ROUNDING] = 0.0  # what moves nothing, and is not even the same everywhere
+        fold = np.repeat(labels, linear.channels)
+        used = [fold == f for f in np.unique(labels)]
+        grams = np.stack([x[rows].T @ x[rows] for rows in used])  # (F, d + Q, d + Q)
+        rng = np.random.default_rng([seed, 11])
+        drawn = np.stack([_root(g) @ rng.normal(size=(len(g), _DRAWS)) for g in grams])  # (F, d + Q, D)
+        turn = np.eye(len(grams[0]))  # parameters to directions, after drawing: these are not the same everywhere
+        own = len(linear.projected)
+        turn[:own, :own] = linear.spectrum.vectors
+        grams, noise = turn @ grams @ turn.T, turn @ drawn
+        count = [int(rows.sum()) for rows in used]
+        whole, score = grams.sum(axis=0), noise.sum(axis=0)
+        normal = whole[:d, :d] + np.diag(np.maximum(prior, _SMALL**2))
+        near = np.linalg.solve(normal, np.hstack([whole[:d, d:], score[:d]]))
+        left = np.hstack([whole[d:, d:], score[d:]]) - whole[d:, :d] @ near
+        q = whole.shape[0] - d
+        held = np.diag(np.maximum(prior, _SMALL))
+        folds = tuple(_fold(g, n, whole - g, score - n, held, c) for g, n, c in zip(grams, noise, count, strict=True))
+        return cls(places, left[:, :q], left[:, q:], folds, rng.random(_DRAWS))
+
+    def run(self, hypothesis: Hypothesis, score: Score, direction: Array, procedure: Procedure) -> _Run:
+        """One hypothesis with an effect in this direction."""
+        own = self.places[hypothesis.name]
+        basis, at = score.basis, np.ix_(own, own)
+        chance = _estimates(self, procedure)
+        steps = []
+        for f in self.folds:
+            train = basis.T @ f.train[at] @ basis + _SMALL * np.eye(score.count)
+            step = np.linalg.solve(train, basis.T @ np.hstack([f.trained[own], (f.train[at] @ direction)[:, None]]))
+            seen = basis.T @ np.hstack([f.noise[own], (f.columns[at] @ direction)[:, None]])
+            steps.append(_FoldGain(basis.T @ f.columns[at] @ basis, seen, step, f.values))
+        gradient = basis.T @ np.hstack([self.gradient[own], (self.information[at] @ direction)[:, None]])
+        return _Run(
+            gradient=gradient,
+            information=score.information,
+            along=float(direction @ self.information[at] @ direction),
+            by_noise=direction @ self.gradient[own],
+            folds=tuple(steps),
+            variance=chance,
+            procedure=procedure,
+        )
+
+
+def _fold(gram: Array, noise: Array, train: Array, trained: Array, held: Array, values: int) -> _Fold:
+    """Products in a fold (d + Q, d + Q), (d + Q, D), and in the others, with declared directions fitted to these."""
+    d = len(held)
+    normal = train[:d, :d] + held
+    fitted = np.linalg.solve(normal, np.hstack([train[:d, d:], trained[:d]]))  # (d, Q + D)
+    q = gram.shape[0] - d
+    by_columns, by_noise = fitted[:, :q], fitted[:, q:]
+    outside = gram[d:, :d] - by_columns.T @ gram[:d, :d]  # (Q, d): test columns times the declared ones
+    columns = gram[d:, d:] - by_columns.T @ gram[:d, d:] - outside @ by_columns
+    seen = noise[d:] - by_columns.T @ noise[:d] - outside @ by_noise
+    left = train[d:, d:] - train[d:, :d] @ by_columns
+    score = trained[d:] - train[d:, :d] @ by_noise
+    return _Fold(columns, seen, left, score, values)
+
+
+def _root(gram: Array) -> Array:
+    """A root (q, q) of a matrix that is the same under any library, unlike one by eigenvectors."""
+    size = np.sqrt(np.where(np.diag(gram) > 0, np.diag(gram), 1.0))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+    some = values > _ROUNDING * values.max(initial=0.0)
+    return np.asarray(size[:, None] * ((vectors[:, some] * np.sqrt(values[some])) @ vectors[:, some].T))
+
+
+def _estimates(scheme: _Scheme, procedure: Procedure) -> Array:
+    """Variances (D,) of the noise as it is estimated, over the true one: chi-square over its degrees of freedom."""
+    half = 0.5 * procedure.scale.checked
+    return np.asarray(gammaincinv(half, scheme.chance) / half) if half < _KNOWN else np.ones(len(scheme.chance))
+
+
+@dataclass(frozen=True)
+class _FoldGain:
+    """In one fold: normal matrix (m, m) of the rows held out, products and steps (m, D + 1) of noise and effect."""
+
+    columns: Array
+    seen: Array
+    step: Array
+    values: int
+
+    def gain(self, size: float) -> Array:
+        """Fall (D,) of the mean square by the effect, where it has a size."""
+        seen = self.seen[:, :-1] + size * self.seen[:, -1:]
+        step = self.step[:, :-1] + size * self.step[:, -1:]
+        return np.asarray(((2 * seen - self.columns @ step) * step).sum(axis=0) / self.values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Run:
+    """Campaigns with one effect: products (m, D + 1) of noise and of an effect of unit size with what can be seen."""
+
+    gradient: Array
+    information: Array
+    along: float
+    by_noise: Array
+    folds: tuple[_FoldGain, ...]
+    variance: Array
+    procedure: Procedure
+
+    def rate(self, size: float) -> float:
+        """Share of campaigns in which an effect of this size is accepted."""
+        return float(self.campaigns(size)[1].mean())
+
+    def campaigns(self, size: float) -> tuple[Array, NDArray[np.bool_]]:
+        """Statistics (D,) of campaigns with an effect of this size, and whether it is accepted."""
+        gradient = self.gradient[:, :-1] + size * self.gradient[:, -1:]
+        statistic = (gradient**2 / self.information[:, None]).sum(axis=0)
+        m = np.full(len(statistic), len(self.information))
+        variance, dof = self._scale(size)
+        estimated = fdtrc(m, np.minimum(dof, 2 * _KNOWN), statistic / (variance * m))
+        p = np.where(np.isfinite(dof), estimated, chdtrc(m, statistic))
+        evidence = log_evidence(statistic / variance, m)
+        gain = np.mean([f.gain(size) for f in self.folds], axis=0)  # (D,)
+        return statistic, (p < self.procedure.critical) & (evidence > 0) & (gain > 0.0)
+
+    def _scale(self, size: float) -> tuple[Array, Array]:
+        """Estimated variances (D,) over the true one, 1 with infinite degrees of freedom where the statement stands."""
+        scale, variance = self.procedure.scale, self.variance
+        if scale.whole:  # what the effect does is taken for noise
+            variance = variance + (size**2 * self.along + 2 * size * self.by_noise) / scale.checked
+        doubted = improbable(variance, scale.checked) if scale.variance == 1.0 else np.ones(len(variance), dtype=bool)
+        return np.where(doubted, variance, 1.0), np.where(doubted, scale.checked, np.inf)

@@ -1,0 +1,185 @@
+"""Rows that are wrong by far, found before anything is estimated from the others: in small tables they spoil it.
+
+Least trimmed squares by rows on the linearised problem (Rousseeuw and Van Driessen 2006), with the ranges as prior so
+that few rows are enough. What it leaves out is judged by what the other rows predict, and taken out if it is beyond any
+noise, tails included, and if no effect of the catalogue explains it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.diagnosis.outlying_rows import MOST, Tails
+
+_TRIMMED = 0.25  # share of rows that the first fit leaves out
+_ALWAYS = 3  # rows that may be taken out of any table
+_FEWEST = 6  # rows
+_STARTS, _STEPS, _BEST = 300, 2, 10
+_SETTLED = 30  # steps until a trimmed fit stands still, at most
+_ROUNDS = 4
+_ORDINARY = 0.01  # chance of normal noise above which a row is like the others
+_FEW = 40  # values that do not tell gross rows from tails
+
+Rows = tuple[int, ...]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class _ByRow:
+    """Whitened residuals (N, C), Jacobian (N, C, p) in half ranges, values that are measured (N, C), offsets (p,)."""
+
+    residual: Array
+    jacobian: Array
+    on: NDArray[np.bool_]
+    offsets: Array
+
+    @property
+    def rows(self) -> Index:
+        """Rows with readings."""
+        return np.nonzero(self.on.any(axis=1))[0]
+
+    def fit(self, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Steps (S, p) of the parameters by chosen rows (S, N) and their ranges, and normal matrices (S, p, p)."""
+        information = np.einsum("ncp,ncq->npq", self.jacobian, self.jacobian)
+        score = np.einsum("ncp,nc->np", self.jacobian, self.residual)
+        prior = 0.25 * np.eye(len(self.offsets))  # of a whole range
+        normal = np.tensordot(chosen.astype(float), information, 1) + prior
+        right = chosen @ score - 0.25 * self.offsets
+        return np.linalg.solve(normal, right[..., None])[..., 0], normal
+
+    def squares(self, step: Array) -> Array:
+        """Sums of squares (S, N) of the rows' residuals after steps (S, p)."""
+        left = self.residual - np.einsum("ncp,sp->snc", self.jacobian, step)
+        return np.asarray((left**2).sum(axis=2))
+
+
+def gross_rows(
+    problem: Problem, selected: tuple[str, ...], alpha: float, seed: int, least: float = 6.0
+) -> tuple[Rows, Fit | None]:
+    """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others.
+
+    least: standard deviations, as the others scatter, that they are off at least.
+    """
+    values, fit = problem.model.nominal, None
+    found: Rows = ()
+    for _ in range(_ROUNDS):
+        by_row = _by_row(problem, values, selected)
+        if len(by_row.rows) < _FEWEST:
+            return (), None
+        again = _judged(by_row, _trimmed(by_row, seed), alpha, least)
+        if len(again) > _most(len(by_row.rows)):
+            return (), None
+        if again == found:
+            break
+        found = again
+        try:
+            fit = identify(problem.without(found), selected)
+        except RowsFailed:
+            return (), None
+        if not fit.usable:
+            return (), None
+        values = fit.values
+    return (found, fit) if found and fit is not None else ((), None)
+
+
+def _most(rows: int) -> int:
+    """How many rows of a table may be gross; more are an effect."""
+    return min(max(_ALWAYS, int(MOST * rows)), int(_TRIMMED * rows))
+
+
+def _by_row(problem: Problem, values: Array, selected: tuple[str, ...]) -> _ByRow:
+    evaluation = evaluate(problem, values, selected)
+    near = linearise(problem, evaluation)
+    on = problem.measured & np.isfinite(evaluation.residual)
+    count = on.size
+    index = [problem.model.names.index(n) for n in selected]
+    half = 0.5 * problem.model.ranges[index]
+    residual = np.where(on, near.residual[:count].reshape(on.shape), 0.0)
+    jacobian = np.where(on[..., None], (near.jacobian[:count] * half).reshape(*on.shape, -1), 0.0)
+    return _ByRow(residual, jacobian, on, (values - problem.model.nominal)[index] / half)
+
+
+def _trimmed(by_row: _ByRow, seed: int) -> NDArray[np.bool_]:
+    """The rows (N,), all but a share, that a fit explains best."""
+    rng, rows = np.random.default_rng([seed, 7]), by_row.rows
+    kept = len(rows) - int(_TRIMMED * len(rows))
+    channels = by_row.on[rows].sum() / len(rows)
+    few = int(min(kept, max(3, np.ceil(len(by_row.offsets) / channels))))
+    order = rng.random((_STARTS, len(rows))).argsort(axis=1)[:, :few]
+    chosen = np.zeros((_STARTS, len(by_row.on)), dtype=bool)
+    np.put_along_axis(chosen, rows[order], True, axis=1)
+    chosen, cost = _concentrated(by_row, chosen, kept, _STEPS)
+    best = np.argsort(cost, kind="stable")[:_BEST]
+    chosen, cost = _concentrated(by_row, chosen[best], kept, _SETTLED)
+    return np.asarray(chosen[int(np.argmin(cost))])
+
+
+def _concentrated(by_row: _ByRow, chosen: NDArray[np.bool_], kept: int, steps: int) -> tuple[NDArray[np.bool_], Array]:
+    """Chosen rows (S, N) after some steps, each to those that the fit of the last explains best; their cost (S,)."""
+    rows, cost = by_row.rows, np.zeros(len(chosen))
+    for _ in range(steps):
+        squares = by_row.squares(by_row.fit(chosen)[0])[:, rows]
+        order = np.argsort(squares, axis=1, kind="stable")[:, :kept]
+        fresh = np.zeros_like(chosen)
+        np.put_along_axis(fresh, rows[order], True, axis=1)
+        cost = np.take_along_axis(squares, order, axis=1).sum(axis=1)
+        if (fresh == chosen).all():
+            break
+        chosen = fresh
+    return chosen, cost
+
+
+def _judged(by_row: _ByRow, good: NDArray[np.bool_], alpha: float, least: float) -> Rows:
+    """Rows that the good ones do not explain; these take in what they explain well, and nothing in doubt.
+
+    Else one bad row among them widens their scatter, by which the next comes in.
+    """
+    every = by_row.on.any(axis=1)
+    for _ in range(_SETTLED):
+        deviation, ordinary, p = _deviations(by_row, good, good)
+        more = good | (every & (ordinary > _ORDINARY))
+        if (more == good).all():
+            break
+        good = more
+    chance, doubted = alpha / len(by_row.rows), every & ~good & (deviation > least)
+    far = doubted & (p < chance)
+    if far.any() and by_row.on[every & ~far].sum() < _FEW:  # where there is one, others are as likely as tails
+        return tuple(int(r) for r in np.nonzero(doubted & (ordinary < chance))[0])
+    if far.any():  # rows in doubt are the tails of the noise
+        far &= _deviations(by_row, good, every & ~far)[2] < chance
+    return tuple(int(r) for r in np.nonzero(far)[0])
+
+
+def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    """How far rows (N,) are off what the good ones (N,) tell without them, in their scatter, and p values.
+
+    First of normal noise, then of noise with the tails of some rows (N,), `noisy`.
+    """
+    step, normal = by_row.fit(good[None])
+    inverse = np.linalg.inv(normal[0])
+    left = by_row.residual - by_row.jacobian @ step[0]
+    own = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
+    unit = np.eye(own.shape[1])
+    share = unit + np.where(good[:, None, None], -own, own)
+    share = share + 1e-9 * unit
+    statistic = np.maximum(np.einsum("nc,nc->n", left, np.linalg.solve(share, left[..., None])[..., 0]), 0.0)
+    count = by_row.on.sum(axis=1)
+    taken = float(np.trace(inverse @ (normal[0] - 0.25 * np.eye(len(inverse)))))
+    freedom = max(float(count[good].sum()) - taken, 1.0)
+    variance = max(float((left[good] ** 2).sum()) / freedom, 1.0)
+    relative = statistic / np.maximum(count, 1) / variance
+    normal_p = fdtrc(np.maximum(count, 1), freedom, relative)
+    typical = np.abs(left / np.sqrt(variance * np.maximum(np.einsum("ncc->nc", share), 1e-9)))
+    tails = Tails.of(typical[noisy][by_row.on[noisy]])
+    p = tails.p_value(normal_p, statistic / variance, count)
+    measured = count > 0
+    return np.sqrt(relative * count), np.where(measured, normal_p, 1.0), np.where(measured, p, 1.0)

@@ -1,0 +1,127 @@
+"""Campaigns as a plan would give them, with one effect each or none, diagnosed: how often what is found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import held_parameters
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.problem import Problem, usable
+from pkmcal_cli.diagnosis.experiment_design import Plan, Visibility
+from pkmcal_cli.diagnosis.hypotheses import RELEASE
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
+from pkmcal_cli.prediction import Request, predict
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """Of campaigns with an effect of this size (SI, of its leading number), or with none: in how many it is named and
+    nothing else, one of several names, not named but something else is, and nothing is; `lost`: not predicted."""
+
+    effect: Visibility | None
+    size: float
+    named: int = 0
+    in_set: int = 0
+    other: int = 0
+    missed: int = 0
+    lost: int = 0
+
+    @property
+    def count(self) -> int:
+        """Campaigns that were diagnosed."""
+        return self.named + self.in_set + self.other + self.missed
+
+
+@dataclass(frozen=True)
+class Campaigns:
+    """How campaigns are drawn and diagnosed: parameters (P,) about `values` by their ranges, noise as it is stated."""
+
+    plan: Plan
+    values: Array
+    selected: tuple[str, ...]
+    alpha: float
+    seed: int
+
+    def rates(self, effect: Visibility | None, count: int, tick: Callable[[int], None] | None = None) -> Rates:
+        """Of campaigns with one effect of the size that is detected in 80 %, of either sign; None: with none."""
+        size = 0.0 if effect is None else effect.detected
+        told: Counter[str] = Counter()
+        for number in range(count):
+            told[_told(self._diagnosis(effect, size, number), effect)] += 1
+            if tick is not None:
+                tick(1)
+        return Rates(effect=effect, size=size, **told)
+
+    def _diagnosis(self, effect: Visibility | None, size: float, number: int) -> Diagnosis | None:
+        """Of one campaign; None where it cannot be predicted."""
+        plan = self.plan
+        place = 0 if effect is None else 1 + [v.hypothesis for v in plan.visibilities].index(effect.hypothesis)
+        rng = np.random.default_rng([self.seed, 23, number, place])
+        problem = measured(plan.problem, self._drawn(effect, size, rng), rng)
+        if problem is None:
+            return None
+        try:
+            return diagnose(plan.candidates, problem, self.selected, self.alpha, self.seed)
+        except (RowsFailed, np.linalg.LinAlgError):
+            return None
+
+    def _drawn(self, effect: Visibility | None, size: float, rng: np.random.Generator) -> Array:
+        """True parameters (P,)."""
+        model = self.plan.problem.model
+        own = {n for h in self.plan.candidates.hypotheses if h.effect != RELEASE for n in h.parameters}
+        held = [n for n in held_parameters(self.plan.problem, self.selected, ()) if n not in own]
+        index = [model.names.index(n) for n in (*self.selected, *held)]
+        values = self.values.copy()
+        low, high = np.array([model.parameters[k].bounds for k in index]).reshape(-1, 2).T
+        values[index] = np.clip(values[index] + 0.5 * model.ranges[index] * rng.normal(size=len(index)), low, high)
+        if effect is not None:
+            k = model.names.index(effect.parameter)
+            least, most = model.parameters[k].bounds
+            signs = [s for s in (-1.0, 1.0) if least <= self.values[k] + s * size <= most] or [1.0]
+            values[k] = self.values[k] + signs[int(rng.integers(len(signs)))] * size
+        return values
+
+
+def measured(problem: Problem, values: Array, rng: np.random.Generator) -> Problem | None:
+    """A campaign of a plan at true parameters (P,), with noise; None where half of its rows cannot be predicted."""
+    driven = problem.rows.moved(np.nan_to_num(problem.reading_sigma) * rng.normal(size=problem.rows.readings.shape))
+    found = predict(problem.model, values, driven, Request())
+    if 2 * found.solved.sum() < len(problem):
+        return None
+    readings = found.values + np.nan_to_num(problem.sigma) * rng.normal(size=problem.sigma.shape)
+    return usable(replace(problem, readings=readings, measured=problem.measured & np.isfinite(readings)))
+
+
+def chosen(visibilities: Sequence[Visibility], names: Sequence[str]) -> list[Visibility]:
+    """Effects by their names; without any, of each kind the place that needs the largest size that is plausible."""
+    if names:
+        return [v for v in visibilities if v.hypothesis.name in names]
+    hardest: dict[str, Visibility] = {}
+    for v in visibilities:
+        kind = v.hypothesis.effect
+        if v.status == "invisible" or kind == RELEASE or not v.detected < v.plausible:
+            continue
+        if kind not in hardest or v.detected / v.plausible > hardest[kind].detected / hardest[kind].plausible:
+            hardest[kind] = v
+    return list(hardest.values())
+
+
+def _told(d: Diagnosis | None, effect: Visibility | None) -> str:
+    """What became of a campaign, as `Rates` counts it."""
+    if d is None:
+        return "lost"
+    others = len(d.findings) + len(d.unknown) + len(d.bad_rows)
+    if effect is None:
+        return "other" if others else "missed"
+    name = d.same.get(effect.hypothesis.name, effect.hypothesis.name)
+    own = next((f for f in d.findings if f.hypothesis.name == name), None)
+    if own is not None and not own.ambiguous and others == 1:
+        return "named"
+    if own is not None or any(r.hypothesis.name == name for f in d.findings for r in f.rivals):
+        return "in_set"
+    return "other" if others else "missed"

@@ -1,0 +1,194 @@
+"""Where a search has come to, all hypotheses scored there, and fits with what was accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.groups import group_columns
+from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale, linear_problem, log_evidence
+from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
+from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
+from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
+from pkmcal_cli.diagnosis.score import Score
+from pkmcal_cli.model.model import Model
+
+_STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
+_NEAR_BEST = 30.0  # log evidence that a free shape can make up for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scored:
+    """All hypotheses scored at one solution; `p_values`, `log_bayes` (H,)."""
+
+    linear: Linear
+    scale: Scale
+    hypotheses: tuple[Hypothesis, ...]
+    scores: tuple[Score, ...]
+    p_values: Array
+    log_bayes: Array
+    rows: RowScores
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """Where the search has come to: the problem without the rows taken out or left out, its fit, what was accepted."""
+
+    candidates: Candidates
+    problem: Problem
+    declared: tuple[str, ...]
+    fit: Fit
+    accepted: tuple[Hypothesis, ...] = ()
+    refused: frozenset[str] = frozenset()
+    vetoed: tuple[Hypothesis, ...] = ()  # that explain what was fitted, and nothing that was not
+    bad_rows: tuple[int, ...] = ()
+    failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts are left out
+    p_values: dict[str, float] = field(default_factory=dict)
+    evidence: dict[str, float] = field(default_factory=dict)
+    critical: float = 0.0
+    tests: float = 0.0
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Parameters that are identified: the declared and those of accepted effects, but for what is known of them."""
+        extra = {name for h in self.accepted for name in h.unknown}
+        every = set(self.declared) | extra
+        return tuple(n for n in self.problem.model.names if n in every)
+
+    @property
+    def state(self) -> tuple[frozenset[str], frozenset[int], frozenset[str]]:
+        """What tells it from where it was before: effects, rows taken out, what was refused."""
+        return frozenset(h.name for h in self.accepted), frozenset(self.bad_rows), self.refused
+
+    @property
+    def price(self) -> float:
+        """Log evidence that an effect must have, as it is one of many."""
+        return float(np.log(len(self.candidates.hypotheses)))
+
+    @property
+    def open(self) -> tuple[Hypothesis, ...]:
+        """Hypotheses that are not accepted."""
+        names = {h.name for h in self.accepted}
+        return tuple(h for h in self.candidates.hypotheses if h.name not in names)
+
+
+def score_all(search: Search, hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores of hypotheses at the present solution."""
+    return scored(_linear(search, search.fit.values, search.selected, hypotheses), search.problem, hypotheses)
+
+
+def score_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores of hypotheses where some accepted effects have null value, and so have their parameters' influences.
+
+    The others stay where the fit has put them: what they would do instead is projected out.
+    """
+    return scored(linear_without(search, removed, hypotheses), search.problem, hypotheses)
+
+
+def linear_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Linear:
+    """The problem linearised where some accepted effects have null value, the other accepted ones projected out."""
+    return _linear(search, *nulled(search, removed), hypotheses)
+
+
+def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[str, ...]]:
+    """Values (P,), SI, of the fit where some accepted effects have null value, and what is identified without them."""
+    gone = {n for h in removed for n in h.parameters}
+    values, model = search.fit.values.copy(), search.problem.model
+    for name in gone:
+        if not name.endswith(".lag"):  # it only shapes what the others do
+            k = model.names.index(name)
+            values[k] = model.parameters[k].nominal
+    return values, tuple(n for n in search.selected if n not in gone)
+
+
+def _linear(search: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
+    others = [n for h in hypotheses for n in h.parameters if n not in projected]
+    return linear_problem(
+        search.problem, _same_lag(search, values, hypotheses), projected, others, search.fit.after.start
+    )
+
+
+def _same_lag(search: Search, values: Array, hypotheses: Sequence[Hypothesis]) -> Array:
+    """The values (P,), but that rivals have the lag of the accepted thermal effects, or they would be behind."""
+    names, values = search.problem.model.names, values.copy()
+    lags = [search.fit.values[names.index(n)] for h in search.accepted for n in h.parameters if n.endswith(".lag")]
+    if lags:
+        accepted = {h.name for h in search.accepted}
+        rivals = [n for h in hypotheses if h.name not in accepted for n in h.parameters if n.endswith(".lag")]
+        values[[names.index(n) for n in rivals]] = max(lags)
+    return values
+
+
+def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
+    """Scores, p values and evidence of hypotheses."""
+    plain, linear = linear, independent(linear, problem)
+    scale = noise_scale(linear, problem, group_columns(problem))
+    scores = tuple(linear.score_of(h) for h in hypotheses)
+    statistic = np.array([s.statistic for s in scores])
+    count = np.array([s.count for s in scores])
+    p = scale.p_value(statistic, np.maximum(count, 1))
+    p[count == 0] = 1.0
+    evidence = log_evidence(statistic / scale.variance, count)
+    return Scored(
+        linear=linear,
+        scale=scale,
+        hypotheses=tuple(hypotheses),
+        scores=scores,
+        p_values=p,
+        log_bayes=evidence,
+        rows=row_scores(plain, plain.on, scale),
+    )
+
+
+def shape_gains(search: Search, scores: Scored) -> Array:
+    """Evidence (H,) gained where the shape of an effect may deviate from its formula; of those near the best."""
+    out, evidence = np.zeros(len(scores.hypotheses)), scores.log_bayes
+    near = [int(k) for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0] if scores.scores[k].count]
+    discrepancies = own_discrepancies(search.problem, search.fit, [scores.hypotheses[k] for k in near])
+    for k in near:
+        hypothesis, score = scores.hypotheses[k], scores.scores[k]
+        if hypothesis.name in discrepancies:
+            columns = scores.linear.tested(hypothesis) @ score.basis
+            free = scores.linear.whitened(discrepancies[hypothesis.name])
+            out[k] = own_discrepancy(scores.linear.beside(hypothesis), scores.scale, columns, free).evidence
+    return out
+
+
+def recalibrated(search: Search) -> Search:
+    """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
+    fit = identify(search.problem, search.selected, start_of(search.problem.model, search.accepted))
+    return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
+
+
+def start_of(model: Model, accepted: Sequence[Hypothesis]) -> Array:
+    """Values (P,), SI, from which a fit with effects begins: nominal, and what is known of these."""
+    start = model.nominal
+    for name, value in (known for h in accepted for known in h.known):
+        start[model.names.index(name)] = value
+    return start
+
+
+def refit(search: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
+    """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
+
+    It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
+    (k,), SI.
+    """
+    start = start_of(search.problem.model, search.accepted)
+    for hypothesis, estimate in starts.items():
+        for name, value in zip(hypothesis.parameters, estimate, strict=True):
+            k = search.problem.model.names.index(name)
+            if name in hypothesis.unknown:
+                start[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
+    try:
+        fit = identify(search.problem, search.selected, start, _STEPS)
+    except RowsFailed:
+        return None
+    return fit if fit.usable and not fit.failed else None

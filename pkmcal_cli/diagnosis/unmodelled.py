@@ -1,0 +1,56 @@
+"""Whether effects were accepted only because the catalogue lacks what is there: unmodelled alternatives compete."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.diagnosis.alternatives import Family, best_alternative, families
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
+from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without
+from pkmcal_cli.diagnosis.unknown import Unknown
+
+_BETTER = 7.0  # log evidence by which a unmodelled alternative must be better
+
+
+def unmodelled_alternatives(search: Search, last: Scored) -> list[Unknown]:
+    """What explains accepted effects better than these do: the best alternative to all of them, or to each.
+
+    `last`: scored with all of them.
+    """
+    if not search.accepted:
+        return []
+    kinds = families(search.problem, search.fit)
+    every = [tuple(search.accepted), *([(h,) for h in search.accepted] if len(search.accepted) > 1 else [])]
+    for removed in every:
+        better = _better(search, removed, last, kinds)
+        if better is not None:
+            return [better]
+    return []
+
+
+def _better(search: Search, removed: Sequence[Hypothesis], last: Scored, kinds: Sequence[Family]) -> Unknown | None:
+    """The best alternative to some accepted effects, if it has more evidence and explains more."""
+    linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
+    best = best_alternative(linear, scale, kinds)
+    columns = linear.of([n for h in removed for n in h.parameters])
+    free = np.hstack([columns, linear.whitened(discrepancy_columns(search.problem, search.fit, removed))])
+    statistic, plain = _evidence(linear, scale, columns)
+    accepted_evidence = max(plain, _evidence(linear, scale, free)[1]) - len(removed) * float(
+        np.log(len(search.candidates.hypotheses))
+    )
+    if best is None or best.statistic < statistic or best.evidence <= accepted_evidence + _BETTER:
+        return None
+    names = tuple(h.name for h in removed)
+    words = f"{best.words}: a better explanation than {' and '.join(names)}"
+    return Unknown(best.depends_on, float(np.exp(accepted_evidence - best.evidence)), best.rms, words, names)
+
+
+def _evidence(linear: Linear, scale: Scale, columns: Array) -> tuple[float, float]:
+    """Statistic of columns, and their log evidence (BIC)."""
+    statistic, count = linear.explained(columns)
+    return statistic, 0.5 * (statistic / scale.variance - count * float(np.log(linear.used)))

@@ -1,0 +1,59 @@
+"""Energies of all members at a state, and which ropes are slack there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.equilibrium.assembly import Balance
+from pkmcal_cli.equilibrium.group_map import GroupMap
+from pkmcal_cli.equilibrium.stresses import carrying_ropes
+from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.equilibrium.system_numbers import GroupNumbers, SystemNumbers
+
+
+def _members(
+    system: System, numbers: SystemNumbers, balanced: Balance
+) -> Iterator[tuple[GroupMap, GroupNumbers, Array]]:
+    """Groups with what coefficients say at the state of the balance, and strains (N, E, m)."""
+    for group, own, e in zip(system.groups, numbers.groups, balanced.strains, strict=True):
+        yield group, own.at(balanced.travel), e
+
+
+def strain_energy(system: System, numbers: SystemNumbers, balanced: Balance, *, taut: bool = False) -> Array:
+    """1/2 e^T S e of all members (N,), J; slack ropes hold none, unless `taut`."""
+    out = np.zeros(len(balanced.residual))
+    for group, own, e in _members(system, numbers, balanced):
+        if own.stiffness is not None:
+            stress = own.stress(e)
+            carrying = None if taut else carrying_ropes(group, own, e)
+            energy = 0.5 * (e * stress).sum(axis=2)
+            out += (energy if carrying is None else energy * carrying).sum(axis=1)
+    return out
+
+
+def potential_energy(system: System, numbers: SystemNumbers, balanced: Balance) -> Array:
+    """Sum of 1/2 e^T S e + s0^T e (N,), J, of which forces are the derivatives; constant while a rope is slack."""
+    out = np.zeros(len(balanced.residual))
+    for group, own, e in _members(system, numbers, balanced):
+        stress = np.zeros(e.shape) if own.stiffness is None else own.stress(e)
+        prestress = np.zeros(e.shape) if own.prestress is None else own.prestress
+        energy = (e * (0.5 * stress + prestress)).sum(axis=2)
+        if group.ropes is not None and own.stiffness is not None:
+            stiffness = np.where(own.stiffness[..., 0, 0] > 0, own.stiffness[..., 0, 0], 1.0)
+            slack = group.ropes & (stress + prestress < 0)[..., 0]
+            energy = np.where(slack, -0.5 * prestress[..., 0] ** 2 / stiffness, energy)
+        out += energy.sum(axis=1)
+    return out
+
+
+def slack_ropes(system: System, numbers: SystemNumbers, balanced: Balance) -> tuple[NDArray[np.bool_], ...]:
+    """Which elements (N, E) of each group are slack ropes; the balance is that of ropes that never push."""
+    out = []
+    for group, own, e in _members(system, numbers, balanced):
+        carrying = carrying_ropes(group, own, e)
+        out.append(np.zeros(e.shape[:2], dtype=bool) if carrying is None else ~carrying)
+    return tuple(out)

@@ -1,0 +1,49 @@
+"""What the elements of a group see, and their strains: of one link each, or sums over the links of a path."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.sparse_map import pick
+from pkmcal_cli.elements import LinkGeometry
+from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.mechanism.topology import Group
+
+_NOTHING = np.zeros((1, 1, 1))
+
+
+class Geometry(NamedTuple):
+    """What the elements of a group see: triads (N, K, 3, 3), links (N, K, 3), varying directions (N, M, X, 3)."""
+
+    ti: Array
+    tj: Array
+    delta: Array
+    directions: Array
+
+    def links(self, sizes: Array) -> LinkGeometry:
+        """The same for the elements; sizes (1 or N, K, p)."""
+        return LinkGeometry(self.delta, self.ti, self.tj, sizes)
+
+
+def group_geometry(system: System, index: int, stacked: Array) -> Geometry:
+    """One group's part of the stacked geometries (entries, N)."""
+    blocks = system.geometry_maps.groups[index]
+    parts = (blocks.ti, blocks.tj, blocks.delta, blocks.directions)
+    return Geometry(*(part.of(stacked) for part in parts))
+
+
+def group_strains(group: Group, links: LinkGeometry, rest: Array) -> tuple[Array, Array]:
+    """Strains (N, E, m) and their gradients by what moves each link (N, K, m, inputs); rest (1 or N, E, m)."""
+    if group.path is None:
+        return group.element.evaluate(links, rest)
+    lengths, gradients = group.element.evaluate(links, _NOTHING)
+    total = (group.summing @ lengths[..., 0].T).T[..., None]
+    return total - rest, gradients * group.weights[:, None, None]
+
+
+def on_links(group: Group, stress: Array) -> Array:
+    """Stresses of the elements (N, E, m) as those that act on their links (N, K, m), without weights."""
+    return stress if group.path is None else pick(stress, group.path)

@@ -1,0 +1,150 @@
+"""From files to what the commands work on: compiled machine, parameter values, measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Fault, FaultList, Location
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.compiler import Compiled, compile_machine
+from pkmcal_cli.compiler.assemble import BadConfiguration
+from pkmcal_cli.compiler.faults import configuration_fault, mechanism_faults, structure_faults
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.model.model import Model
+
+if TYPE_CHECKING:
+    from pkmcal_cli.tables.measurement_set import Measurements
+
+
+_CHANGES_NOTHING = "unused-name"
+"""Code of warnings that concern no result."""
+NO_SENSORS = "the machine has no sensors: nothing can be measured with it"
+SENSOR = "declare one, for example `sensors: {tracker: {at: NAME, reads: [x, y], sigma: 10 um, frame: machine}}`"
+
+
+@dataclass(frozen=True)
+class LoadedMachine:
+    """A machine without faults, compiled; `warnings` for every command to tell, `remarks` for `check` alone."""
+
+    machine: Machine
+    compiled: Compiled
+    warnings: tuple[Fault, ...]
+    remarks: tuple[Fault, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The compiled model."""
+        return self.compiled.model
+
+    def for_sessions(self, names: tuple[str, ...]) -> LoadedMachine:
+        """The same with what each session of a table has for itself."""
+        return replace(self, compiled=replace(self.compiled, model=self.model.for_sessions(names)))
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of the machine's file and of those that it extends."""
+        return dict(self.machine.files)
+
+
+def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
+    """Read, compile and check a machine. Raises BadInput with all faults of the stage that fails.
+
+    `receptive`: effects that it does not declare can enter too.
+    """
+    machine = read_machine(path)
+    _raise_errors(structure_faults(machine))
+    try:
+        compiled = compile_machine(machine, receptive)
+    except BadConfiguration as error:
+        raise BadInput([configuration_fault(machine, error)]) from None
+    except np.linalg.LinAlgError as error:
+        what, hint = "the equations of this machine are singular", "check the lengths and stiffnesses"
+        raise BadInput.single(what, Location(machine.files[0][0]), hint, "machine") from error
+    except (ValueError, KeyError) as error:
+        what = f"this machine cannot be built: {error.args[0] if error.args else error}"
+        raise BadInput.single(what, Location(machine.files[0][0]), code="machine") from error
+    warnings = _raise_errors(mechanism_faults(machine, compiled))
+    remarks = tuple(w for w in machine.warnings if w.code == _CHANGES_NOTHING)
+    doubts = (w for w in machine.warnings if w.code != _CHANGES_NOTHING)
+    return LoadedMachine(machine, compiled, (*doubts, *warnings), remarks)
+
+
+def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:
+    """The warnings among faults; raises BadInput with the errors."""
+    faults = FaultList()
+    for fault in kept:
+        faults.add(fault)
+    faults.raise_if_any()
+    return faults.warnings
+
+
+@dataclass(frozen=True)
+class Start:
+    """Parameter values (P,), SI, of a file or nominal; its sha256 by name; what is to be said of it.
+
+    covariance: names and matrix (p, p), SI, where the file tells them.
+    """
+
+    values: Array
+    inputs: dict[str, str]
+    warnings: tuple[str, ...] = ()
+    covariance: tuple[tuple[str, ...], Array] | None = None
+
+
+def load_parameters(model: Model, path: str | None) -> Start:
+    """Nominal parameter values, or those of a parameter file. Raises BadInput."""
+    from pkmcal_cli.loading.parameter_file import read_parameters
+
+    values = model.nominal
+    if path is None:
+        return Start(values, {})
+    read = read_parameters(path, model.parameters, model.fingerprint)
+    for name, value in read.values.items():
+        values[model.names.index(name)] = value
+    warnings = [] if read.status in (None, "converged") else [_bad_status(path, read.status, read.accepted)]
+    far = [p.name for p, v in zip(model.parameters, values, strict=True) if not p.bounds[0] <= v <= p.bounds[1]]
+    warnings += [f"warning: {path}: parameters outside the bounds of the machine file: {', '.join(far)}"] if far else []
+    warnings += (
+        [f"note: {path}: values of other sessions are not used: {', '.join(read.others)}"] if read.others else []
+    )
+    if not read.of_machine:
+        warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
+    return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance)
+
+
+def _bad_status(path: str, status: str, accepted: tuple[str, ...]) -> str:
+    """What is to be said of a fit that did not end well, and was accepted or not."""
+    if accepted:
+        return f"note: {path}: implausible, but accepted: {'; '.join(accepted)}"
+    return f"warning: {path}: the fit ended with status `{status}`"
+
+
+def load_measurements(loaded: LoadedMachine, paths: Sequence[str]) -> Measurements:
+    """Measured rows of one or several files. Raises BadInput, also where the machine has nothing to measure with."""
+    if not loaded.model.channels:
+        raise BadInput.single(NO_SENSORS, Location(loaded.model.name), SENSOR, "sensors")
+    from pkmcal_cli.tables.measurements import read_measurements
+
+    measurements = read_measurements(list(paths), loaded.machine, "measured")
+    return replace(measurements, notes=(*measurements.notes, *_without_sigma(measurements, loaded.model)))
+
+
+def _without_sigma(measurements: Measurements, model: Model) -> list[str]:
+    """Channels that were read, but nobody says how surely."""
+    stated = dict(zip((c.name for c in model.channels), (c.sigma for c in model.channels), strict=True))
+    lost = (
+        np.isfinite(measurements.readings)
+        & ~np.isfinite(measurements.sigma)
+        & ~np.isfinite([stated[n] for n in measurements.channels])
+    )
+    return [
+        f"`{name}` not used in {count(int(n), 'row')}: neither the machine file nor the table gives a sigma"
+        for name, n in zip(measurements.channels, lost.sum(axis=0), strict=True)
+        if n
+    ]

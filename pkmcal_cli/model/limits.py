@@ -1,0 +1,16 @@
+"""How far values lie outside of limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+
+
+def limit_excess(values: Array | float, limits: Array | tuple[float, float]) -> Array:
+    """By how much values lie outside [low, high]; 0 inside, within rounding of a limit, and where unknown (nan)."""
+    ends = np.asarray(limits)
+    finite = ends[np.isfinite(ends)]
+    slack = 1e-9 * float(np.abs(finite).max()) if finite.size else 0.0
+    excess = np.maximum(ends[0] - values, values - ends[1])
+    return np.where(excess > slack, excess, 0.0)

@@ -1,0 +1,72 @@
+"""The pose that all drives hold together, from several fixed starts: for rows that the substructure leads astray.
+
+Redundancy is built in to remove singularities, so a regular pose may lie beyond singular ones of the non-redundant
+substructure. Here no drive is called redundant: the misfit of all of them is made least (`model.freedoms`), first from
+the reference configuration, then from poses all over the workspace, nearest first by what the drives read there. The
+starts are the same for every row and table, so that a row's result depends on nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
+from pkmcal_cli.model.model import Model
+
+_NEAREST = 4  # starts of each row
+_SAME = 1e-4  # poses nearer than this, in sizes or rad, are one
+
+
+@dataclass(frozen=True)
+class CommonPose:
+    """States (n) of least misfit; misfit (n,) in sizes of the machine; rival (n,): of the next best, or infinite.
+
+    singular (n,): whether all drives together do not hold the platform there.
+    """
+
+    state: State
+    misfit: Array
+    rival: Array
+    singular: NDArray[np.bool_]
+
+
+def common_pose(model: Model, coefficients: Array) -> CommonPose:
+    """The pose on which all drives agree best, for coefficients (n, S) with their commanded positions."""
+    freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
+    best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
+    rival = np.full(rows, np.inf)
+    todo = np.nonzero(best.size > model.expected_misfit)[0]
+    if not len(todo):
+        return CommonPose(best.state, best.size, rival, best.singular)
+    which = _nearest(freedoms, coefficients[todo], starts)  # (m, k)
+    tried = _descended(freedoms, np.repeat(coefficients[todo], which.shape[1], axis=0), starts, which.ravel())
+    for k in range(which.shape[1]):
+        found, before = tried.take(np.arange(k, which.size, which.shape[1])), best.take(todo)
+        apart = np.abs(found.poses - before.poses).max(axis=1) > _SAME
+        better = found.size < before.size
+        other = np.where(better, before.size, found.size)
+        rival[todo] = np.where(apart, np.minimum(rival[todo], other), rival[todo])
+        won = np.nonzero(better)[0]
+        best = best.put(todo[won], found.take(won))
+    return CommonPose(best.state, best.size, rival, best.singular)
+
+
+def _descended(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses, which: Index) -> ClosedPoses:
+    """Poses of least misfit (n) from starts (n,) closed with the coefficients of the rows."""
+    begin = freedoms.close(coefficients, starts.poses[which], starts.state.take(which))
+    return freedoms.descend(coefficients, begin)
+
+
+def _nearest(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses) -> NDArray[np.intp]:
+    """Numbers (n, k) of the starts at which the drives are nearest to their commanded positions."""
+    asked = (coefficients[:, freedoms.commanded] - freedoms.reference) / freedoms.size  # (n, D)
+    away = starts.misfit - asked[:, None]  # (n, K, D)
+    away -= np.where(np.isfinite(freedoms.turn), freedoms.turn, 0.0) * np.round(away / freedoms.turn)
+    far = (away**2).sum(axis=2)
+    return np.argsort(np.where(starts.closed, far, np.inf), axis=1, kind="stable")[:, :_NEAREST]

@@ -1,0 +1,162 @@
+"""Effects in the pipeline: displacements of their effect sites in every row, and the chain rule to their parameters.
+
+c <- c + M d(theta), or c exp(M d(theta)) where the site scales: formulas d are analytic, so dd/dtheta comes from
+complex steps, and dz/dtheta = dz/dc M dd/dtheta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.effects import WIDTHS
+from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.inputs import Reactions, SiteInputs
+from pkmcal_cli.prediction.rows import Rows
+
+_STEP = 1e-40
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Of one effect site: d (N, W); derivatives (N, W, P) with respect to asked parameters, numbered by `columns` (P,);
+    by_reading (N, W, A) with respect to the readings of drives, None where they do not matter.
+    """
+
+    site: EffectSite
+    d: Array
+    by_parameter: Array
+    columns: Index
+    by_reading: Array | None
+
+    def take(self, rows: slice) -> Displacement:
+        """Some rows."""
+        by_reading = None if self.by_reading is None else self.by_reading[rows]
+        return Displacement(self.site, self.d[rows], self.by_parameter[rows], self.columns, by_reading)
+
+
+@dataclass(frozen=True)
+class Displacements:
+    """All displacements of a table."""
+
+    parts: tuple[Displacement, ...] = ()
+
+    def take(self, rows: slice) -> Displacements:
+        """Some rows."""
+        return Displacements(tuple(d.take(rows) for d in self.parts))
+
+    def apply(self, coefficients: Array) -> None:
+        """Displace coefficients (N, S) in place."""
+        for each in self.parts:
+            where, moved = each.site.coefficients, each.d @ each.site.matrix.T
+            before = coefficients[:, where]
+            coefficients[:, where] = before * np.exp(moved) if each.site.scales else before + moved
+
+    def chain(self, coefficients: Array, by_coefficient: Array, jacobian: Array | None, by_drive: Array) -> None:
+        """Add what the effects' parameters do to `jacobian` (N, C, P'), and what readings do to `by_drive` (N, C, A).
+
+        Afterwards `by_coefficient` (N, C, S) is that with respect to the coefficients before they are displaced.
+        """
+        for each in self.parts:
+            where = each.site.coefficients
+            by_moved = by_coefficient[..., where]
+            if each.site.scales:
+                by_moved = by_moved * coefficients[:, None, where]
+            by_d = by_moved @ each.site.matrix  # (N, C, W)
+            if jacobian is not None and len(each.columns):
+                jacobian[..., each.columns] += by_d @ each.by_parameter
+            if each.by_reading is not None:
+                by_drive += by_d @ each.by_reading
+        for each in self.parts:
+            if each.site.scales:
+                moved = each.d @ each.site.matrix.T
+                by_coefficient[..., each.site.coefficients] *= np.exp(moved)[:, None]
+
+
+def displacements(
+    model: Model, values: Array, rows: Rows, parameters: Sequence[str], reactions: Reactions | None
+) -> Displacements:
+    """Displacements of all effects at parameter values (P,); without `reactions` those that need none."""
+    numbers = model.by_name(values)
+    parts: list[Displacement] = []
+    asked = {name: k for k, name in enumerate(parameters)}
+    for placed in model.effects:
+        if placed.effect.reactive and reactions is None:
+            continue
+        sizes = [numbers[name] for name in placed.parameters]
+        if not any(sizes) and not any(name in asked for name in placed.parameters):
+            continue
+        for site in placed.sites:
+            at = SiteInputs(site, model, rows, placed, reactions)
+            parts.append(_displacement(model, placed, at, sizes, asked))
+    return Displacements(tuple(parts))
+
+
+def _displacement(
+    model: Model, placed: PlacedEffect, at: SiteInputs, sizes: list[float], asked: dict[str, int]
+) -> Displacement:
+    """One effect site's; only in the rows of the session where the effect belongs to one."""
+    on = _rows_of(placed, at)
+    d = np.asarray(_displaced(placed, at, sizes), dtype=float) * on
+    chosen = [k for k, name in enumerate(placed.parameters) if name in asked]
+    by_parameter = np.zeros((*d.shape, len(chosen)))
+    for j, k in enumerate(chosen):
+        stepped = [value + 1j * _STEP * (i == k) for i, value in enumerate(sizes)]
+        by_parameter[..., j] = np.imag(_displaced(placed, at, stepped)) / _STEP * on
+    columns = np.array([asked[placed.parameters[k]] for k in chosen], dtype=np.intp)
+    by_reading = None
+    if d.any():
+        by_reading = _by_reading(placed, at, sizes) * np.reshape(on, (-1, 1, 1))
+        if at.reactions is not None and placed.effect.reactive:
+            by_pull = _step_in(placed, replace(at, pull_step=1j * _STEP), sizes) * on
+            by_parameter, columns = _with_reaction(by_parameter, columns, by_pull, at, len(asked))
+            by_reading = by_reading + _of_reaction(by_pull, at, at.reactions.by_drive)
+    return Displacement(at.site, d, by_parameter, columns, by_reading)
+
+
+def _displaced(placed: PlacedEffect, at: SiteInputs, sizes: Sequence[complex]) -> Array:
+    """Displacement (N, W) at sizes of the parameters that it has at its place."""
+    return placed.effect.displacement(at, dict(zip(placed.numbers, sizes, strict=True)))
+
+
+def _by_reading(placed: PlacedEffect, at: SiteInputs, sizes: list[float]) -> Array:
+    """Derivative (N, W, A) by the reading of the effect site's own drive."""
+    out = np.zeros((at.rows, WIDTHS[placed.effect.enters], len(at.model.actuators)))
+    if at.site.actuator >= 0:
+        out[..., at.site.actuator] = _step_in(placed, replace(at, step=1j * _STEP), sizes)
+    return out
+
+
+def _step_in(placed: PlacedEffect, stepped: SiteInputs, sizes: list[float]) -> Array:
+    return np.asarray(np.imag(_displaced(placed, stepped, sizes)) / _STEP)
+
+
+def _of_reaction(by_pull: Array, at: SiteInputs, by: Array | None) -> Array | float:
+    """What a displacement's force (by_pull (N, W)) hands on of its derivatives (N, R, k): (N, W, k)."""
+    if by is None or at.reactions is None:
+        return 0.0
+    return np.asarray(by_pull[..., None] * by[:, at.reactions.places.index(at.site.place), None])
+
+
+def _with_reaction(
+    by_parameter: Array, columns: Index, by_pull: Array, at: SiteInputs, asked: int
+) -> tuple[Array, Index]:
+    """Derivatives by all asked parameters, since they change the force."""
+    if not asked or at.reactions is None:
+        return by_parameter, columns
+    out = np.zeros((*by_parameter.shape[:2], asked)) + _of_reaction(by_pull, at, at.reactions.jacobian)
+    out[..., columns] += by_parameter
+    return out, np.arange(asked)
+
+
+def _rows_of(placed: PlacedEffect, at: SiteInputs) -> NDArray[np.float64] | float:
+    session = placed.acts_in
+    if not session:
+        return 1.0
+    return np.asarray(at.table.columns.get(f"session.{session}", np.zeros(at.rows)))[:, None]

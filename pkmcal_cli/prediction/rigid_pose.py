@@ -1,0 +1,129 @@
+"""The rigid pose of the non-redundant substructure, X = fgm(q_nr, xi) (Ecorchard 2010, eq. 11), and why there is none.
+
+It is followed from the reference configuration. On a nominal machine all drives agree, and the pose is the one that all
+of them hold; where the substructure passes a singular pose on the way, it is begun at the common pose instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array, log
+from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
+from pkmcal_cli.equilibrium.branch import regularity
+from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference_state, without_stress
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton
+from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.mechanism.topology import Drive, DriveKind
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.common_pose import common_pose
+
+_CLOSED, _REGULAR = 1e-9, 0.1  # sizes of the machine, and det J over that of the reference configuration
+REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close
+_RIGID = NewtonOptions(curved=False)
+
+
+def substructure_pose(model: Model, coefficients: Array, effort: Effort) -> tuple[State, NDArray[np.int_]]:
+    """Rigid pose on the branch of the common pose: where redundant drives are far from it, begun there."""
+    state, status = rigid_pose(model, coefficients, _RIGID, effort)
+    if not model.overdetermined:
+        return state, status
+    gone = relaxed_coefficients(model, coefficients, without_stress(state, model.released), model.redundant_drives)
+    freedoms = model.freedoms
+    away = np.abs((gone - coefficients)[:, freedoms.commanded] / freedoms.size).max(axis=1)
+    regular = regularity(model.rigid, model.reference_mode, coefficients, state, model.length)
+    away[(away > _CLOSED) & (regular < _REGULAR)] = np.inf  # next to a singular pose another one fits nearly as well
+    doubt = np.nonzero((status != RowStatus.SOLVED) | (away > model.expected_misfit))[0]
+    if not len(doubt):
+        return state, status
+    some = coefficients[doubt]
+    pose = without_stress(common_pose(model, some).state, model.rigid)
+    begin = place_prescribed(model.topology, some, pose, free=model.rigid.free)
+    other, other_status = newton(model.rigid, some, begin, model.length, _RIGID, effort)
+    solved = np.nonzero(other_status == RowStatus.SOLVED)[0]
+    state = state.put(doubt[solved], other.take(solved))
+    status[doubt[solved]] = RowStatus.SOLVED
+    _check_reach(model, coefficients, state, status)
+    return state, status
+
+
+def rigid_pose(
+    model: Model, coefficients: Array, options: NewtonOptions, effort: Effort
+) -> tuple[State, NDArray[np.int_]]:
+    """Pose of the non-redundant substructure (Ecorchard 2010, eq. 11), followed from the reference configuration."""
+    system = model.rigid
+    begin = model.reference_coefficients
+    state = reference_state(model.topology, begin, len(coefficients), system.constraints)
+    state, status = follow(
+        system, begin, coefficients, state=state, length=model.length, options=options, effort=effort
+    )
+    elsewhere = regularity(system, model.reference_mode, coefficients, state, model.length) < 0
+    failed = np.nonzero(status != RowStatus.SOLVED)[0]
+    status[elsewhere & (status == RowStatus.SOLVED)] = RowStatus.WRONG_MODE
+    if len(failed):
+        status[failed] = _failure(model, coefficients[failed])
+    _check_reach(model, coefficients, state, status)
+    return state, status
+
+
+def _check_reach(model: Model, coefficients: Array, state: State, status: NDArray[np.int_]) -> None:
+    """Rows whose rigid pose has a gap of more than a share of the machine's size are out of reach."""
+    good = np.nonzero(status == RowStatus.SOLVED)[0]
+    if not len(good):
+        return
+    if len(good) < len(coefficients):
+        coefficients, state = coefficients[good], state.take(good)
+    strains = balance(model.rigid, coefficients, state, 1.0, tangent=False).strains
+    groups = model.rigid.groups
+    gaps = [e * (group.elastic * group.group.element.gaps) for group, e in zip(groups, strains, strict=True)]
+    status[good[largest_strain(gaps, len(good)) > REACH * model.length]] = RowStatus.OUT_OF_REACH
+
+
+def largest_strain(strains: list[Array], rows: int) -> Array:
+    """The largest strain of each row, (N,)."""
+    out = np.zeros(rows)
+    for e in strains:
+        out = np.maximum(out, np.abs(e).max(axis=(1, 2), initial=0.0))
+    return out
+
+
+def _failure(model: Model, coefficients: Array) -> NDArray[np.int_]:
+    """Why rows have no rigid pose: the mechanism closes elsewhere, not at all, or is singular there."""
+    system = model.rigid
+    state = reference_state(model.topology, model.reference_coefficients, len(coefficients), system.constraints)
+    free = NewtonOptions(curved=False, contraction=np.inf, iterations=60, tolerance=1e-8)
+    placed = place_prescribed(model.topology, coefficients, state, free=system.free)
+    state, status = newton(system, coefficients, placed, model.length, free, Effort())
+    _check_reach(model, coefficients, state, status)
+    out = np.full(len(coefficients), RowStatus.OUT_OF_REACH)
+    out[status == RowStatus.SOLVED] = RowStatus.WRONG_MODE
+    strains = balance(system, coefficients, state, typical_stiffness(system, coefficients), tangent=False).strains
+    strain = largest_strain(list(strains), len(coefficients))
+    closed = np.isfinite(strain) & (strain < 1e-6 * model.length) & (status != RowStatus.SOLVED)
+    out[closed] = RowStatus.SINGULAR
+    return out
+
+
+def relaxed_coefficients(model: Model, coefficients: Array, state: State, drives: Sequence[Drive]) -> Array:
+    """Coefficients at which a closed pose is (nearly) stress-free: no loads, `drives` where they have gone."""
+    out, topology, system = coefficients.copy(order="K"), model.topology, model.released
+    for group in topology.groups:
+        out[:, group.prestress] = 0.0
+    out[:, topology.force_coefficients] = 0.0
+    strains = balance(system, coefficients, without_stress(state, system), 1.0, tangent=False).strains
+    for drive in drives:
+        if drive.kind is DriveKind.TRAVEL:
+            out[:, drive.coefficient] = state.travel[:, drive.target[0]]
+        elif drive.kind is DriveKind.ROTATION:
+            r = drive.target[0]
+            turned = log(state.rotation[:, r] @ topology.rotations.reference[r].T)
+            angle = turned @ topology.rotations.axis[r]
+            turns = np.round((coefficients[:, drive.coefficient] - angle) / (2 * np.pi))
+            out[:, drive.coefficient] = angle + 2 * np.pi * turns
+        else:
+            index, e, m = drive.target
+            out[:, drive.coefficient] += strains[index][:, e, m]
+    return out

@@ -1,0 +1,21 @@
+"""The joint uncertainty of all parameters, as parameter files hold it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.calibration.error_budget import ErrorBudget
+from pkmcal_cli.loading.parameter_text import Correlations
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.parameters import parameter_unit
+
+
+def correlations(model: Model, budget: ErrorBudget) -> Correlations | None:
+    """Of all that are uncertain: identified parameters, and the others with their ranges."""
+    names = (*budget.names, *budget.held)
+    if not budget.names:
+        return None
+    covariance = budget.joint_covariance
+    std = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    scale = np.array([parameter_unit(model, n).scale for n in names])
+    return Correlations(names, [float(v) for v in std / scale], (covariance / np.outer(std, std)).tolist())

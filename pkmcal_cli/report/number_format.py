@@ -1,0 +1,67 @@
+"""Numbers as metrologists write them, and as JSON may hold them."""
+
+from __future__ import annotations
+
+import math
+
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+
+def uncertain(value: float, std: float | None, unit: str = "", digits: int = 2) -> str:
+    """Value with its standard uncertainty in the last digits (GUM 7.2.2): 300.0123(41) mm."""
+    tail = f" {unit}" if unit not in ("", "1") else ""
+    if std is None or not math.isfinite(std):
+        return f"{value:.6g}{tail}"
+    if std == 0.0:
+        return f"{value!r}(0){tail}"
+    decimals = digits - 1 - math.floor(math.log10(std))
+    size = round(std * 10**decimals)
+    if size >= 10**digits:
+        decimals -= 1
+        size = round(std * 10**decimals)
+    if decimals > 12 or decimals < -3:
+        return f"{value:.8g} +- {std:.{digits}g}{tail}"
+    if decimals <= 0:
+        return f"{round(value, decimals):.0f}({size * 10**-decimals}){tail}"
+    return f"{value:.{decimals}f}({size}){tail}"
+
+
+def finite(value: float | None) -> float | None:
+    """A float for JSON: null for what is not finite."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def short(value: float) -> str:
+    """Four significant digits; a dash for nan."""
+    return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+def readable(value: float, unit: Unit, like: float | None = None) -> str:
+    """A length or angle (SI) in the file's unit, or in um or urad where that reads better; a dash for nan.
+
+    `like`: another value that chooses the unit, so that the two can be compared.
+    """
+    if math.isnan(value):
+        return "-"
+    small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
+    if small is not None and 0 < abs(value if like is None else like) < small[1]:
+        unit = parse_unit(small[0])
+    return f"{unit.from_si(value):.4g} {unit.text}"
+
+
+_LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "urad/rad": "mrad/rad", "N": "kN"}
+NEVER = 1e4  # times the plausible size: no machine has so large an effect
+
+
+def handy(value: float, unit: Unit) -> str:
+    """An amount (SI) to three digits, in the unit or in one of its multiples, without powers of ten where possible."""
+    while abs(value) >= 999.5 * unit.scale and unit.text in _LARGER:
+        unit = parse_unit(_LARGER[unit.text])
+    if unit.text == "mm" and 0 < abs(value) < 0.0995 * unit.scale:
+        unit = parse_unit("um")
+    return f"{value / unit.scale:.3g}{'' if unit.text == '1' else f' {unit.text}'}"
+
+
+def detectable_size(value: float, plausible: float, unit: Unit) -> str:
+    """A smallest detectable size (SI); "never" where it is beyond all that is plausible."""
+    return handy(value, unit) if value < NEVER * plausible else "never"

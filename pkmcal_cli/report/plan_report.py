@@ -1,0 +1,227 @@
+"""The result of `plan`: what it can detect and tell apart, which points to add; JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.bench_measurements import BenchProposal
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen, Plan, Visibility
+from pkmcal_cli.diagnosis.power import Rates
+from pkmcal_cli.diagnosis.score import minimal_detectable
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.report.analysis_report import UNSTRAINED
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.detectable_sizes import sizes_json, sizes_text, worst_text
+from pkmcal_cli.report.number_format import NEVER, detectable_size, finite
+from pkmcal_cli.report.parameters import parameter_unit
+from pkmcal_cli.report.power_report import rates_json, show_rates
+from pkmcal_cli.report.sentences import cause_effect_action, grouped, listed
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_HEADERS = (
+    "effect",
+    "smallest detectable",
+    "detected in 80 %",
+    "smallest separable",
+    "plausible",
+    "most similar",
+    "cosine",
+    "remark",
+)
+_WIDE = ("smallest detectable", "smallest separable", "cosine")  # columns that a narrow terminal does without
+_ENOUGH = 2.0  # standard deviations of the prior: the plausible size
+_GAINS = 5  # parameters of which a measurement on the bench is told
+_ORDER = ("detectable", "weak", "invisible")
+
+
+class PlanReport:
+    """A plan, ready to be shown."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        plan: Plan,
+        *,
+        at_nominal: bool,
+        aim: Aim | None,
+        added: Problem | None,
+        chosen: Chosen | None,
+        bench: tuple[BenchProposal, ...],
+        rates: tuple[Rates, ...],
+    ) -> None:
+        self.machine, self.plan, self.at_nominal = machine, plan, at_nominal
+        self.aim, self.added, self.chosen, self.bench = aim, added, chosen, bench
+        self.model, self.rates = plan.problem.model, rates
+
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        return {
+            "n_rows": len(self.plan.problem),
+            "effects": [self._json(v) for v in self.plan.visibilities],
+            "groups": [list(g) for g in self.plan.groups],
+            "not_testable": [{"effect": k, "needs": why} for k, why in self.plan.candidates.not_testable],
+            "aim": self._aim_json(),
+            "points": self._points(),
+            "bench": [self._bench_json(p) for p in self.bench],
+            "power": [rates_json(self.model, r) for r in self.rates],
+        }
+
+    def _bench_json(self, p: BenchProposal) -> dict[str, Any]:
+        unit = parameter_unit(self.model, p.name)
+        gains = []
+        for name, before, after in p.gains:
+            own = parameter_unit(self.model, name)
+            gains.append(
+                {
+                    "name": name,
+                    "before": finite(before / own.scale),
+                    "after": finite(after / own.scale),
+                    "unit": own.text,
+                }
+            )
+        return {"name": p.name, "sigma": p.sigma / unit.scale, "unit": unit.text, "std": gains}
+
+    def _show_bench(self, to: Reporter) -> None:
+        """Lengths that are worth a measurement by themselves."""
+        for p in self.bench:
+            unit = parameter_unit(self.model, p.name)
+            gains = ", ".join(self._gain(*gain) for gain in p.gains[:_GAINS])
+            to.say(f"measure {p.name} on the bench to {p.sigma / unit.scale:g} {unit.text}: {gains}")
+
+    def _gain(self, name: str, before: float, after: float) -> str:
+        unit = parameter_unit(self.model, name)
+        first, last = (
+            f"{float(f'{x / unit.scale:.2g}'):g} {unit.text}" if math.isfinite(x) else "undetermined"
+            for x in (before, after)
+        )
+        return f"{name} {first} -> {last}"
+
+    def _json(self, v: Visibility) -> dict[str, Any]:
+        scale = self._unit(v).scale
+        return sizes_json(self.model, v) | {
+            "status": v.status,
+            "msb": finite(v.msb / scale),
+            "plausible": finite(v.plausible / scale),
+            "rival": v.rival or None,
+            "cosine": v.cosine,
+            "absorbed_by": list(v.absorbed_by),
+        }
+
+    def _aim_json(self) -> dict[str, Any] | None:
+        if self.aim is None or self.chosen is None:
+            return None
+        before, after = self._figures()
+        what = "mdb" if self.aim.kind != "determine" else "log_determinant"
+        return {"kind": self.aim.kind, "figure": what, "before": finite(before), "after": finite(after)}
+
+    def _figures(self) -> tuple[float, float]:
+        """Before and after: minimal detectable size in prior standard deviations, or log determinant."""
+        assert self.aim is not None and self.chosen is not None
+        pair = (self.chosen.before, self.chosen.after)
+        return pair if self.aim.kind == "determine" else (minimal_detectable(pair[0]), minimal_detectable(pair[1]))
+
+    def _points(self) -> list[dict[str, Any]]:
+        if self.added is None:
+            return []
+        out = []
+        for readings, k in zip(self.added.rows.readings, range(len(self.added)), strict=True):
+            cells: dict[str, Any] = {}
+            for a, actuator in enumerate(self.model.actuators):
+                unit = parse_unit(actuator.unit)
+                cells[actuator.name] = finite(unit.from_si(float(readings[a])))
+                cells[f"dir.{actuator.name}"] = finite(float(self.added.rows.columns[f"dir.{actuator.name}"][k]))
+            out.append(cells)
+        return out
+
+    def show(self, to: Reporter) -> None:
+        """Tables for people."""
+        counts = {s: sum(v.status == s for v in self.plan.visibilities) for s in _ORDER}
+        rows = count(len(self.plan.problem), "pose")
+        to.say(
+            f"{rows}: " + ", ".join(f"{n} {s}" for s, n in counts.items()) + f" of {len(self.plan.scores)} hypotheses"
+        )
+        for status in _ORDER:
+            self._show(to, status)
+        for group in self.plan.groups:
+            to.say(f"not separable: {listed(group, 8)}")
+        for line in grouped(self.plan.candidates.not_testable):
+            to.say(line)
+        if self.at_nominal and any(self._by_force(v) for v in self.plan.visibilities):
+            to.say(UNSTRAINED)
+        self._show_bench(to)
+        show_rates(to, self.model, self.rates)
+        self._show_added(to)
+
+    def _by_force(self, v: Visibility) -> bool:
+        """Whether an effect acts by forces and has no influence."""
+        effect = catalogue().get(v.hypothesis.effect)
+        return effect is not None and (effect.reactive or effect.enters == "stiffness") and not v.mdb < v.plausible
+
+    def _show(self, to: Reporter, status: str) -> None:
+        rows = [self._cells(v) for v in self.plan.visibilities if v.status == status]
+        if rows:
+            to.say()
+            headers = _HEADERS
+            kept = [k for k, h in enumerate(headers) if not (to.narrow and h in _WIDE)]
+            cells = [tuple(row[k] for k in kept) for row in rows]
+            to.table(status.capitalize(), [headers[k] for k in kept], cells)
+
+    def _cells(self, v: Visibility) -> tuple[str, ...]:
+        unit = self._unit(v)
+        sizes = (*sizes_text(self.model, v), *(detectable_size(x, v.plausible, unit) for x in (v.msb, v.plausible)))
+        why = f"absorbed by {', '.join(v.absorbed_by)}" if v.absorbed_by else worst_text(self.model, v)
+        if not v.mdb < NEVER * v.plausible and not why:
+            why = "no effect on these readings"
+        return v.hypothesis.name, *sizes, v.rival, f"{v.cosine:.2f}" if v.rival else "", why
+
+    def _show_added(self, to: Reporter) -> None:
+        if self.aim is None or self.added is None:
+            return
+        words = {
+            "see": "smallest detectable size",
+            "separate": "smallest separable size",
+            "determine": "log determinant of the information matrix",
+        }[self.aim.kind]
+        before, after = (self._figure_text(x) for x in self._figures())
+        to.say()
+        to.say(f"{count(len(self.added), 'further point')}: {words} {before} -> {after}")
+        if self.aim.kind == "separate" and not self._figures()[1] < _ENOUGH:
+            self._show_without_points(to)
+        if self.aim.kind == "see" and not self._figures()[1] < _ENOUGH:
+            to.say("These points cannot show it at a plausible size. Add more points, or measure in another way.")
+        names = [a.name for a in self.model.actuators]
+        headers = tuple(f"{a.name} [{parse_unit(a.unit).text}]" for a in self.model.actuators)
+        cells = [
+            tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in names)
+            for p in self._points()
+        ]
+        to.table("Points to add (set values; + approach from below, - from above)", headers, cells, left=0)
+
+    def _show_without_points(self, to: Reporter) -> None:
+        """What tells effects apart where no pose does."""
+        to.say("These points cannot separate them at plausible sizes. Add more points, or another measurement:")
+        known = catalogue()
+        assert self.aim is not None
+        for h in self.plan.candidates.hypotheses:
+            if h.parameters in self.aim.parameters and h.effect in known:
+                action = cause_effect_action(known[h.effect], h.at, "")[2]
+                to.say(f"  {h.name}: {action}")
+
+    def _figure_text(self, value: float) -> str:
+        """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""
+        assert self.aim is not None
+        if self.aim.kind == "determine":
+            return f"{value:.4g}"
+        declared = [self.model.parameters[self.model.names.index(n)] for g in self.aim.parameters for n in g]
+        alike = {(p.range, p.unit) for p in declared}
+        if len(alike) == 1 and len(declared) == len(self.aim.parameters):
+            plausible = declared[0].range
+            return detectable_size(0.5 * value * plausible, plausible, parse_unit(declared[0].unit or "1"))
+        return "never" if value > NEVER else f"{50 * value:.3g} % of the plausible size"
+
+    def _unit(self, v: Visibility) -> Unit:
+        return parse_unit(self.model.parameters[self.model.names.index(v.parameter)].unit or "1")

@@ -1,0 +1,27 @@
+"""Simulated campaigns of a plan: which effects, and whether so few rows can be diagnosed at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pkmcal_cli.diagnosis.power import Campaigns, Rates, chosen
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.workflow.diagnose import FEWEST_ROWS
+
+
+def power_of_plan(count: int, wanted: Sequence[str], campaigns: Campaigns, to: Reporter) -> tuple[Rates, ...]:
+    """How often effects are found in so many campaigns of each, where that is asked for: of those that are wanted, else
+    of every kind the hardest one."""
+    problem = campaigns.plan.problem
+    if len(problem) < FEWEST_ROWS or problem.count <= len(campaigns.selected):
+        what = f"warning: `diagnose` takes {FEWEST_ROWS} rows or more, and more values than parameters"
+        to.warn(f"{what}; this plan has fewer, so nothing of it will be detected")
+        return ()
+    if not count:
+        return ()
+    effects = chosen(campaigns.plan.visibilities, wanted)
+    seen = [v for v in effects if v.detected < v.plausible]
+    lost = [v.hypothesis.name for v in effects if v not in seen]
+    to.notes([f"{name} is not detected within its plausible size, and not simulated" for name in lost])
+    with to.progress("simulated campaigns") as tick:
+        return tuple(campaigns.rates(effect, count, tick) for effect in (None, *seen))

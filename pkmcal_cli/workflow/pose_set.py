@@ -1,0 +1,101 @@
+"""The poses of an analysis or plan: all those of a table, those of a grid or of the workspace that can be used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.language.tool_point import ToolPoint
+from pkmcal_cli.loading.covariates import resting
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.loading.pose_channels import Channels
+from pkmcal_cli.loading.poses import Poses, PoseSource, failed_rows, reference_poses
+from pkmcal_cli.loading.tool_coordinates import required_tool_point
+from pkmcal_cli.loading.workspace_poses import workspace_poses
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.failed_rows import GRID_POINT, FailedRows, SkippedPoints
+
+_SPREAD = 50  # poses over the workspace
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseSet:
+    """Poses that are used, out of all; `tool`: the tool point, where they are poses of it.
+
+    kept (n,): numbers of those that are used; lost: why the others cannot be used, by their numbers.
+    """
+
+    every: Poses
+    kept: NDArray[np.intp]
+    skipping: str = ""  # what poses are called that may fail; "" where all count
+    tool: ToolPoint | None = None
+    inputs: dict[str, str] = field(default_factory=dict)
+    lost: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def poses(self) -> Poses:
+        """Those that are used."""
+        return self.every.take(self.kept) if self.lost else self.every
+
+    @property
+    def failed(self) -> FailedRows:
+        """Those that are not."""
+        if self.skipping:
+            return SkippedPoints(self.lost, self.every.place, len(self.every), self.skipping)
+        return FailedRows(self.lost, self.every.place, len(self.every))
+
+    def with_readings(self, readings: Array, touched: Channels | None = None) -> PoseSet:
+        """The set with other drive readings (n, A) of the poses that are used, and probes that touch there (n, C)."""
+        every = self.every.rows.readings.copy()
+        every[self.kept] = readings
+        touches = self.every.touched
+        if touched is not None:
+            touches = np.zeros((len(self.every), touched.shape[1]), dtype=bool)
+            touches[self.kept] = touched
+        rows = replace(self.every.rows, readings=every)
+        return replace(self, every=replace(self.every, rows=rows, touched=touches))
+
+    def without(self, reasons: Mapping[int, str]) -> PoseSet:
+        """The set without some of the poses that are used, by their number among these."""
+        lost = {int(self.kept[k]): why for k, why in reasons.items()}
+        return replace(self, kept=np.delete(self.kept, list(reasons)), lost={**self.lost, **lost})
+
+    def without_points(self, reasons: Mapping[int, str]) -> PoseSet:
+        """The same where poses may fail. Raises BadInput for rows of a table, all of which count."""
+        if reasons and not self.skipping:
+            raise failed_rows(self.poses.place, dict(reasons))
+        return self.without(reasons)
+
+
+def pose_set(to: Reporter, loaded: LoadedMachine, path: str | None, grid: str | None) -> PoseSet:
+    """All poses of a table or grid. Raises BadInput with rows of a table that are out of reach."""
+    source = PoseSource(loaded=loaded, path=path, grid=grid)
+    poses = source.together()
+    to.notes(source.notes)
+    for text in source.travels.warnings():
+        to.warn(text)
+    kept = np.nonzero(poses.reachable)[0]
+    skipping = GRID_POINT if grid is not None else ""
+    found = PoseSet(every=poses, kept=kept, skipping=skipping, tool=source.tool, inputs=source.inputs, lost=poses.lost)
+    if not len(kept):
+        found.failed.show(to)
+    return found
+
+
+def default_poses(to: Reporter, loaded: LoadedMachine) -> PoseSet:
+    """Poses where none are given: spread over the workspace, else the reference configuration alone."""
+    model = loaded.model
+    rest = [note] if (note := resting(model)) else []
+    if model.workspace is not None:
+        poses, notes = workspace_poses(loaded, model.workspace, _SPREAD)
+        tool = required_tool_point(loaded)
+        told = f"no poses given: {count(len(poses), 'pose')} spread over the workspace"
+        to.notes([told, tool.text, *notes, *rest])
+        return PoseSet(every=poses, kept=np.arange(len(poses)), skipping="pose", tool=tool)
+    to.notes(["no poses given: only the reference configuration is used", *rest])
+    return PoseSet(every=reference_poses(model), kept=np.zeros(1, dtype=np.intp))

@@ -1,0 +1,109 @@
+"""Every effect of the catalogue, simulated on a machine at its plausible size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem, design_problem
+from pkmcal_cli.compiler.placed_effects import absence
+from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates_of
+from pkmcal_cli.diagnosis.simulated_effects import UNLOADED, simulated_effects
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
+from pkmcal_cli.loading.nearby_poses import nearby_poses
+from pkmcal_cli.loading.poses import failed_rows
+from pkmcal_cli.model.effect_sites import places
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.prediction import Prediction, Request, predict
+from pkmcal_cli.report.analysis_report import UNSTRAINED
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.effects_report import Absent, EffectsReport
+from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.effects_request import EffectsRequest
+from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+
+_POSES = 30  # that are drawn where none are given
+
+
+def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
+    """Simulate and show; 0. Raises PkmcalError."""
+    one_stdin(machine, request.poses, request.parameters)
+    to = Reporter(request.quiet)
+    loaded = load_machine(machine, receptive=True)
+    for fault in loaded.warnings:
+        to.warn(fault.text())
+    poses = _poses(loaded, request, to)
+    loaded = loaded.for_sessions(poses.every.rows.session_names)
+    model = loaded.model
+    start = load_parameters(model, request.parameters)
+    for text in start.warnings:
+        to.warn(text)
+    selected = _selected(model, request.select)
+    candidates = candidates_of(model, selected, with_directions(poses.every.rows, [a.name for a in model.actuators]))
+    values = np.append(start.values, candidates.model.nominal[len(model.parameters) :])
+    problem, still = _predicted(to, loaded.machine.file_units, candidates.model, values, poses)
+    simulated = simulated_effects(candidates, problem, values, selected, still)
+    report = EffectsReport(problem.model, len(problem), simulated, _absent(loaded, model, candidates))
+    report.show(to)
+    if request.parameters is None and any(s.reason == UNLOADED for s in simulated):
+        to.say(UNSTRAINED)
+    if request.as_json:
+        emit_json(report.json())
+    return 0
+
+
+def _poses(loaded: LoadedMachine, request: EffectsRequest, to: Reporter) -> PoseSet:
+    """The poses that are asked for, else some of the workspace, or within reach where none is declared."""
+    if request.poses is not None or request.grid is not None:
+        return pose_set(to, loaded, request.poses, request.grid)
+    if loaded.model.workspace is not None:
+        return default_poses(to, loaded)
+    poses = nearby_poses(loaded.model, _POSES)
+    to.notes([f"no poses given: {len(poses)} are drawn within reach of the reference configuration"])
+    return PoseSet(every=poses, kept=np.arange(len(poses)), skipping="pose")
+
+
+def _selected(model: Model, text: str) -> tuple[str, ...]:
+    """Parameters that a calibration identifies: none where a machine declares none."""
+    some = any(p.identify for p in model.parameters)
+    return selection(model, text) if some or text != "auto" else ()
+
+
+def _predicted(
+    to: Reporter, units: FileUnits, model: Model, values: Array, poses: PoseSet
+) -> tuple[Problem, Prediction]:
+    """What is read at the poses that can be predicted; others are told. Raises BadInput where none can."""
+    names = [a.name for a in model.actuators]
+    still = predict(model, values, with_directions(poses.poses.rows, names), Request(forces=True))
+    if reasons := {int(k): still.reason(int(k)) for k in np.nonzero(~still.solved)[0]}:
+        if len(reasons) == len(poses.kept):
+            raise failed_rows(poses.poses.place, reasons)
+        return _predicted(to, units, model, values, poses.without(reasons))
+    poses.failed.show(to)
+    rows, measured = with_directions(poses.poses.rows, names), poses.poses.measured
+    if not np.isfinite(still.values).any():
+        to.notes(["no sensor reads anything at these poses: coordinates of the TCP are shown instead"])
+        own = {"length": units.length.text, "angle": units.angle.text}
+        model = tcp_model(model)
+        model = replace(model, channels=tuple(replace(c, unit=own[c.dimension]) for c in model.channels))
+        still, measured = predict(model, values, rows, Request(forces=True), still.start), None
+    problem = design_problem(model, rows, measured)
+    return replace(problem, measured=problem.measured & np.isfinite(still.values)), still
+
+
+def _absent(loaded: LoadedMachine, model: Model, candidates: Candidates) -> tuple[Absent, ...]:
+    """Effects that are not simulated, and why: no place, no column, there already."""
+    nowhere = [
+        Absent(e.keyword, "", absence(loaded.machine, model.sites, e))
+        for e in catalogue().values()
+        if not places(model.sites, e, ("SESSION",))
+    ]
+    lacking = [Absent(keyword, at, f"it needs {what}") for keyword, at, what in candidates.lacking]
+    declared = [Absent(e.effect.keyword, e.at, "the machine file declares it") for e in model.effects]
+    return (*nowhere, *lacking, *declared)

@@ -1,0 +1,187 @@
+"""What errors are made of: held parameters against fits with them moved, scales against what was drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
+from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.prior import prior_of_ranges
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_check import range_check
+from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.prediction import Request, predict
+from tests.campaigns import Plan, by_engine, shipped
+from tests.command import MACHINES, clean, run
+
+
+def evidence(known: Array, offsets: Array, kinds: tuple[str, ...], seed: int = 0) -> Evidence:
+    """Offsets (q,) measured one by one, to 1 / known (q,) half ranges, 20 times each, by one instrument."""
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(size=(20, len(offsets)))
+    jacobian = known / np.sqrt(20)
+    return Evidence(
+        information=np.diag(known**2)[None],
+        score=np.zeros((1, len(offsets))),
+        squares=np.array([((noise - noise.mean(axis=0)) ** 2).sum()]),
+        counts=np.array([20 * len(offsets)]),
+        freedom=np.array([10.0]),
+        centre=offsets + noise.mean(axis=0) / jacobian,
+        kinds=kinds,
+        estimated=np.ones(len(offsets), dtype=bool),
+    )
+
+
+def scales(factor: float, wild: float = 0.0, count: int = 30) -> Scales:
+    """Of `count` lengths, `factor` half ranges off, of which one is `wild`, and of five angles that are as stated."""
+    rng = np.random.default_rng(5)
+    unit = rng.normal(size=count + 5)
+    unit[:count] /= np.sqrt((unit[:count] ** 2).mean())
+    offsets = unit * np.r_[np.full(count, factor), np.ones(5)]
+    offsets[0] += wild
+    return drawn_scales(evidence(np.full(count + 5, 50.0), offsets, ("length",) * count + ("angle",) * 5))
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
+def test_ranges_are_as_wide_as_parameters_are_off(factor: float) -> None:
+    """The mean of 30 offsets and a prior of 2 degrees of freedom at 1."""
+    found = scales(factor)
+    expected = np.sqrt((30 * factor**2 + 2) / 32)
+    assert np.median(found.factors["length"]) == pytest.approx(expected, rel=0.15)
+    assert 0.5 < np.median(found.factors["angle"]) < 2.0, "another kind has its own"
+    assert found.typical_noise == pytest.approx(1.0, abs=0.1)
+
+
+def test_one_wild_parameter_is_wide_itself_and_widens_no_other() -> None:
+    found, still = scales(1.0, wild=20.0), scales(1.0)
+    assert found.typical[0] > 5
+    assert found.typical[1:] == pytest.approx(still.typical[1:], rel=0.5)
+    assert np.median(found.typical[1:30] / still.typical[1:30]) < 1.25
+
+
+def test_what_is_known_exactly_does_no_harm() -> None:
+    """Information of 1e30 beside 1e-30: no rounding spoils what is drawn."""
+    known = np.array([1e15, 1e-15, 3.0, 3.0])
+    found = drawn_scales(evidence(known, np.array([2.0, 0.0, 1.0, -1.0]), ("length",) * 4))
+    assert np.isfinite(found.variances).all() and (found.variances > 0).all()
+
+
+def test_the_noise_is_what_is_stated_and_what_scatters_by_their_degrees_of_freedom() -> None:
+    """Sigma twice too large, 10 degrees stated, 25 measured: (10 + 25 / 4) / 35; exact: 1; unknown: 1/4."""
+    given = evidence(np.full(3, 1e3), np.zeros(3), ("length",) * 3)
+    for freedom, expected in ((10.0, (10 + 25 / 4) / 35), (np.inf, 1.0), (0.0, 1 / 4)):
+        few = replace(given, counts=np.array([28]), squares=np.array([25 / 4]), freedom=np.array([freedom]))
+        found = drawn_scales(replace(few, score=np.zeros((1, 3)))).noise
+        assert float(np.mean(1 / found)) == pytest.approx(1 / expected, rel=0.05)
+
+
+def of_scissors(selected: tuple[str, ...], seed: int = 0, noise: bool = True) -> tuple[Plan, Problem]:
+    plan = by_engine(shipped("scissors"))
+    rng = np.random.default_rng(seed)
+    return plan, plan.measured(plan.model.nominal, rng) if noise else plan.problem(plan.simulate(plan.model.nominal))
+
+
+def test_a_held_parameter_shifts_others_as_a_fit_with_it_moved_does() -> None:
+    """The sensitivity of the budget is the difference of two fits, with a rod that is held longer and shorter."""
+    plan, _ = of_scissors(())
+    selected, held = plan.selected, ("l1", "l5")
+    problem = plan.problem(plan.simulate(plan.model.nominal))
+    budget = error_budget(problem, identify(problem, selected), held)
+    for k, name in enumerate(held):
+        place, ends = plan.model.names.index(name), []
+        for sign in (0.1, -0.1):
+            values = plan.model.nominal
+            values[place] += sign * plan.model.ranges[place] / 2
+            moved = plan.problem(plan.simulate(values))
+            ends.append(identify(moved, selected).values[plan.index])
+        expected = (ends[0] - ends[1]) / 0.2
+        assert budget.by_held[:, k] == pytest.approx(expected, rel=1e-3, abs=1e-3 * float(np.abs(expected).max()))
+
+
+def tool_std(plan: Plan, budget: ErrorBudget, calibration: Calibration) -> Array:
+    """Standard uncertainties of the tool point at the measured poses (N, 2), by the joint covariance."""
+    names = (*budget.names, *budget.held)
+    fit = calibration.robust.fit
+    rows = calibration.robust.problem.rows
+    found = predict(tcp_model(plan.model), fit.values, rows, Request(parameters=names))
+    assert found.jacobian is not None
+    by = found.jacobian[:, :2]
+    return np.asarray(np.sqrt(np.einsum("ncp,pq,ncq->nc", by, budget.joint_covariance, by)))
+
+
+def test_at_the_tool_most_of_what_is_held_cancels() -> None:
+    """Twenty machines, all parameters drawn, nine identified: lengths are 0.1 mm off, the tool a few um, as it says."""
+    plan = by_engine(shipped("scissors"))
+    inside, shares, worst = [], [], []
+    for seed in range(20):
+        rng = np.random.default_rng([3, seed])
+        values = plan.model.nominal + rng.normal(size=len(plan.model.names)) * plan.model.ranges / 2
+        problem = plan.measured(values, rng)
+        found = calibrated(problem, plan.selected, plan.model.nominal, FitOptions(), np.zeros(len(problem)))
+        error = found.robust.fit.values - values
+        inside.append(np.abs(error[plan.index]) < 1.96 * found.intervals.std)
+        true = predict(tcp_model(plan.model), values, problem.rows).values[:, :2]
+        told = predict(tcp_model(plan.model), found.robust.fit.values, problem.rows).values[:, :2]
+        shares.append(np.abs(told - true) < 1.96 * tool_std(plan, found.budget, found))
+        worst.append(np.abs(told - true).max())
+        assert found.budget.std_by_held.max() > 20e-6
+    assert np.mean(inside) > 0.9
+    assert np.mean(shares) > 0.85
+    assert np.median(worst) < 10e-6
+
+
+def test_what_is_exact_or_the_datum_adds_nothing() -> None:
+    plan, problem = of_scissors(())
+    held = held_parameters(problem, plan.selected, ("l1",))
+    assert len(held) == 24 and "l1" not in held and "k5" in held
+    fixed = [replace(p, fixed=p.name == "l2") for p in plan.model.parameters]
+    problem = replace(problem, model=replace(plan.model, parameters=tuple(fixed), datum=("l5",)))
+    assert set(held) - set(held_parameters(problem, plan.selected, ("l1",))) == {"l2", "l5"}
+
+
+def test_ranges_that_do_not_fit_are_told() -> None:
+    plan = by_engine(shipped("triglide-nonredundant"))
+    for factor, doubtful in ((1.0, False), (4.0, True)):
+        rng = np.random.default_rng(8)
+        values = plan.model.nominal
+        values[plan.index] += factor * rng.choice([-1.0, 1.0], len(plan.index)) * plan.ranges / 2
+        problem = plan.measured(values, rng)
+        fit = identify(problem, plan.selected)
+        found = range_check(problem, fit, error_budget(problem, fit))
+        assert found.doubtful == doubtful, (factor, found.p_value)
+        assert bool(found.far) == (factor == 4.0)
+        assert 0.5 * factor < found.factors["length"] < 1.6 * factor
+
+
+def test_what_is_exact_is_no_hypothesis_and_cannot_be_selected(tmp_path: Path) -> None:
+    machine = tmp_path / "m.yaml"
+    more = "parameters: {l1: {fixed: true}, k1: {fixed: true}}"
+    machine.write_text(f"extends: {MACHINES / 'triglide.yaml'}\n{more}\n", encoding="utf-8")
+    refused = clean(run("calibrate", machine, MACHINES / "triglide.csv", "--select", "auto,l1"))
+    assert refused.code == 2 and "`l1` is declared `fixed: true`" in refused.err
+    found = clean(run("calibrate", machine, MACHINES / "triglide.csv", "--holdout", "none", "--json")).json
+    assert "l1" not in {p["name"] for p in found["parameters"]}
+    assert found["uncertainty"]["held"] == ["k2", "k3"]
+    seen = clean(run("diagnose", machine, MACHINES / "triglide.csv", "--json", "-q")).json
+    released = {d["at"] for d in (*seen["detectable"], *seen["invisible"]) if d["effect"] == "release"}
+    assert released & {"k2", "k3", "gamma"} and not released & {"l1", "k1"}
+
+
+def test_ranges_that_fit_are_not_doubted_with_a_prior() -> None:
+    """Noise of 1 mm leaves little but the prior, which shrinks all: 20 machines, p below 5 % in at most 5 (0.03 %)."""
+    plan = by_engine(shipped("triglide"))
+    plan, low = replace(plan, sigma=100 * plan.sigma), 0
+    prior = prior_of_ranges(plan.model, plan.selected)
+    for seed in range(20):
+        rng = np.random.default_rng([6, seed])
+        problem = replace(plan.measured(plan.drawn(rng), rng), prior=prior)
+        fit = identify(problem, plan.selected)
+        low += range_check(problem, fit, error_budget(problem, fit)).p_value < 0.05
+    assert low <= 5

@@ -1,0 +1,111 @@
+"""Fits that converge and are not to be believed: exit 1, in the file that is written, and where it is read."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tests.command import MACHINES, Done, clean, run
+
+MACHINE, TABLE = MACHINES / "triglide-nonredundant.yaml", MACHINES / "triglide-nonredundant.csv"
+Rows = list[list[str]]
+
+
+def spoilt(folder: Path, change: Callable[[list[str], Rows], None]) -> Path:
+    """The shipped table, its cells changed; 60 of its rows."""
+    lines = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    head, *rows = csv.reader(lines)
+    rows = rows[:: len(rows) // 60]
+    change(head, rows)
+    file = folder / "m.csv"
+    file.write_text("\n".join(",".join(row) for row in [head, *rows]) + "\n", encoding="utf-8")
+    return file
+
+
+def calibrated(table: Path, *more: object) -> Done:
+    return clean(run("calibrate", MACHINE, table, "--holdout", "none", "--json", *more))
+
+
+def drifting_far(head: list[str], rows: Rows) -> None:
+    """The line of x is 40 mm off at every second pose, that of y follows: nothing of the machine explains it."""
+    rng = np.random.default_rng(0)
+    for row in rows:
+        for name in ("x [mm]", "y [mm]"):
+            k = head.index(name)
+            row[k] = repr(float(row[k]) + 40.0 * float(rng.normal()))
+
+
+def one_far(head: list[str], rows: Rows) -> None:
+    k = head.index("y [mm]")
+    rows[17][k] = repr(float(rows[17][k]) + 1.0)
+
+
+def turned(head: list[str], rows: Rows) -> None:
+    """All readings of x are 5 mm more: fifty ranges of anything that could shift them."""
+    k = head.index("x [mm]")
+    for row in rows:
+        row[k] = repr(float(row[k]) + 5.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(drifting_far, "of the machine's size"), (one_far, "far off what the others say"), (turned, "ranges off nominal")],
+)
+def test_a_result_that_nobody_should_believe(
+    change: Callable[[list[str], Rows], None], words: str, tmp_path: Path
+) -> None:
+    table, file = spoilt(tmp_path, change), tmp_path / "p.yaml"
+    done = calibrated(table, "-o", file, "--starts", "1")
+    assert done.code == 1 and done.json["status"] == "implausible"
+    assert any(words in reason for reason in done.json["implausible"]), done.json["implausible"]
+    assert "IMPLAUSIBLE" in done.err and words in done.err
+    written = yaml.safe_load(file.read_text(encoding="utf-8"))["provenance"]
+    assert written["status"] == "implausible" and "accepted" not in written
+    again = run("sensitivity", MACHINE, "-p", file)
+    assert f"warning: {file}: the fit ended with status `implausible`" in again.err
+
+
+def test_it_can_be_accepted_which_is_recorded_and_repeated(tmp_path: Path) -> None:
+    table, file = spoilt(tmp_path, turned), tmp_path / "p.yaml"
+    done = calibrated(table, "-o", file, "--starts", "1", "--accept")
+    assert done.code == 0 and done.json["status"] == "implausible" and "accepted" in done.err
+    reasons = yaml.safe_load(file.read_text(encoding="utf-8"))["provenance"]["accepted"]
+    assert reasons == done.json["implausible"]
+    again = run("sensitivity", MACHINE, "-p", file)
+    assert f"note: {file}: implausible, but accepted: {'; '.join(reasons)}" in again.err
+    assert "warning" not in again.err
+
+
+def test_a_robust_loss_does_without_the_row(tmp_path: Path) -> None:
+    done = calibrated(spoilt(tmp_path, one_far), "--loss", "tukey")
+    assert done.code == 0 and done.json["status"] == "converged" and done.json["implausible"] == []
+
+
+def three_far(head: list[str], rows: Rows) -> None:
+    """By 200 mm: what a robust loss leaves out is most of the rms."""
+    k = head.index("y [mm]")
+    for row in rows[7::20]:
+        row[k] = repr(float(row[k]) + 200.0)
+
+
+def test_what_a_robust_loss_leaves_out_is_no_reason(tmp_path: Path) -> None:
+    done = calibrated(spoilt(tmp_path, three_far), "--loss", "tukey")
+    assert done.code == 0 and done.json["implausible"] == [] and done.json["after"]["position"]["rms"] > 20
+
+
+def test_what_is_large_but_explained_is_plausible() -> None:
+    """One anchor of the hangprinter is nine ranges off; chi-square is 28 times what it should be."""
+    machine, table = MACHINES / "hangprinter.yaml", MACHINES / "hangprinter_2021-12-16.csv"
+    done = clean(run("calibrate", machine, table, "--holdout", "none", "--json"))
+    assert done.code == 0 and done.json["status"] == "converged" and done.json["chi2_per_dof"] > 20
+
+
+def test_improve_says_it_too(tmp_path: Path) -> None:
+    table = spoilt(tmp_path, turned)
+    done = clean(run("improve", MACHINE, table, "--json"))
+    assert done.code == 1 and any("ranges off nominal" in reason for reason in done.json["implausible"])
