@@ -141,6 +141,20 @@ def test_a_frame_is_diagnosed_and_improved() -> None:
     assert found["identified"] and abs(found["value"] - 1) < 4 * found["std"] < 0.05
 
 
+@pytest.mark.parametrize(
+    ("entry", "exact"),
+    [("1", True), ("{value: 1, identify: false}", True), ("{value: 1, range: 0.1, identify: false}", False)],
+)
+def test_the_share_of_a_weighed_payload_is_exact_unless_its_file_gives_a_range(entry: str, exact: bool) -> None:
+    Path("portal.yaml").write_text(PORTAL + "effects: {payload@dial: {m: %s}}\n" % entry)
+    Path("w.csv").write_text("payload [kg]\n" + "\n".join(str(k % 5) for k in range(40)) + "\n")
+    assert run("simulate", "portal.yaml", "w.csv", "--noise", "declared", "--seed", "3", "-o", "t.csv").code == 0
+    freed = run("calibrate", "portal.yaml", "t.csv", "--holdout", "none", "--select", "auto,payload@dial.m")
+    assert freed.code == (2 if exact else 0), freed.err
+    if exact:
+        assert "write `m: {identify: true}` at `payload@dial` in `effects:` to identify it" in freed.err
+
+
 def test_a_payload_and_a_soft_frame_are_told_apart() -> None:
     """A weight is weighed; so what the frame yields more is its own stiffness, and neither hides in the other."""
     Path("portal.yaml").write_text(PORTAL)

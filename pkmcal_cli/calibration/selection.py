@@ -24,9 +24,8 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
     for part in (p.strip() for p in text.split(",")):
         remove = part.startswith("-")
         pattern = part[1:] if remove else part
-        if not remove and any(p.fixed and pattern in (p.name, p.shared_name) for p in model.parameters):
-            what = f"{option}: `{pattern}` is declared `fixed: true`: its value is exact"
-            raise UsageError(what, hint="delete `fixed: true` in the machine file to identify it")
+        if not remove:
+            _refuse_exact(model, pattern, option)
         matching = _matching(model, pattern, remove)
         if matching is None:
             raise UsageError(
@@ -41,6 +40,18 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
         if of_effect & asked:
             chosen -= of_effect - asked
     return tuple(n for n in model.names if n in chosen)
+
+
+def _refuse_exact(model: Model, pattern: str, option: str) -> None:
+    """Raise UsageError where a parameter has an exact value: it is declared so, or known of an effect."""
+    if not any(p.fixed and pattern in (p.name, p.shared_name) for p in model.parameters):
+        return
+    place, _, number = pattern.rpartition(".")
+    if any(pattern in e.parameters for e in model.effects):
+        what = f"{option}: the value of `{pattern}` is exact"
+        raise UsageError(what, hint=f"write `{number}: {{identify: true}}` at `{place}` in `effects:` to identify it")
+    what = f"{option}: `{pattern}` is declared `fixed: true`: its value is exact"
+    raise UsageError(what, hint="delete `fixed: true` in the machine file to identify it")
 
 
 def named(model: Model, text: str) -> frozenset[str]:

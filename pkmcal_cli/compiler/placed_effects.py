@@ -146,7 +146,7 @@ def placed_effect(
                 dimension=dimension,
                 identify=not known if entry.identify is None else entry.identify,
                 kind=effect.keyword,
-                fixed=known and entry.range is None and entry.identify is None,
+                fixed=known and entry.range is None,
             )
         )
     options = {

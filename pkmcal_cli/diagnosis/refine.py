@@ -14,7 +14,7 @@ from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import Scored, Search, refit, score_without, scored, shape_gains
-from pkmcal_cli.diagnosis.search import BETTER, set_evidence, stands_on_one_row
+from pkmcal_cli.diagnosis.search import BETTER, needed_only, set_evidence, stands_on_one_row
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
@@ -37,7 +37,7 @@ def swapped(search: Search) -> Search:
         better = better or next((s for h in search.accepted if (s := _improved(search, h)) is not None), None)
         if better is None:
             return search
-        search = better
+        search = needed_only(better)
     return search
 
 

@@ -1,0 +1,127 @@
+"""The search for effects: forks, steps back, exchanges, rows held out together, warming, what is refuted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.diagnosis import search as searching
+from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.confirm import blocks
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.refine import set_of, swapped
+from pkmcal_cli.diagnosis.refuted import refuted_causes
+from pkmcal_cli.diagnosis.scoring import Scored, Search, recalibrated, refit, score_all
+from pkmcal_cli.diagnosis.search import needed_only, run_search
+from tests.benchmark.setting import ALPHA, Ready, diagnosed, ready
+from tests.truth.campaigns import Scenario, campaign, unit
+
+SEED = 4
+
+
+@cache
+def planted(*effects: tuple[str, str, float]) -> Ready:
+    """A campaign on the Scissors with effects of multiples of their usual size."""
+    return ready(campaign("scissors", [unit("scissors", k, at, SEED).scaled(f) for k, at, f in effects], SEED))
+
+
+def at(case: Ready, *names: str) -> Search:
+    """The search where these effects are accepted and fitted, with the threshold of a whole one."""
+    fit = identify(case.problem, case.selected)
+    begun = Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
+    by_name = {h.name: h for h in case.candidates.hypotheses}
+    accepted = tuple(by_name[n] for n in names)
+    evidence = dict.fromkeys(names, 0.0)
+    return recalibrated(replace(begun, accepted=accepted, critical=1e-5, evidence=evidence, p_values=evidence))
+
+
+def names(hypotheses: Sequence[Hypothesis]) -> set[str]:
+    return {h.name for h in hypotheses}
+
+
+def test_an_effect_that_others_make_needless_goes() -> None:
+    """What was accepted first by chance is not needed once the cause is there; the cause itself stays."""
+    case = planted(("backlash", "q3", 1.0))
+    assert names(needed_only(at(case, "pitch_curve@q1", "backlash@q3")).accepted) == {"backlash@q3"}
+    both = planted(("backlash", "q3", 1.0), ("straight", "left.x", 2.0))
+    kept = needed_only(at(both, "straight@left.x", "backlash@q3"))
+    assert names(kept.accepted) == {"straight@left.x", "backlash@q3"}
+
+
+def test_two_that_stand_for_two_others_are_exchanged_together() -> None:
+    """Windup of two drives for their backlash: with one of them exchanged nothing is better."""
+    case = planted(("backlash", "q3", 1.0), ("backlash", "q4", 1.0))
+    wrong, right = at(case, "windup@q3", "windup@q4"), at(case, "backlash@q3", "backlash@q4")
+    assert right.fit.chi2 < wrong.fit.chi2
+    assert names(swapped(wrong).accepted) == names(right.accepted) == names(swapped(right).accepted)
+
+
+def test_what_an_exchange_makes_needless_goes() -> None:
+    case = planted(("backlash", "q3", 1.0))
+    assert names(swapped(at(case, "backlash@q1", "pitch_curve@q2")).accepted) == {"backlash@q3"}
+
+
+def test_what_cannot_be_decided_is_followed_both_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The end with most evidence is the search's, whichever way was seen first."""
+    case = planted(("backlash", "q3", 1.0))
+    plain = searching._best_of
+    for first in ("backlash@q1", "backlash@q3"):
+
+        def forked(search: Search, scored: Scored, evidence: np.ndarray, first: str = first) -> list[Search]:
+            if search.accepted:
+                return plain(search, scored, evidence)
+            by_name = {h.name: h for h in scored.hypotheses}
+            ways = [first, *({"backlash@q1", "backlash@q3"} - {first})]
+            forks = [replace(search, accepted=(by_name[n],)) for n in ways]
+            return [replace(f, fit=fit) for f in forks if (fit := refit(f, {})) is not None]
+
+        monkeypatch.setattr(searching, "_best_of", forked)
+        begun = at(case)
+        assert names(run_search(begun, Alpha(ALPHA), SEED).accepted) == {"backlash@q3"}
+
+
+def test_repeated_poses_are_held_out_together_and_few_poses_one_by_one() -> None:
+    case = planted(("backlash", "q3", 1.0))
+    by_name = {h.name: h for h in case.candidates.hypotheses}
+    few = case.problem.take(np.repeat(np.arange(12), 3))
+    labels, scheme = blocks(few, by_name["backlash@q3"])
+    assert scheme == "each pose in turn" and len(set(labels)) == 12
+    assert all(len(set(labels[3 * k : 3 * k + 3])) == 1 for k in range(12))
+    many = case.problem.take(np.repeat(np.arange(60), 2))
+    for name, wanted in (("backlash@q3", "random poses"), ("straight@left.x", "workspace cells")):
+        labels, scheme = blocks(many, by_name[name])
+        assert scheme == wanted and len(set(labels)) > 2 and (labels[::2] == labels[1::2]).all()
+
+
+def test_where_time_and_temperature_go_together_no_evidence_decides_between_drifts_and_heat() -> None:
+    """A drive that drifts in a hall that only warms: every drift and thermal effect that fits stays in the set."""
+    drive = replace(unit("scissors", "thermal_screw", "q2", SEED), values={"o": 1e-6})
+    warms = diagnosed(campaign("scissors", [drive], SEED, scenario=Scenario(swing=0.0, warming=6.0)), SEED)
+    (finding,) = warms.findings
+    weight = {r.hypothesis.name: r.weight for r in finding.rivals}
+    assert warms.verdict == "ambiguous" and weight.keys() >= {"thermal_screw@q2", "zero_drift@q2", "thermal_foot@left"}
+    assert weight["thermal_foot@left"] < 0.01, "hardly any evidence for it, but it fits"
+    cools = diagnosed(campaign("scissors", [drive], SEED, scenario=Scenario(swing=4.0, warming=0.0)), SEED)
+    assert cools.verdict == "found"
+    assert [[r.hypothesis.name for r in f.rivals] for f in cools.findings] == [["thermal_screw@q2"]]
+
+
+def test_what_held_out_rows_speak_against_is_unknown_as_long_as_it_is_significant() -> None:
+    case = planted(("backlash", "q3", 1.0))
+    by_name = {h.name: h for h in case.candidates.hypotheses}
+    vetoed = replace(at(case), vetoed=(by_name["backlash@q3"],))
+    (unknown,) = refuted_causes(vetoed, score_all(vetoed, vetoed.open))
+    assert unknown.depends_on == "direction" and "backlash@q3 fits" in unknown.hint and unknown.p_value < 1e-5
+    explained = replace(at(case, "backlash@q3"), vetoed=(by_name["backlash@q1"],))
+    assert refuted_causes(explained, score_all(explained, explained.open)) == []
+
+
+def test_the_set_of_an_effect_is_judged_where_the_search_has_come_to() -> None:
+    case = planted(("backlash", "q3", 1.0))
+    near = set_of(at(case, "backlash@q1"), at(case, "backlash@q1").accepted[0])
+    assert near.members[0].name == "backlash@q3"
