@@ -146,7 +146,7 @@ def test_a_frame_is_diagnosed_and_improved() -> None:
     [("1", True), ("{value: 1, identify: false}", True), ("{value: 1, range: 0.1, identify: false}", False)],
 )
 def test_the_share_of_a_weighed_payload_is_exact_unless_its_file_gives_a_range(entry: str, exact: bool) -> None:
-    Path("portal.yaml").write_text(PORTAL + "effects: {payload@dial: {m: %s}}\n" % entry)
+    Path("portal.yaml").write_text(f"{PORTAL}effects: {{payload@dial: {{m: {entry}}}}}\n")
     Path("w.csv").write_text("payload [kg]\n" + "\n".join(str(k % 5) for k in range(40)) + "\n")
     assert run("simulate", "portal.yaml", "w.csv", "--noise", "declared", "--seed", "3", "-o", "t.csv").code == 0
     freed = run("calibrate", "portal.yaml", "t.csv", "--holdout", "none", "--select", "auto,payload@dial.m")
