@@ -11,6 +11,7 @@ from pkmcal_cli.base.errors import BadInput, Fault
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
+from pkmcal_cli.compiler.effect_groups import effect_groups
 from pkmcal_cli.compiler.members import add_members
 from pkmcal_cli.compiler.parameters import model_parameters
 from pkmcal_cli.compiler.physical import number_faults
@@ -84,9 +85,8 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
         sites = effect_sites_of(
             made.structure, topology, drives, model.sensors, model.reference_coefficients[0], made.payload
         )
-        model = replace(model, sites=sites)
-        model = replace(model, fitted_frames=fitted)
-        model = model.with_effects(*declared_effects(machine, model.sites, model.length))
+        model = replace(model, sites=sites, fitted_frames=fitted, effect_groups=effect_groups(machine, sites))
+        model = model.with_effects(*declared_effects(machine, model))
     return Compiled(model, mobility, tuple(gaps), doubts)
 
 

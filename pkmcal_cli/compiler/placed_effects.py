@@ -30,18 +30,19 @@ _AWAY = 20.0  # sizes of the machine: how far away an instrument may stand
 Placed = tuple[tuple[PlacedEffect, ...], tuple[ModelParameter, ...]]
 
 
-def declared_effects(machine: Machine, sites: EffectSites, length: float) -> Placed:
+def declared_effects(machine: Machine, model: Model) -> Placed:
     """The effects of a machine file, and poses of frames that are fitted. Raises BadInput with places that are none.
 
-    `length`: size of the machine, m; the frame of an instrument may stand some sizes away.
+    The frame of an instrument may stand some sizes of the machine away.
     """
+    sites = model.sites
     effects: list[PlacedEffect] = []
     parameters: list[ModelParameter] = []
     faults = []
     for name, entries in machine.effects.items():
         keyword, _, at = name.partition("@")
         effect = catalogue()[keyword]
-        known = _places_for(machine, sites, effect, at)
+        known = _places_for(machine, model, effect, at)
         if at not in known:
             faults.append(_no_place(machine, sites, effect, at, known))
             continue
@@ -53,18 +54,18 @@ def declared_effects(machine: Machine, sites: EffectSites, length: float) -> Pla
         raise BadInput(faults)
     for name, sensor in machine.sensors.items():
         if sensor.frame not in (None, "machine") and f"{_FRAME}@{name}" not in machine.effects:
-            placed, own_parameters = _fitted_frame(name, sites[_FRAME][name], machine.space == "planar", length)
+            placed, own_parameters = _fitted_frame(name, sites[_FRAME][name], machine.space == "planar", model.length)
             effects.append(placed)
             parameters += [replace(p, per_session=sensor.frame != "fitted") for p in own_parameters]
     return tuple(effects), tuple(parameters)
 
 
-def _places_for(machine: Machine, sites: EffectSites, effect: Effect, at: str) -> Mapping[str, tuple[EffectSite, ...]]:
+def _places_for(machine: Machine, model: Model, effect: Effect, at: str) -> Mapping[str, tuple[EffectSite, ...]]:
     """Places where a file may declare an effect, by name; one that acts by gravity also without."""
     session = at if effect.places == "session" else place_and_session(at)[1]
     if not weightless(machine, effect):
-        return places(sites, effect, (session,) if session else ())
-    return dict.fromkeys((ALL,) if effect.places == "all" else fitting(sites, effect), ())
+        return places(model.sites, effect, (session,) if session else (), model.effect_groups)
+    return dict.fromkeys((ALL,) if effect.places == "all" else fitting(model.sites, effect), ())
 
 
 def weightless(machine: Machine, effect: Effect) -> bool:
@@ -162,5 +163,5 @@ def possible_effects(model: Model, sessions: tuple[str, ...] = ()) -> list[tuple
     return [
         (effect, at, sites)
         for effect in catalogue().values()
-        for at, sites in places(model.sites, effect, sessions).items()
+        for at, sites in places(model.sites, effect, sessions, model.effect_groups).items()
     ]

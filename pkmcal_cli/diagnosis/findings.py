@@ -40,8 +40,8 @@ class Finding:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether the data support several effects in its place."""
-        return any(r.hypothesis != self.hypothesis for r in self.rivals)
+        """Whether the data support several effects in its place; fewer or more places of a group are the same one."""
+        return any(r.hypothesis != self.hypothesis and not r.hypothesis.nested(self.hypothesis) for r in self.rivals)
 
 
 def findings_of(search: Search, last: Scored, doubt: bool, seed: int) -> tuple[Finding, ...]:
@@ -132,7 +132,7 @@ def _by_shape(search: Search, hypothesis: Hypothesis, last: Scored) -> Array:
 
 def sizes_seen(scored: Scored, search: Search, seed: int) -> tuple[VisibleSizes, ...]:
     """How large hypotheses that are not accepted would have to be."""
-    kept = [k for k, h in enumerate(scored.hypotheses) if h not in search.accepted]
+    kept = [k for k, h in enumerate(scored.hypotheses) if h not in search.accepted and not h.members]
     hypotheses, scores = [scored.hypotheses[k] for k in kept], [scored.scores[k] for k in kept]
     procedure = Procedure(search.critical, scored.scale)
     return visible_sizes(scored.linear, search.problem, hypotheses, scores, procedure, seed)

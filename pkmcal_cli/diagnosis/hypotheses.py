@@ -11,7 +11,7 @@ from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
 from pkmcal_cli.effects import Column, Effect, catalogue
 from pkmcal_cli.effects.effect import EffectParameter
 from pkmcal_cli.loading.covariates import with_covariates
-from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect, parameters_at, place_and_session
+from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect, parameters_at, place_and_session, together
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import ModelParameter
 from pkmcal_cli.prediction import Rows
@@ -31,7 +31,11 @@ _WORDS: dict[Column, str] = {
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at nominal."""
+    """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at nominal.
+
+    `KEYWORD@each` and `KEYWORD@each:GROUP`: at several places, with values of its own at each; `members`: what it
+    consists of.
+    """
 
     effect: str
     at: str
@@ -39,6 +43,7 @@ class Hypothesis:
     measurement: bool = False  # a fault of the measurement, not of the machine
     free: tuple[str, ...] = ()  # of its parameters, those that are fitted with it but no evidence for it
     known: tuple[tuple[str, float], ...] = ()  # of its parameters, those that have a value (SI) where it is accepted
+    members: tuple[Hypothesis, ...] = ()
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -50,6 +55,19 @@ class Hypothesis:
     def preference(self) -> float:
         """Log evidence by which it goes before others: a declared parameter, before effects that imitate it."""
         return _DECLARED if self.effect == RELEASE else 0.0
+
+    @property
+    def placed(self) -> tuple[Hypothesis, ...]:
+        """Itself, or the members that it consists of: each is an effect at one place."""
+        return self.members or (self,)
+
+    def contains(self, other: Hypothesis) -> bool:
+        """Whether another one is among its members."""
+        return other in self.members or (bool(other.members) and set(other.members) < set(self.members))
+
+    def nested(self, other: Hypothesis) -> bool:
+        """Whether both are at several places, one at some of the other's."""
+        return bool(self.members and other.members) and (self.contains(other) or other.contains(self))
 
     @property
     def session(self) -> str:
@@ -104,6 +122,7 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
     if not sessions:
         of_sessions = [e.keyword for e in catalogue().values() if e.places == "session" and model.sites.get(e.enters)]
         lacking += [(keyword, "", _WORDS["session"]) for keyword in of_sessions]
+    hypotheses += _together(model, hypotheses)
     held = [p.name for p in model.parameters if p.name not in selected and not p.fixed]
     hypotheses += [Hypothesis(RELEASE, name, (name,)) for name in held]
     tested = {h.effect for h in hypotheses}
@@ -123,6 +142,24 @@ def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypot
         free=tuple(n for n, spec in by_name.items() if spec.free),
         known=tuple((n, spec.known) for n, spec in by_name.items() if spec.known is not None),
     )
+
+
+def _together(model: Model, single: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
+    """The same effects at several places with values of their own, where they can be at all of these."""
+    by_name = {h.name: h for h in single}
+    for effect in catalogue().values():
+        for at, inside in together(model.sites, effect, model.effect_groups).items():
+            members = tuple(by_name[n] for p in inside if (n := f"{effect.keyword}@{p}") in by_name)
+            if len(members) == len(inside):
+                yield Hypothesis(
+                    effect.keyword,
+                    at,
+                    tuple(n for h in members for n in h.parameters),
+                    effect.measurement,
+                    free=tuple(n for h in members for n in h.free),
+                    known=tuple(k for h in members for k in h.known),
+                    members=members,
+                )
 
 
 def _missing(effect: Effect, sites: tuple[EffectSite, ...], rows: Rows) -> Iterator[str]:

@@ -46,14 +46,17 @@ def _discrepancies(
     problem: Problem, fit: Fit, hypotheses: Sequence[Hypothesis], shapes_of: Callable[[Effect], list[Shape]]
 ) -> dict[str, Array]:
     by_name = {e.name: e for e in problem.model.effects}
-    placed = [by_name[h.name] for h in hypotheses if h.name in by_name and shapes_of(by_name[h.name].effect)]
+    names = {h.name: [p.name for p in h.placed if p.name in by_name] for h in hypotheses}
+    every = [by_name[n] for n in dict.fromkeys(n for each in names.values() for n in each)]
+    placed = [e for e in every if shapes_of(e.effect)]
     summed: dict[str, dict[int, Array]] = {}
     for unit in unit_columns(problem, fit.values, fit.after.start, placed):
         values = [np.broadcast_to(shape(unit.inputs), len(problem)) for shape in shapes_of(unit.placed.effect)]
         columns = unit.shaped(np.stack(values, axis=1))
         parts = summed.setdefault(unit.placed.name, {})
         parts[unit.part] = parts[unit.part] + columns if unit.part in parts else columns  # effect sites have one shape
-    return {name: _unit_length(np.hstack(list(parts.values()))) for name, parts in summed.items()}
+    blocks = {h: [c for n in own for c in summed.get(n, {}).values()] for h, own in names.items()}
+    return {h: _unit_length(np.hstack(columns)) for h, columns in blocks.items() if columns}
 
 
 def _unit_length(columns: Array) -> Array:

@@ -47,20 +47,23 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     count = np.where(clear, measured.sum(axis=1), 0)
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
-    tails = Tails.of(_others(linear, measured & clear[:, None], information, p) / np.sqrt(scale.variance))
-    p = tails.p_value(p, statistic / scale.variance, count)
-    return RowScores(np.where(count > 0, statistic, 0.0) / scale.variance, count, p)
-
-
-def _others(linear: Linear, measured: NDArray[np.bool_], information: Array, p: Array) -> Array:
-    """Residuals (n,), without sign, of rows that normal noise could make, as they are without the others."""
     odd = np.nonzero(p < _ODD_CHANCE / len(p))[0]
     odd = odd[np.argsort(p[odd], kind="stable")][: max(int(MOST * len(p)), 1)]
-    residual = linear.without_rows([int(row) for row in odd]).unexplained
-    within = measured.copy()
+    others = linear.without_rows([int(row) for row in odd])
+    variance = _by_others(scale, linear, others)
+    within = measured & clear[:, None]
     within[odd] = False
     size = np.sqrt(np.einsum("ncc->nc", information))
-    return np.asarray(np.abs(residual.reshape(measured.shape) / size)[within])
+    residuals = np.abs(others.unexplained.reshape(measured.shape) / size)[within]
+    p = Tails.of(residuals / np.sqrt(variance)).p_value(p, statistic / variance, count)
+    return RowScores(np.where(count > 0, statistic, 0.0) / variance, count, p)
+
+
+def _by_others(scale: Scale, linear: Linear, others: Linear) -> float:
+    """The noise that rows are judged by, where it was estimated: as the others have it, at least as it is stated."""
+    if scale.dof != scale.checked or scale.variance <= 1.0 or others.dof <= 0 or linear.chi2 <= 0:
+        return scale.variance
+    return max(scale.variance * min((others.chi2 / others.dof) / (linear.chi2 / linear.dof), 1.0), 1.0)
 
 
 @dataclass(frozen=True)

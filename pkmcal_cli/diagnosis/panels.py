@@ -14,6 +14,7 @@ from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.experiment_design import cosines_between
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import pose_shapes
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.scoring import linear_without, refit, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
@@ -69,15 +70,20 @@ class Share:
 
 
 def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
-    """An effect's picture; None for parameters and for effects that move nothing by themselves."""
-    placed = next((e for e in diagnosis.problem.model.effects if e.name == finding.hypothesis.name), None)
+    """An effect's picture, of several places that where it is largest; None for parameters and for effects that move
+    nothing by themselves."""
+    own = _largest(finding)
+    placed = next((e for e in diagnosis.problem.model.effects if e.name == own.name), None)
     if placed is None or placed.effect.enters in ("stiffness", "weight", "drive_force", "load"):
         return None
     search, problem, shape = diagnosis.search, diagnosis.problem, diagnosis.problem.readings.shape
     linear = linear_without(search, [finding.hypothesis], [finding.hypothesis])
-    columns = linear.of(finding.hypothesis.parameters) / linear.scale_of(finding.hypothesis.parameters)
-    index = [search.fit.selected.index(n) for n in finding.hypothesis.parameters]
-    estimate = np.array(finding.estimate)
+    every = finding.hypothesis.parameters
+    here = [every.index(n) for n in own.parameters]
+    by_size_of_all = linear.of(every) / linear.scale_of(every)
+    columns, estimate = by_size_of_all[:, here], np.array(finding.estimate)[here]
+    elsewhere = by_size_of_all @ np.array(finding.estimate) - columns @ estimate
+    index = [search.fit.selected.index(n) for n in own.parameters]
     unit = _leading(problem, diagnosis, placed, (columns @ estimate).reshape(shape))
     length2 = (unit**2).sum(axis=1)
     used = (length2 > 1e-6 * length2.max()) & problem.measured.any(axis=1)
@@ -95,13 +101,20 @@ def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
         name=name,
         unit=unit_text,
         x=x[used],
-        measured=displaced(linear.residual)[:, 0],
+        measured=displaced(linear.residual - elsewhere)[:, 0],
         noise=1 / np.sqrt(length2[used]),
         fitted=by_size @ estimate,
         band=1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
         side=None if side is None else side[used],
         turns=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
     )
+
+
+def _largest(finding: Finding) -> Hypothesis:
+    """The member of an effect that stands out most."""
+    size = np.abs(np.array(finding.estimate)) / np.array(finding.std)
+    clear = dict(zip(finding.hypothesis.parameters, np.nan_to_num(size), strict=True))
+    return max(finding.hypothesis.placed, key=lambda h: max(clear[n] for n in h.parameters))
 
 
 def _leading(problem: Problem, diagnosis: Diagnosis, placed: PlacedEffect, change: Array) -> Array:

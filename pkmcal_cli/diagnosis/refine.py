@@ -33,7 +33,9 @@ class Rival:
 def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
     for _ in range(2 * len(search.accepted)):
-        better = next((s for pair in combinations(search.accepted, 2) if (s := _exchanged(search, pair))), None)
+        groups = [(h,) for h in search.accepted if h.members]
+        removed = (*groups, *combinations(search.accepted, 2))
+        better = next((s for some in removed if (s := _exchanged(search, some))), None)
         better = better or next((s for h in search.accepted if (s := _improved(search, h)) is not None), None)
         if better is None:
             return search
@@ -60,23 +62,25 @@ def _gain(search: Search, after: Search, scores: Scored, k: int) -> float:
     return fall + _price(scores, 0) - _price(scores, k)
 
 
-def _exchanged(search: Search, pair: tuple[Hypothesis, Hypothesis]) -> Search | None:
-    """The search with two effects replaced by the one or two that explain most without them, if that is better.
+def _exchanged(search: Search, removed: tuple[Hypothesis, ...]) -> Search | None:
+    """The search with one or two effects replaced by the one or two that explain most without, if that is better.
 
-    `all` accepted first, and then what is wrong about it, stands for two single places.
+    `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
+    where two places do as well.
     """
-    without = score_without(search, pair, (*pair, *search.open))
+    margin = -BETTER if len(removed) == 1 else BETTER
+    without = score_without(search, removed, (*removed, *search.open))
     chosen = max(_pairs(search, without), key=lambda trial: trial[0], default=(-np.inf, ()))
-    if chosen[0] < _evidence_of(search, without, pair) + BETTER or set(chosen[1]) == set(pair):
+    if chosen[0] < _evidence_of(search, without, removed) + margin or set(chosen[1]) == set(removed):
         return None
-    new = tuple(h for h in chosen[1] if h not in pair)
-    kept = tuple(h for h in search.accepted if h not in pair or h in chosen[1])
+    new = tuple(h for h in chosen[1] if h not in removed)
+    kept = tuple(h for h in search.accepted if h not in removed or h in chosen[1])
     after = replace(search, accepted=(*kept, *new))
     fit = refit(after, {})
     if fit is None:
         return None
     after = replace(after, fit=fit)
-    if set_evidence(after, without.scale.variance) < set_evidence(search, without.scale.variance) + BETTER:
+    if set_evidence(after, without.scale.variance) < set_evidence(search, without.scale.variance) + margin:
         return None
     for h in new:
         after = _renamed(after, without, without.hypotheses.index(h))
@@ -88,23 +92,27 @@ def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypot
     evidence = without.log_bayes + _preferences(without)
     for k in (int(k) for k in np.argsort(-evidence, kind="stable")[:RIVALS]):
         first = without.hypotheses[k]
-        yield _with_price(search, evidence[k]), (first,)
+        yield float(evidence[k]) - search.price([first]), (first,)
         beside = _beside(search, without, first)
         more = beside.log_bayes + _preferences(beside)
+        same = [h.effect == first.effect and bool(h.members or first.members) for h in beside.hypotheses]
+        more[same] = -np.inf  # a group has what its members have
         best = int(np.argmax(more))
         if more[best] > 0 and beside.p_values[best] < search.critical:
-            yield _with_price(search, evidence[k], more[best]), (first, beside.hypotheses[best])
+            both = (first, beside.hypotheses[best])
+            yield float(evidence[k] + more[best]) - search.price(both), both
 
 
-def _evidence_of(search: Search, without: Scored, pair: tuple[Hypothesis, Hypothesis]) -> float:
-    """Log evidence of two accepted effects, counted as that of others: the first by itself, the other beside it."""
+def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:
+    """Log evidence of accepted effects, counted as that of others: the first by itself, the other beside it."""
+    if len(removed) == 1:
+        return float(without.log_bayes[0]) + removed[0].preference - search.price(removed)
     ways = []
-    for first, second in (pair, pair[::-1]):
+    for first, second in (removed, removed[::-1]):
         beside, k = _beside(search, without, first), without.hypotheses.index(first)
         j = beside.hypotheses.index(second)
-        sizes = without.log_bayes[k] + first.preference, beside.log_bayes[j] + second.preference
-        ways.append(_with_price(search, *sizes))
-    return max(ways)
+        ways.append(without.log_bayes[k] + first.preference + beside.log_bayes[j] + second.preference)
+    return float(max(ways)) - search.price(removed)
 
 
 def _beside(search: Search, without: Scored, first: Hypothesis) -> Scored:
@@ -112,10 +120,6 @@ def _beside(search: Search, without: Scored, first: Hypothesis) -> Scored:
     others = [h for h in without.hypotheses if h != first]
     linear = without.linear
     return scored(linear.projecting((*linear.projected, *first.parameters)), search.problem, others)
-
-
-def _with_price(search: Search, *evidence: float) -> float:
-    return sum(evidence) - len(evidence) * search.price
 
 
 def _preferences(scores: Scored) -> Array:

@@ -35,6 +35,7 @@ Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault",
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
 _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 _KINSHIP = 0.9  # share of what rows are off by that an effect explains if it is the cause
+_SUSPECT = 0.05  # chance that any row is as far off, at which one is told
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
@@ -54,6 +55,7 @@ class Diagnosis:
     scale: Scale
     correlation: float  # of successive rows' noise; 0 where they are independent
     same: dict[str, str]  # effects that are another name for a parameter, and its name
+    suspected: dict[int, float]  # rows that are used but may be wrong, and the chance that any good one is as far off
     p_global: float
     seed: int
 
@@ -114,6 +116,7 @@ def _diagnosis(
         scale=last.scale,
         correlation=0.0 if last.linear.memory is None else last.linear.memory.correlation,
         same=begun.same,
+        suspected=_suspected(last),
         p_global=chance_of_noise(whole),
         seed=seed,
     )
@@ -228,6 +231,12 @@ def restored(search: Search) -> Search:
     whole = _with_rows(search.problem, list(search.bad_rows))
     kept = tuple(r for r in search.bad_rows if r not in good)
     return recalibrated(replace(search, problem=whole.without(kept), bad_rows=kept))
+
+
+def _suspected(last: Scored) -> dict[int, float]:
+    """Rows that may be wrong, the worst first; `last`: scored with all that was found."""
+    chance = np.minimum(last.rows.p_value * len(last.rows.p_value), 1.0)
+    return {int(k): float(chance[k]) for k in np.argsort(chance, kind="stable") if chance[k] < _SUSPECT}
 
 
 def _with_rows(problem: Problem, rows: list[int]) -> Problem:

@@ -67,10 +67,12 @@ class Search:
         """What tells it from where it was before: effects, rows taken out, what was refused."""
         return frozenset(h.name for h in self.accepted), frozenset(self.bad_rows), self.refused
 
-    @property
-    def price(self) -> float:
-        """Log evidence that an effect must have, as it is one of many."""
-        return float(np.log(len(self.candidates.hypotheses)))
+    def price(self, hypotheses: Sequence[Hypothesis]) -> float:
+        """Log evidence that effects must have, as they are some of many; further ones of a kind, some of this kind."""
+        kinds = [h.effect for h in self.candidates.hypotheses]
+        known = [h.effect for h in hypotheses]
+        first = len(set(known)) * float(np.log(len(kinds)))
+        return first + sum(float(np.log(kinds.count(k))) for n, k in enumerate(known) if k in known[:n])
 
     @property
     def open(self) -> tuple[Hypothesis, ...]:
@@ -109,7 +111,7 @@ def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[
 
 
 def _linear(search: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
-    others = [n for h in hypotheses for n in h.parameters if n not in projected]
+    others = list(dict.fromkeys(n for h in hypotheses for n in h.parameters if n not in projected))
     return linear_problem(
         search.problem, _same_lag(search, values, hypotheses), projected, others, search.fit.after.start
     )

@@ -50,15 +50,18 @@ def _followed(search: Search, alpha: Alpha, variance: float) -> Search:
         begun += new[:room]
         seen |= {s.state for s in new}
         ends += [] if new else [search]
-    same = [s for s in ends if set(s.bad_rows) == set(ends[0].bad_rows)]  # or chi-squares do not compare
-    return max(same, key=lambda s: set_evidence(s, variance))
+    return max(ends, key=lambda s: set_evidence(s, variance))
 
 
 def set_evidence(search: Search, variance: float) -> float:
-    """Log evidence of the accepted effects (BIC) with noise of some variance, and with the price of choosing them."""
-    count = sum(len(h.parameters) for h in search.accepted)
-    likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count, 1)))
-    return -0.5 * likelihood + sum(h.preference - search.price for h in search.accepted)
+    """Log evidence (BIC) of accepted effects and of rows taken out, with noise of some variance, and with the price of
+    choosing them; a row taken out is a free shift of its readings."""
+    rows = list(search.bad_rows)
+    shifts = int(np.isfinite(search.problem.readings[rows]).sum())
+    count = shifts + sum(len(h.parameters) for h in search.accepted)
+    likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count + shifts, 1)))
+    price = len(rows) * float(np.log(len(search.problem)))
+    return -0.5 * likelihood - price - search.price(search.accepted) + sum(h.preference for h in search.accepted)
 
 
 def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
@@ -105,14 +108,15 @@ def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
 
 def needed_only(search: Search) -> Search:
     """The search without effects that those accepted later have made needless."""
-    least = search.price - BETTER
     for hypothesis in search.accepted[:-1]:
+        kept = [h for h in search.accepted if h != hypothesis]
+        least = search.price(search.accepted) - search.price(kept) - BETTER
         without = score_without(search, [hypothesis], [hypothesis])
         gain = float(without.log_bayes[0])
         if gain >= least or without.p_values[0] <= search.critical:
             continue
         if gain + float(shape_gains(search, without)[0]) < least:
-            others = replace(search, accepted=tuple(h for h in search.accepted if h != hypothesis))
+            others = replace(search, accepted=tuple(kept))
             fit = refit(others, {})
             if fit is not None:
                 return needed_only(replace(others, fit=fit))
@@ -125,7 +129,8 @@ def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
     A richer shape of the same place is no model discrepancy: it has a name.
     """
     hypothesis = scored.hypotheses[best]
-    others = [h for h in search.accepted if h.at != hypothesis.at]
+    places = {p.at for p in hypothesis.placed}
+    others = [h for h in search.accepted if places.isdisjoint(p.at for p in h.placed)]
     extra = discrepancy_columns(search.problem, search.fit, others)
     if not extra.shape[1]:
         return False
@@ -165,7 +170,7 @@ def _without_rows(search: Search, rows: NDArray[np.intp]) -> Search:
 def _accepted(search: Search, scored: Scored, best: int) -> Search | None:
     """The same with one more effect; None if a fit with it fails or is not better."""
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
-    after = replace(search, accepted=(*search.accepted, hypothesis))
+    after = replace(search, accepted=(*(h for h in search.accepted if not hypothesis.contains(h)), hypothesis))
     fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
     if fit is None or not search.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
         return None

@@ -72,6 +72,10 @@ class Machine(Entity, Generic[V, F]):
         default={}, description="Effects, KEYWORD@PLACE: {PARAMETER: value}"
     )
 
+    groups: dict[Name, tuple[str, ...]] = Field(
+        default={}, description="Drives, members or guides that may err alike, {upper: [q1, q2]}: a place of effects"
+    )
+
     _source: SourceMap = PrivateAttr(default_factory=SourceMap)
     _files: tuple[tuple[str, str], ...] = PrivateAttr(())
     _warnings: tuple[Fault, ...] = PrivateAttr(())

@@ -51,6 +51,10 @@ EffectSites = Mapping[Entry, Mapping[str, tuple[EffectSite, ...]]]
 """By entry and name of the place; a place may have several effect sites (carriages of a guide, pieces of a beam)."""
 ALL = "all"
 """Name of the place of an effect that is the same everywhere."""
+EACH = "each"
+"""Where an effect has values of its own at all places, `each`, or at those of a group, `each:GROUP`."""
+EffectGroups = Mapping[str, tuple[str, ...]]
+"""Names of places that may err alike, by name of the group."""
 
 
 def in_session(place: str, session: str) -> str:
@@ -171,10 +175,12 @@ def _displaces(effect: Effect, parameter: EffectParameter, site: EffectSite) -> 
     return bool(np.abs(by_parameter @ site.matrix.T).max(initial=0.0) > _FELT)
 
 
-def places(sites: EffectSites, effect: Effect, sessions: tuple[str, ...] = ()) -> dict[str, tuple[EffectSite, ...]]:
+def places(
+    sites: EffectSites, effect: Effect, sessions: tuple[str, ...] = (), groups: EffectGroups | None = None
+) -> dict[str, tuple[EffectSite, ...]]:
     """Where an effect can sit and does something, by name; `all` where it can be the same at several places.
 
-    `sessions`: those in one of which it can act.
+    `sessions`: those in one of which it can act; `groups`: those in which it can be the same.
     """
     named = fitting(sites, effect, lambda site: _acts(effect, site))
     everywhere = tuple(s for sites_here in named.values() for s in sites_here)
@@ -184,8 +190,25 @@ def places(sites: EffectSites, effect: Effect, sessions: tuple[str, ...] = ()) -
         return {ALL: everywhere} if everywhere else {}
     of_sessions = {in_session(at, s): own for at, own in named.items() for s in sessions} if effect.by_session else {}
     if effect.common and len(named) > 1:
-        named[ALL] = everywhere
+        alike = {g: tuple(s for m in members for s in named[m]) for g, members in _some(named, groups or {}).items()}
+        named |= {ALL: everywhere} | {g: own for g, own in alike.items() if g not in named}
     return named | of_sessions
+
+
+def together(sites: EffectSites, effect: Effect, groups: EffectGroups) -> dict[str, tuple[str, ...]]:
+    """Places at which an effect may have values of its own together, by name: all, and those of each group."""
+    if effect.places in ("session", "all"):
+        return {}
+    named = fitting(sites, effect, lambda site: _acts(effect, site))
+    by_group = {f"{EACH}:{g}": members for g, members in _some(named, groups).items()}
+    return ({EACH: tuple(named)} if len(named) > 1 else {}) | by_group
+
+
+def _some(named: Mapping[str, object], groups: EffectGroups) -> dict[str, tuple[str, ...]]:
+    """The places in each group, `left.x` with `left`: several, and not all; those of one group are in no other."""
+    found = {g: tuple(n for n in named if n.partition(".")[0] in members) for g, members in groups.items()}
+    found = {g: inside for g, inside in found.items() if 1 < len(inside) < len(named)}
+    return {g: inside for g, inside in found.items() if inside not in [found[o] for o in found][: [*found].index(g)]}
 
 
 def fitting(

@@ -15,7 +15,7 @@ from pkmcal_cli.equilibrium.readings import ObservedQuantity
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.mechanism.topology import Drive, Index, Topology
-from pkmcal_cli.model.effect_sites import EffectSites, PlacedEffect
+from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites, PlacedEffect
 from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
 from pkmcal_cli.model.held_points import HeldPoints
 from pkmcal_cli.model.observed import PlacedSensor
@@ -65,6 +65,7 @@ class Model:
     correlated: tuple[tuple[int, int, float], ...] = ()  # channels whose noise is correlated, and how much
     least_tensions: tuple[LeastTension, ...] = ()
     sites: EffectSites = field(default_factory=dict)  # empty unless compiled to take effects
+    effect_groups: EffectGroups = field(default_factory=dict)  # names of places of these, by name of the group
     effects: tuple[PlacedEffect, ...] = ()
     fitted_frames: frozenset[str] = frozenset()  # sensors that stand anywhere
     fingerprint: Fingerprint = field(default_factory=Fingerprint)  # of the machine that was read

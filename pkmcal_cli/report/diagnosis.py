@@ -24,7 +24,7 @@ from pkmcal_cli.report.detectable_sizes import sizes_text, worst_text
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
 from pkmcal_cli.report.diagnosis_values import DiagnosisValues
 from pkmcal_cli.report.noise_text import growth_text
-from pkmcal_cli.report.number_format import detectable_size, handy, readable, uncertain
+from pkmcal_cli.report.number_format import detectable_size, handy, readable
 from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
 
 _SHOWN, _SEPARATED, _STDIN = 12, 4, "<stdin>"
@@ -53,6 +53,9 @@ class DiagnosisReport(DiagnosisValues):
         self._show_table(to, "Check the measurement first", instrument)
         for row in self.diagnosis.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: not used; repeat this pose")
+        for row, chance in self.diagnosis.suspected.items():
+            words = f"{100 * chance:.1g} % chance that any row is off as much"
+            to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
         self.failed.show(to)
         for noise in self.diagnosis.noise:
             to.say(growth_text(noise))
@@ -126,7 +129,7 @@ class DiagnosisReport(DiagnosisValues):
                 (
                     finding.hypothesis.effect if to.narrow else self._title(finding.hypothesis),
                     finding.hypothesis.at,
-                    self._size(finding),
+                    self.size(finding),
                     _share(finding),
                     f"{self.error(held.without)} -> {self.error(held.with_it)}",
                     _words(finding.evidence),
@@ -146,26 +149,11 @@ class DiagnosisReport(DiagnosisValues):
         effect = catalogue()[hypothesis.effect]
         return f"{effect.title}{f' ({effect.symbol})' if effect.symbol else ''}"
 
-    def _size(self, finding: Finding) -> str:
-        """The parameter that stands out most, as deviation from null; not one that is no part of the effect."""
-        k = self._leading(finding)
-        name = finding.hypothesis.parameters[k]
-        unit = self.unit(name)
-        label = "" if len(finding.hypothesis.parameters) == 1 else f"{name.rpartition('.')[2]} "
-        if name in dict(finding.hypothesis.known):
-            return label + handy(finding.estimate[k], unit)
-        return label + uncertain(unit.from_si(finding.estimate[k]), finding.std[k] / unit.scale, unit.text)
-
-    def _leading(self, finding: Finding) -> int:
-        names, own = self.model.names, finding.hypothesis.parameters
-        nominal = self.model.nominal[[names.index(n) for n in own]]
-        ratio = np.abs(np.array(finding.estimate) - nominal) / np.array(finding.std)
-        ratio[[own.index(n) for n in finding.hypothesis.free]] = np.nan
-        return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
-
     def _sentence(self, finding: Finding) -> str:
         """Cause, effect and action; the alternatives where there are some."""
-        h, size = finding.hypothesis, self._size(finding)
+        h, size = finding.hypothesis, self.size(finding)
+        if h.members:
+            size = ", ".join(self.estimate(finding, k) for k in range(len(h.parameters)))
         before, after = self.error(finding.held_out.without), self.error(finding.held_out.with_it)
         gain = f"Share of the explained residuals: {_share(finding) or 'unknown'};"
         gain += f" held-out rms: {before} without it, {after} with it ({finding.held_out.scheme})."
@@ -189,7 +177,7 @@ class DiagnosisReport(DiagnosisValues):
         chosen = finding.selected
         if chosen is None:
             return ""
-        k = self._leading(finding)
+        k = self.leading(finding)
         nominal = self.model.nominal[self.model.names.index(finding.hypothesis.parameters[k])]
         size, unit = finding.estimate[k] - float(nominal), self.unit(finding.hypothesis.parameters[k])
         middle, *ends = (handy(size * x, unit) for x in (chosen.factor, chosen.low, chosen.high))

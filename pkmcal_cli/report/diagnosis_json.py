@@ -46,6 +46,9 @@ class DiagnosisJson(DiagnosisValues):
             "p_value": finite(diagnosis.p_global),
             "effects": [self._finding_json(f) for f in diagnosis.findings],
             "outliers": [self._row_json(row) for row in diagnosis.bad_rows],
+            "suspected": [
+                self._row_json(row) | {"p_value": finite(chance)} for row, chance in diagnosis.suspected.items()
+            ],
             **self.failed.json(),
             "unknown": [self._unknown_json(u) for u in diagnosis.unknown],
             "not_testable": [{"effect": name, "needs": needs} for name, needs in diagnosis.not_testable],

@@ -7,6 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from pkmcal_cli.diagnosis.confirm import shown_channels
+from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.panels import FieldMap, field_map
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
@@ -15,7 +16,7 @@ from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import unit_of
-from pkmcal_cli.report.number_format import readable
+from pkmcal_cli.report.number_format import handy, readable, uncertain
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -72,3 +73,25 @@ class DiagnosisValues:
         if hidden.absorbed_by or not ratio < _MOST_ROWS**0.5:
             return None
         return int(np.ceil(len(self.diagnosis.problem) * ratio**2))
+
+    def size(self, finding: Finding) -> str:
+        """The parameter that stands out most, as deviation from null; not one that is no part of the effect."""
+        return self.estimate(finding, self.leading(finding))
+
+    def estimate(self, finding: Finding, k: int) -> str:
+        """A parameter of an effect; its name where there are several, its place where it is at several."""
+        name = finding.hypothesis.parameters[k]
+        unit = self.unit(name)
+        label = "" if len(finding.hypothesis.parameters) == 1 else f"{name.rpartition('.')[2]} "
+        label = label if not finding.hypothesis.members else f"{name.partition('@')[2].replace('.', ' ')} "
+        if name in dict(finding.hypothesis.known):
+            return label + handy(finding.estimate[k], unit)
+        return label + uncertain(unit.from_si(finding.estimate[k]), finding.std[k] / unit.scale, unit.text)
+
+    def leading(self, finding: Finding) -> int:
+        """The number of an effect's parameter that stands out most."""
+        names, own = self.model.names, finding.hypothesis.parameters
+        nominal = self.model.nominal[[names.index(n) for n in own]]
+        ratio = np.abs(np.array(finding.estimate) - nominal) / np.array(finding.std)
+        ratio[[own.index(n) for n in finding.hypothesis.free]] = np.nan
+        return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0

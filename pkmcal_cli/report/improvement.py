@@ -222,10 +222,11 @@ class ImprovementReport:
         if placed:
             lines.append("effects:")
             for h in placed:
-                lines += self._effect_lines(h)
+                lines += [line for part in h.placed for line in self._effect_lines(h, part)]
         return "\n".join(lines) + "\n"
 
-    def _effect_lines(self, hypothesis: Hypothesis) -> list[str]:
+    def _effect_lines(self, hypothesis: Hypothesis, part: Hypothesis) -> list[str]:
+        """An entry for one place of an accepted effect."""
         improvement = self.improvement
         step = next(s for s in improvement.steps if s.hypothesis == hypothesis)
         evidence = improvement.whole.search.evidence.get(hypothesis.name, float("nan"))
@@ -235,9 +236,9 @@ class ImprovementReport:
             remark += f"; cannot be separated from {rivals}"
         lines = [
             f"  # {catalogue()[hypothesis.effect].title}: {remark}{validity(self.model, improvement.problem.rows)}",
-            f"  {effect_key(hypothesis)}:",
+            f"  {effect_key(part)}:",
         ]
-        for name in hypothesis.parameters:
+        for name in part.parameters:
             value, std = self._estimate(name)
             unit = self._unit(name)
             text = "" if unit.text == "1" else f" {unit.text}"
@@ -245,7 +246,7 @@ class ImprovementReport:
             if name not in (*improvement.fit.selected, *dict(hypothesis.known)):
                 more += f", identify: false, note: {_NOT_TOLD}"
             lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{more}}}")
-        return lines + option_lines(self.model, improvement.problem.rows, hypothesis)
+        return lines + option_lines(self.model, improvement.problem.rows, part)
 
     @cached_property
     def _std(self) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from pkmcal_cli.effects import Effect
 from pkmcal_cli.effects.effect import Entry
-from pkmcal_cli.model.effect_sites import ALL, place_and_session
+from pkmcal_cli.model.effect_sites import ALL, EACH, place_and_session
 
 _NOUNS: dict[Entry, str] = {
     "command": "drive",
@@ -21,7 +21,8 @@ _NOUNS: dict[Entry, str] = {
 
 
 def cause_effect_action(effect: Effect, at: str, size: str) -> tuple[str, str, str]:
-    """The effect's three sentences; at `all` places they speak of every drive, member, guide ..."""
+    """The effect's three sentences; at `all` places, or `each`, they speak of every drive, member, guide ..."""
+    at = ALL if at == EACH else at.removeprefix(f"{EACH}:")
     place, session = place_and_session(at) if effect.by_session else (at, "")
     named = f"{place} in session {session}" if session else place
     cause, result, action = (_placed(text, effect.enters, at).format(at=named, size=size) for text in _texts(effect))

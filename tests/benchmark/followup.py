@@ -87,7 +87,7 @@ def _size(linear: Linear, change: Array, other: Hypothesis) -> float:
 
 def _linear(whole: Ready, d: Diagnosis, members: list[Hypothesis]) -> Linear:
     """The problem at the calibration of the first campaign."""
-    others = [n for h in members for n in h.parameters if n not in whole.selected]
+    others = list(dict.fromkeys(n for h in members for n in h.parameters if n not in whole.selected))
     return linear_problem(whole.problem, d.before.values, whole.selected, others, None)
 
 

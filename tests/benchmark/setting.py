@@ -84,7 +84,8 @@ class Setting:
     def linear(self) -> Linear:
         """All hypotheses at these parameters."""
         values = self._true if self.values is None else self.values
-        every = [n for h in self.ready.candidates.hypotheses for n in h.parameters if n not in self.ready.selected]
+        names = (n for h in self.ready.candidates.hypotheses for n in h.parameters)
+        every = [n for n in dict.fromkeys(names) if n not in self.ready.selected]
         return linear_problem(self.ready.problem, values, self.ready.selected, every, None)
 
     @property

@@ -1,0 +1,88 @@
+"""Members of a machine that may err alike: those of one `each`, drives of one kind, those above and below, its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.sections import driven_sections, sections_with
+from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites
+from pkmcal_cli.yaml_source.tree import Path
+
+UPPER, LOWER = "upper", "lower"
+_APART = 0.5  # of the difference of all heights, that lies between those above and those below
+
+
+def effect_groups(machine: Machine, sites: EffectSites) -> EffectGroups:
+    """Groups of places by name, those of the machine file first; a group of the same members stands once."""
+    named: dict[str, tuple[str, ...]] = {}
+    for name, members in (*machine.groups.items(), *_levels(machine, sites), *_kinds(sites), *_repeated(machine)):
+        if len(members) > 1 and name not in named and not any(set(members) == set(m) for m in named.values()):
+            named[name] = members
+    return named
+
+
+Grouped = Iterator[tuple[str, tuple[str, ...]]]
+
+
+def _repeated(machine: Machine) -> Grouped:
+    """Entries that one `each` has made: they stand at one place of the file."""
+    for section in ("actuators", "guides", *sections_with("between")):
+        by_place: dict[object, list[str]] = {}
+        for name in getattr(machine, section):
+            path: Path = (section, name)
+            by_place.setdefault(machine.source.key(path), []).append(name)
+        for members in by_place.values():
+            yield "+".join(members), tuple(members)
+
+
+def _kinds(sites: EffectSites) -> Grouped:
+    """Drives of one kind, where there are several kinds."""
+    by_kind: dict[str, list[str]] = {}
+    for name, (site, *_) in sites.get("command", {}).items():
+        by_kind.setdefault(site.kind, []).append(name)
+    for kind, members in by_kind.items():
+        yield f"{kind}_drives", tuple(members)
+
+
+def _levels(machine: Machine, sites: EffectSites) -> Grouped:
+    """Those whose base points lie far above the others, and these; each section by itself, under two names."""
+    up = 1 if machine.space == "planar" else 2
+    base = {name: float(site.at[up]) for name, (site, *_) in sites.get("base", {}).items()}
+    upper: list[str] = []
+    lower: list[str] = []
+    for section in ("actuators", "guides", *sections_with("between")):
+        heights = {n: h for n in getattr(machine, section) if np.isfinite(h := _height(machine, base, section, n))}
+        order = sorted(heights.values())
+        gaps = np.diff(order)
+        if not len(gaps) or not gaps.max() > _APART * (order[-1] - order[0]):
+            continue
+        limit = order[int(gaps.argmax())]
+        upper += [n for n, h in heights.items() if h > limit]
+        lower += [n for n, h in heights.items() if h <= limit]
+    yield UPPER, tuple(upper)
+    yield LOWER, tuple(lower)
+
+
+def _height(machine: Machine, base: Mapping[str, float], section: str, name: str) -> float:
+    """Mean height of the base points of a thing, or of what an actuator acts on; nan without any."""
+    if name in base:
+        return base[name]
+    if section == "actuators":
+        at = [_height(machine, base, s, t) for s, t in _targets(machine, name)]
+    elif section == "bodies":
+        at = [base.get(machine.bodies[name].guide or "", np.nan)]
+    else:
+        at = [base[end] for end in getattr(getattr(machine, section)[name], "between", ()) if end in base]
+    known = [h for h in at if np.isfinite(h)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def _targets(machine: Machine, name: str) -> Iterator[tuple[str, str]]:
+    """What an actuator acts on: (section, name)."""
+    for key, sections in driven_sections().items():
+        given = getattr(machine.actuators[name], key)
+        for target in (given,) if isinstance(given, str) else tuple(given or ()):
+            yield from ((section, target) for section in sections if target in getattr(machine, section))
