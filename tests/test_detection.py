@@ -98,7 +98,7 @@ def test_the_worst_direction_is_one_that_declared_parameters_take_up() -> None:
     columns[:, 4] = columns[:, 3] - 30 * columns[:, 0] / np.linalg.norm(columns[:, 0])
     linear = synthetic(columns, 3, np.zeros(len(columns)))
     linear = replace(linear, channels=setting().linear.channels)
-    hypothesis = Hypothesis("pitch", "q1", ("p3", "p4"))
+    hypothesis = Hypothesis(effect="pitch", at="q1", parameters=("p3", "p4"))
     (seen,) = visible_sizes(linear, problem, [hypothesis], [linear.score_of(hypothesis)], KNOWN, 0)
     assert seen.tested and seen.detected < 10 * seen.mdb and seen.absorbed_by == ()
     assert seen.worst is not None and seen.worst.detected == np.inf and seen.worst.absorbed_by == ("p0",)

@@ -113,7 +113,7 @@ def test_free_parameters_are_fitted_and_no_evidence() -> None:
     columns, residual = 30 * rng.normal(size=(40, 6)), rng.normal(size=40)
     columns[:, 3] += columns[:, 5]  # what is tested is not at right angles to what is free
     linear = synthetic(columns, 3, residual)
-    hypothesis = Hypothesis("straight", "rail.y", ("p3", "p4", "p5"), free=("p5",))
+    hypothesis = Hypothesis(effect="straight", at="rail.y", parameters=("p3", "p4", "p5"), free=("p5",))
     score = linear.score_of(hypothesis)
     _, rest, *_ = np.linalg.lstsq(columns, residual, rcond=None)
     _, without, *_ = np.linalg.lstsq(columns[:, [0, 1, 2, 5]], residual, rcond=None)
@@ -125,7 +125,7 @@ def test_free_parameters_are_fitted_and_no_evidence() -> None:
     assert score.leading == int(np.argmax(np.diag(information)))
     off = linear.projecting(linear.projected, residual=100 * columns[:, 5])
     assert off.score_of(hypothesis).statistic < 1e-9 * off.chi2
-    plain = Hypothesis("straight", "rail.y", ("p3", "p4", "p5"))
+    plain = Hypothesis(effect="straight", at="rail.y", parameters=("p3", "p4", "p5"))
     assert off.score_of(plain).statistic > 0.9 * off.chi2 and off.score_of(plain).count == 3
 
 
@@ -135,12 +135,12 @@ def test_a_free_parameter_that_is_taken_up_anyway_frees_nothing() -> None:
     a, tested = 30 * rng.normal(size=(40, 3)), 30 * rng.normal(size=40)
     nearly = a @ [1.0, 2.0, -1.0] + 0.1 * rng.normal(size=40)
     linear = synthetic(np.column_stack([a, tested, nearly, a[:, 0]]), 3, rng.normal(size=40))
-    score = linear.score_of(Hypothesis("straight", "rail.y", ("p3", "p4"), free=("p4",)))
+    score = linear.score_of(Hypothesis(effect="straight", at="rail.y", parameters=("p3", "p4"), free=("p4",)))
     alone = linear.score(linear.of(["p3"]))
     assert score.statistic == pytest.approx(alone.statistic, rel=1e-9) and score.leading == 0 and score.count == 1
     assert score.length2[1] == 0.0 and score.length2[0] == pytest.approx(float(tested @ tested))
     assert replace(score, whole=np.diag([-1e-20, 0.0])).leading == 0, "rounding leaves less than nothing"
-    lost = linear.score_of(Hypothesis("straight", "rail.y", ("p5", "p4"), free=("p4",)))
+    lost = linear.score_of(Hypothesis(effect="straight", at="rail.y", parameters=("p5", "p4"), free=("p4",)))
     assert lost.count == 0 and lost.leading == 0 and lost.kept < 0.01
 
 

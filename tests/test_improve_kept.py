@@ -120,5 +120,5 @@ def test_rows_that_report_do_not_decide() -> None:
         after = replace(before, report={"position": replace(figure, rms=chi2)}, chi2=chi2)
         assert _refused(progress, (fold,) * 5, 3, after) == ""  # type: ignore[arg-type]
         assert "selected in only 2" in _refused(progress, (fold,) * 5, 2, after)  # type: ignore[arg-type]
-    step = Step(Hypothesis("drift", "tracker", ("a",)), before, Interval(1.0, -0.1, 2.0), 5, "")
+    step = Step(Hypothesis(effect="drift", at="tracker", parameters=("a",)), before, Interval(1.0, -0.1, 2.0), 5, "")
     assert step.accepted and not step.confirmed and replace(step, gain=Interval(1.0, 0.1, 2.0)).confirmed

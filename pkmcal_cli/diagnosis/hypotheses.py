@@ -29,7 +29,7 @@ _WORDS: dict[Column, str] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hypothesis:
     """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at nominal.
 
@@ -124,7 +124,7 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
         lacking += [(keyword, "", _WORDS["session"]) for keyword in of_sessions]
     hypotheses += _together(model, hypotheses)
     held = [p.name for p in model.parameters if p.name not in selected and not p.fixed]
-    hypotheses += [Hypothesis(RELEASE, name, (name,)) for name in held]
+    hypotheses += [Hypothesis(effect=RELEASE, at=name, parameters=(name,)) for name in held]
     tested = {h.effect for h in hypotheses}
     first = {keyword: why for keyword, _, why in reversed(lacking)}
     not_testable = tuple((k, why) for k, why in sorted(first.items()) if k not in tested)
@@ -135,10 +135,10 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
 def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypothesis:
     by_name = dict(zip(placed.parameters, specs, strict=True))
     return Hypothesis(
-        placed.effect.keyword,
-        placed.at,
-        placed.parameters,
-        placed.effect.measurement,
+        effect=placed.effect.keyword,
+        at=placed.at,
+        parameters=placed.parameters,
+        measurement=placed.effect.measurement,
         free=tuple(n for n, spec in by_name.items() if spec.free),
         known=tuple((n, spec.known) for n, spec in by_name.items() if spec.known is not None),
     )
@@ -152,10 +152,10 @@ def _together(model: Model, single: Sequence[Hypothesis]) -> Iterator[Hypothesis
             members = tuple(by_name[n] for p in inside if (n := f"{effect.keyword}@{p}") in by_name)
             if len(members) == len(inside):
                 yield Hypothesis(
-                    effect.keyword,
-                    at,
-                    tuple(n for h in members for n in h.parameters),
-                    effect.measurement,
+                    effect=effect.keyword,
+                    at=at,
+                    parameters=tuple(n for h in members for n in h.parameters),
+                    measurement=effect.measurement,
                     free=tuple(n for h in members for n in h.free),
                     known=tuple(k for h in members for k in h.known),
                     members=members,

@@ -18,6 +18,7 @@ from pkmcal_cli.diagnosis.search import BETTER, needed_only, set_evidence, stand
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
+_TRIALS = 3  # exchanges that are fitted in place of one or two effects
 CREDIBLE = 0.95
 
 
@@ -32,10 +33,11 @@ class Rival:
 
 def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
+    tried: set[frozenset[Hypothesis]] = set()
     for _ in range(2 * len(search.accepted)):
         groups = [(h,) for h in search.accepted if h.members]
         removed = (*groups, *combinations(search.accepted, 2))
-        better = next((s for some in removed if (s := _exchanged(search, some))), None)
+        better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
         better = better or next((s for h in search.accepted if (s := _improved(search, h)) is not None), None)
         if better is None:
             return search
@@ -62,29 +64,29 @@ def _gain(search: Search, after: Search, scores: Scored, k: int) -> float:
     return fall + _price(scores, 0) - _price(scores, k)
 
 
-def _exchanged(search: Search, removed: tuple[Hypothesis, ...]) -> Search | None:
-    """The search with one or two effects replaced by the one or two that explain most without, if that is better.
+def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[frozenset[Hypothesis]]) -> Search | None:
+    """The search with one or two effects replaced by one or two that explain most without, if that is better.
 
     `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
-    where two places do as well.
+    where two places do as well. `tried`: sets of effects that are not better; what is tried here is added.
     """
     margin = -BETTER if len(removed) == 1 else BETTER
     without = score_without(search, removed, (*removed, *search.open))
-    chosen = max(_pairs(search, without), key=lambda trial: trial[0], default=(-np.inf, ()))
-    if chosen[0] < _evidence_of(search, without, removed) + margin or set(chosen[1]) == set(removed):
-        return None
-    new = tuple(h for h in chosen[1] if h not in removed)
-    kept = tuple(h for h in search.accepted if h not in removed or h in chosen[1])
-    after = replace(search, accepted=(*kept, *new))
-    fit = refit(after, {})
-    if fit is None:
-        return None
-    after = replace(after, fit=fit)
-    if set_evidence(after, without.scale.variance) < set_evidence(search, without.scale.variance) + margin:
-        return None
-    for h in new:
-        after = _renamed(after, without, without.hypotheses.index(h))
-    return after
+    least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
+    trials = sorted(_pairs(search, without), key=lambda trial: -trial[0])
+    for new in [new for evidence, new in trials if evidence >= least][:_TRIALS]:
+        after = replace(search, accepted=(*kept, *new))
+        if set(new) == set(removed) or frozenset(after.accepted) in tried:
+            continue
+        tried.add(frozenset(after.accepted))
+        fit = refit(after, {})
+        after = after if fit is None else replace(after, fit=fit)
+        variance = without.scale.variance
+        if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:
+            for h in new:
+                after = _renamed(after, without, without.hypotheses.index(h))
+            return after
+    return None
 
 
 def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypothesis, ...]]]:

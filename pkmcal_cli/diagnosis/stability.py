@@ -29,6 +29,8 @@ def stability(
 ) -> float:
     """Share of resamples in which the effect, or one of those not told from it (`alike`), has most evidence.
 
+    Or the same effect at the places of a group: repeated rows make it seem to have more sizes than it has.
+
     `scores`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows, by shapes of their own and by
     fits. Blocks are stretches of time for what depends on time, else cells of the workspace.
     """
@@ -37,7 +39,8 @@ def stability(
     grams, counts = _grams(scores, problem, hypothesis, chosen)
     prior = np.diag(scores.linear.fixed[1] + 1e-9)
     names = {h.name for h in (hypothesis, *alike)}
-    right = np.array([scores.hypotheses[k].name in names for k in chosen])
+    kin = [h.effect == hypothesis.effect and bool(h.members or hypothesis.members) for h in scores.hypotheses]
+    right = np.array([scores.hypotheses[k].name in names or kin[k] for k in chosen])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]

@@ -9,6 +9,7 @@ import numpy as np
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE
+from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.report.detectable_sizes import sizes_json
@@ -27,20 +28,7 @@ class DiagnosisJson(DiagnosisValues):
             "sigma": "estimated" if diagnosis.scale.variance != 1.0 else "stated",
             "sigma_factor": float(np.sqrt(diagnosis.scale.variance)),
             "noise_correlation": diagnosis.correlation,
-            "noise_models": [
-                {
-                    "effect": "noise_model",
-                    "at": n.sensor,
-                    "towards": n.towards,
-                    "ratio": finite(n.ratio),
-                    "ratio_std": finite(n.ratio_std),
-                    "slope": finite(n.slope * 1e6),
-                    "std": finite(n.slope_std * 1e6),
-                    "unit": "um/m",
-                    "p_value": finite(n.p_value),
-                }
-                for n in diagnosis.noise
-            ],
+            "noise_models": [_growth_json(n) for n in diagnosis.noise],
             "chi2_per_dof_before": finite(diagnosis.before.chi2_per_dof),
             "chi2_per_dof_after": finite(diagnosis.search.fit.chi2_per_dof),
             "p_value": finite(diagnosis.p_global),
@@ -128,3 +116,17 @@ class DiagnosisJson(DiagnosisValues):
             "absorbed_by": list(hidden.absorbed_by),
             "rows_needed": self.rows_needed(hidden),
         }
+
+
+def _growth_json(noise: NoiseGrowth) -> dict[str, Any]:
+    return {
+        "effect": "noise_model",
+        "at": noise.sensor,
+        "towards": noise.towards,
+        "ratio": finite(noise.ratio),
+        "ratio_std": finite(noise.ratio_std),
+        "slope": finite(noise.slope * 1e6),
+        "std": finite(noise.slope_std * 1e6),
+        "unit": "um/m",
+        "p_value": finite(noise.p_value),
+    }

@@ -141,12 +141,12 @@ class Setting:
 
     def rival(self, change: Array, name: str) -> tuple[str, float]:
         """The other hypothesis with the largest cosine, with the change or with that part of it which the effect's own
-        hypothesis explains; not a held parameter of which the effect is another name."""
+        hypothesis explains; not a held parameter of which the effect is another name, nor the sum of several places."""
         mine = self.basis(name)
         own = self._explained(change, name)
         best = ("", 0.0)
         for other, (hypothesis, score) in self.scores.items():
-            if other == name or not score.count:
+            if other == name or not score.count or hypothesis.members:
                 continue
             cosine = max(self.cosine(change, other), self.cosine(own, other))
             alias = hypothesis.effect == RELEASE and mine.shape[1] == 1
