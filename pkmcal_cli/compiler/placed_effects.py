@@ -24,6 +24,7 @@ from pkmcal_cli.model.effect_sites import (
 )
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import ModelParameter
+from pkmcal_cli.units.file_units import UNITS
 
 _FRAME: Final = "frame"
 _AWAY = 20.0  # sizes of the machine: how far away an instrument may stand
@@ -46,7 +47,7 @@ def declared_effects(machine: Machine, model: Model) -> Placed:
         if at not in known:
             faults.append(_no_place(machine, sites, effect, at, known))
             continue
-        placed, own_parameters = placed_effect(effect, at, known[at], machine.space == "planar", entries)
+        placed, own_parameters = placed_effect(effect, at, known[at], machine.space == "planar", entries, model.length)
         faults += _idle_numbers(machine, placed, entries)
         effects.append(placed)
         parameters += own_parameters
@@ -123,14 +124,19 @@ def placed_effect(
     sites: tuple[EffectSite, ...],
     planar: bool,
     entries: Mapping[str, EffectNumber] | None = None,
+    size: float = 0.0,
 ) -> tuple[PlacedEffect, tuple[ModelParameter, ...]]:
-    """An effect at a place and its parameters: values and ranges of the entries, else null and the plausible range."""
+    """An effect at a place and its parameters: values and ranges of the entries, else null and the plausible range.
+
+    The latter is that of a machine of 1 m; lengths grow with the size of larger ones, m.
+    """
     entries = entries or {}
     rotary = any(s.kind == "rotary" for s in sites)
     parameters = []
     for spec in parameters_at(effect, sites, planar):
         unit, entry = unit_at(spec, rotary), entries.get(spec.name, EffectNumber())
-        spread = spec.range_in(rotary) * unit.scale if entry.range is None else entry.range
+        grown = max(size, 1.0) if unit.dimension == UNITS["m"].dimension else 1.0
+        spread = spec.range_in(rotary) * unit.scale * grown if entry.range is None else entry.range
         low, high = spec.possible
         bounds = entry.bounds or (low * unit.scale, high * unit.scale)
         name = f"{effect.keyword}@{at}.{spec.name}"

@@ -115,7 +115,7 @@ def candidates_of(model: Model, selected: tuple[str, ...], rows: Rows) -> Candid
         if missing:
             lacking.append((effect.keyword, at, missing[0]))
             continue
-        placed, own_parameters = placed_effect(effect, at, sites, planar)
+        placed, own_parameters = placed_effect(effect, at, sites, planar, size=model.length)
         effects.append(placed)
         parameters += own_parameters
         hypotheses.append(_hypothesis(placed, parameters_at(effect, sites, planar)))

@@ -22,11 +22,10 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.score import NONCENTRALITY, Score
+from pkmcal_cli.diagnosis.score import FAR, NONCENTRALITY, PLAUSIBLE, Score
 from pkmcal_cli.prediction import WarmStart
 
 _KEPT = 1e-4  # share of a column's squared length that must remain after projection
-PLAUSIBLE = 2.0  # standard deviations of the prior: what cannot be seen within its range is no candidate
 _CERTAIN = 0.01
 _MANY = 1e9  # degrees of freedom of a sigma that is known
 
@@ -244,7 +243,9 @@ class Linear:
         return self.score(self.tested(hypothesis), length2)
 
     def score(self, columns: Array, length2: Array | None = None) -> Score:
-        """Score of a hypothesis with these columns (n, k), in the directions that remain.
+        """Score of a hypothesis with these columns (n, k), in the directions that remain and can be seen in its range.
+
+        Where none can, those that can be seen far beyond it.
 
         length2 (k,): squared lengths of its columns before anything was projected out; default: those of these.
         """
@@ -253,10 +254,12 @@ class Linear:
         before = np.einsum("nk,nk->k", columns, columns) if length2 is None else length2
         values, vectors = np.linalg.eigh(0.5 * (information + information.T))
         whole = np.einsum("kd,k,kd->d", vectors, before, vectors)
-        seen = (values > _KEPT * whole) & (values > NONCENTRALITY / PLAUSIBLE**2)
+        left = values > _KEPT * whole
+        far = not (left & (values > NONCENTRALITY / PLAUSIBLE**2)).any()
+        seen = left & (values > NONCENTRALITY / (FAR if far else PLAUSIBLE) ** 2)
         basis = vectors[:, seen]
         gradient = basis.T @ (columns.T @ self.unexplained)
-        return Score(basis, values[seen], gradient, information, before)
+        return Score(basis, values[seen], gradient, information, before, far)
 
 
 def linear_problem(

@@ -18,6 +18,7 @@ from pkmcal_cli.diagnosis.search import BETTER, needed_only, set_evidence, stand
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
+_ASTRAY = 10.0  # times the chi-square before, at which a fit has not found its way
 _TRIALS = 3  # exchanges that are fitted in place of one or two effects
 CREDIBLE = 0.95
 
@@ -31,9 +32,17 @@ class Rival:
     cosine: float  # of the angle between the two, declared parameters and other effects projected out
 
 
+@dataclass(frozen=True)
+class Tried:
+    """Sets of effects that were fitted, and what was put in place of others with which no fit settles: tried once."""
+
+    sets: set[frozenset[Hypothesis]]
+    lost: set[frozenset[Hypothesis]]
+
+
 def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
-    tried: set[frozenset[Hypothesis]] = set()
+    tried = Tried(set(), set())
     for _ in range(2 * len(search.accepted)):
         groups = [(h,) for h in search.accepted if h.members]
         removed = (*groups, *combinations(search.accepted, 2))
@@ -64,22 +73,24 @@ def _gain(search: Search, after: Search, scores: Scored, k: int) -> float:
     return fall + _price(scores, 0) - _price(scores, k)
 
 
-def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[frozenset[Hypothesis]]) -> Search | None:
+def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: Tried) -> Search | None:
     """The search with one or two effects replaced by one or two that explain most without, if that is better.
 
     `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
-    where two places do as well. `tried`: sets of effects that are not better; what is tried here is added.
+    where two places do as well. What is tried is added to `tried`.
     """
     margin = -BETTER if len(removed) == 1 else BETTER
     without = score_without(search, removed, (*removed, *search.open))
     least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
-    trials = sorted(_pairs(search, without), key=lambda trial: -trial[0])
-    for new in [new for evidence, new in trials if evidence >= least][:_TRIALS]:
+    trials = sorted((t for t in _pairs(search, without) if t[0] >= least), key=lambda trial: -trial[0])
+    for _, new in trials[:_TRIALS]:
         after = replace(search, accepted=(*kept, *new))
-        if set(new) == set(removed) or frozenset(after.accepted) in tried:
+        if set(new) == set(removed) or frozenset(after.accepted) in tried.sets or frozenset(new) in tried.lost:
             continue
-        tried.add(frozenset(after.accepted))
+        tried.sets.add(frozenset(after.accepted))
         fit = refit(after, {})
+        if fit is None or fit.chi2 > _ASTRAY * search.fit.chi2:
+            tried.lost.add(frozenset(new))
         after = after if fit is None else replace(after, fit=fit)
         variance = without.scale.variance
         if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:

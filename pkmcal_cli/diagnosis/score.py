@@ -9,6 +9,8 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 
 NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Baarda)
+PLAUSIBLE = 2.0  # standard deviations of a prior: its range
+FAR = 50.0 * PLAUSIBLE  # up to which an effect is looked for that nothing could show within its range
 
 
 @dataclass(frozen=True)
@@ -16,7 +18,7 @@ class Score:
     """Of one hypothesis with k parameters: directions (k, m) that can be seen, their information (m,) and score (m,).
 
     `whole` (k, k): information, whatever can be seen; `length2` (k,): squared length of each parameter's column before
-    projection.
+    projection; `far`: whether nothing of it could be seen within its range.
     """
 
     basis: Array
@@ -24,6 +26,7 @@ class Score:
     gradient: Array
     whole: Array
     length2: Array
+    far: bool = False
 
     @property
     def alone(self) -> Array:
@@ -60,6 +63,15 @@ class Score:
     def mdb(self) -> float:
         """Minimal detectable size of the leading parameter by itself, in standard deviations of its prior."""
         return minimal_detectable(float(self.alone[self.leading]))
+
+
+def tail(sizes: Array) -> float:
+    """Log prior density of sizes (k,), in standard deviations, over that at the end of their ranges; 0 within them.
+
+    Priors have the tails of a Cauchy distribution: what is far beyond its range is improbable, not impossible.
+    """
+    largest = float(np.abs(sizes).max(initial=0.0)) / PLAUSIBLE
+    return -float(np.log((1.0 + largest**2) / 2.0)) if largest > 1.0 else 0.0
 
 
 def minimal_detectable(information: float) -> float:

@@ -61,7 +61,8 @@ def set_evidence(search: Search, variance: float) -> float:
     count = shifts + sum(len(h.parameters) for h in search.accepted)
     likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count + shifts, 1)))
     price = len(rows) * float(np.log(len(search.problem)))
-    return -0.5 * likelihood - price - search.price(search.accepted) + sum(h.preference for h in search.accepted)
+    prior = sum(h.preference for h in search.accepted) - search.price(search.accepted)
+    return prior - 0.5 * likelihood - price
 
 
 def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
@@ -69,6 +70,8 @@ def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
     rows = _bad_rows(search, scored, alpha)
     evidence = np.where(scored.p_values < search.critical, scored.log_bayes, -np.inf)
     evidence[[h.name in search.refused for h in scored.hypotheses]] = -np.inf
+    usual = np.where([s.far for s in scored.scores], -np.inf, evidence)
+    evidence = usual if len(usual) and usual.max() > 0 else evidence  # what is far beyond its range comes last
     best = int(np.argmax(evidence)) if len(evidence) else -1
     most = float(evidence[best]) if best >= 0 else -np.inf
     if len(rows) and float(scored.rows.log_bayes(scored.linear.used)[rows].max()) > most:
@@ -96,7 +99,8 @@ def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
             search = replace(search, refused=search.refused | {scored.hypotheses[k].name})
             continue
         gain = np.array((search.fit.chi2 - after.fit.chi2) / scored.scale.variance)
-        trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), k, after))
+        evidence_by_fit = log_evidence(gain, np.array(scored.scores[k].count))
+        trials.append((float(shape[k] + evidence_by_fit), k, after))
     if not trials:
         return [search]
     trials.sort(key=lambda trial: -trial[0])
@@ -118,8 +122,10 @@ def needed_only(search: Search) -> Search:
         if gain + float(shape_gains(search, without)[0]) < least:
             others = replace(search, accepted=tuple(kept))
             fit = refit(others, {})
-            if fit is not None:
-                return needed_only(replace(others, fit=fit))
+            others = others if fit is None else replace(others, fit=fit)
+            variance = without.scale.variance
+            if fit is not None and set_evidence(others, variance) > set_evidence(search, variance) - BETTER:
+                return needed_only(others)
     return search
 
 

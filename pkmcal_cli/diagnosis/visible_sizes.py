@@ -11,8 +11,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import PLAUSIBLE, Linear
-from pkmcal_cli.diagnosis.score import Score, minimal_detectable
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.score import PLAUSIBLE, Score, minimal_detectable
 
 _KEPT = 0.01  # share of its length below which a hypothesis is absorbed by declared parameters
 _SHARE = 0.2  # of the largest, from which on a parameter is told that absorbs
@@ -106,7 +106,7 @@ def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> 
         leading=max(own, key=lambda j: float(score.alone[j])),
         numbers={j: along(unit[j]) for j in own},
         worst=along(_worst(score, own)) if len(own) > 1 else None,
-        tested=score.count > 0,
+        tested=score.count > 0 and not score.far,
     )
 
 

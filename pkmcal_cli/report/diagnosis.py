@@ -211,7 +211,7 @@ class DiagnosisReport(DiagnosisValues):
     def _reservation(self, finding: Finding) -> str:
         """Why a finding is provisional."""
         if finding.beyond:
-            return " Provisional: its size is implausible; the true cause may be another."
+            return " Provisional: its size is beyond what is usual; the true cause may be another."
         if not finding.held_out.confirmed:
             return " Provisional: held-out rows do not confirm it."
         if finding.stable < STABLE:
