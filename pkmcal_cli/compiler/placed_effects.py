@@ -156,12 +156,17 @@ def placed_effect(
                 fixed=known and entry.range is None,
             )
         )
-    options = {
+    options = _constants(effect, entries)
+    return PlacedEffect(effect, at, sites, tuple(p.name for p in parameters), options), tuple(parameters)
+
+
+def _constants(effect: Effect, entries: Mapping[str, EffectNumber]) -> dict[str, tuple[float, ...]]:
+    """The constants of an effect that its entries state, SI."""
+    return {
         option.name: entries[option.name].interval or (entries[option.name].value,)
         for option in effect.options
         if option.name in entries
     }
-    return PlacedEffect(effect, at, sites, tuple(p.name for p in parameters), options), tuple(parameters)
 
 
 def possible_effects(model: Model, sessions: tuple[str, ...] = ()) -> list[tuple[Effect, str, tuple[EffectSite, ...]]]:

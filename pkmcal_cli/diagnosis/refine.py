@@ -18,7 +18,6 @@ from pkmcal_cli.diagnosis.search import BETTER, needed_only, set_evidence, stand
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
-_ASTRAY = 10.0  # times the chi-square before, at which a fit has not found its way
 _TRIALS = 3  # exchanges that are fitted in place of one or two effects
 CREDIBLE = 0.95
 
@@ -32,17 +31,9 @@ class Rival:
     cosine: float  # of the angle between the two, declared parameters and other effects projected out
 
 
-@dataclass(frozen=True)
-class Tried:
-    """Sets of effects that were fitted, and what was put in place of others with which no fit settles: tried once."""
-
-    sets: set[frozenset[Hypothesis]]
-    lost: set[frozenset[Hypothesis]]
-
-
 def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
-    tried = Tried(set(), set())
+    tried: set[frozenset[Hypothesis]] = set()
     for _ in range(2 * len(search.accepted)):
         groups = [(h,) for h in search.accepted if h.members]
         removed = (*groups, *combinations(search.accepted, 2))
@@ -60,7 +51,7 @@ def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
     shape = shape_gains(search, without) + _preferences(without)
     shaped = without.log_bayes + shape
     order = np.argsort(-shaped[1:])[:RIVALS] + 1
-    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER):
+    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not without.scores[k].far):
         after = _replaced(search, hypothesis, without, k)
         if after is not None and _gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
             return _renamed(after, without, k)
@@ -73,24 +64,22 @@ def _gain(search: Search, after: Search, scores: Scored, k: int) -> float:
     return fall + _price(scores, 0) - _price(scores, k)
 
 
-def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: Tried) -> Search | None:
+def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[frozenset[Hypothesis]]) -> Search | None:
     """The search with one or two effects replaced by one or two that explain most without, if that is better.
 
     `all` accepted first, and then what is wrong about it, stands for two single places; so does a group, which goes
-    where two places do as well. What is tried is added to `tried`.
+    where two places do as well. `tried`: sets of effects that are not better; what is tried here is added.
     """
     margin = -BETTER if len(removed) == 1 else BETTER
     without = score_without(search, removed, (*removed, *search.open))
     least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
-    trials = sorted((t for t in _pairs(search, without) if t[0] >= least), key=lambda trial: -trial[0])
-    for _, new in trials[:_TRIALS]:
+    trials = sorted(_pairs(search, without), key=lambda trial: -trial[0])
+    for new in [new for evidence, new in trials if evidence >= least][:_TRIALS]:
         after = replace(search, accepted=(*kept, *new))
-        if set(new) == set(removed) or frozenset(after.accepted) in tried.sets or frozenset(new) in tried.lost:
+        if set(new) == set(removed) or frozenset(after.accepted) in tried:
             continue
-        tried.sets.add(frozenset(after.accepted))
+        tried.add(frozenset(after.accepted))
         fit = refit(after, {})
-        if fit is None or fit.chi2 > _ASTRAY * search.fit.chi2:
-            tried.lost.add(frozenset(new))
         after = after if fit is None else replace(after, fit=fit)
         variance = without.scale.variance
         if fit is not None and set_evidence(after, variance) >= set_evidence(search, variance) + margin:
@@ -102,18 +91,23 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: Tried) ->
 
 def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypothesis, ...]]]:
     """Log evidence of single effects with most of it, each with the best second one beside it, and these effects."""
-    evidence = without.log_bayes + _preferences(without)
-    for k in (int(k) for k in np.argsort(-evidence, kind="stable")[:RIVALS]):
+    evidence = _eligible(without)
+    for k in (int(k) for k in np.argsort(-evidence, kind="stable")[:RIVALS] if evidence[k] > -np.inf):
         first = without.hypotheses[k]
         yield float(evidence[k]) - search.price([first]), (first,)
         beside = _beside(search, without, first)
-        more = beside.log_bayes + _preferences(beside)
+        more = _eligible(beside)
         same = [h.effect == first.effect and bool(h.members or first.members) for h in beside.hypotheses]
         more[same] = -np.inf  # a group has what its members have
         best = int(np.argmax(more))
         if more[best] > 0 and beside.p_values[best] < search.critical:
             both = (first, beside.hypotheses[best])
             yield float(evidence[k] + more[best]) - search.price(both), both
+
+
+def _eligible(scores: Scored) -> Array:
+    """Log evidence (H,) of hypotheses, with what goes before; none far beyond its range takes another's place."""
+    return np.where([s.far for s in scores.scores], -np.inf, scores.log_bayes + _preferences(scores))
 
 
 def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:

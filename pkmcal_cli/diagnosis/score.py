@@ -49,6 +49,15 @@ class Score:
         return np.asarray(self.basis @ (self.gradient / self.information))
 
     @property
+    def tail(self) -> float:
+        """Log prior density of its size over that within its range, where it is far beyond it; else 0.
+
+        Priors have the tails of a Cauchy distribution: what is far beyond its range is improbable, not impossible.
+        """
+        size = float(np.abs(self.estimate).max(initial=0.0)) / PLAUSIBLE
+        return -float(np.log((1.0 + size**2) / 2.0)) if self.far and size > 1.0 else 0.0
+
+    @property
     def leading(self) -> int:
         """The parameter that shows most by itself."""
         return int(np.argmax(np.where(self.length2 > 0, self.alone, -np.inf)))
@@ -63,15 +72,6 @@ class Score:
     def mdb(self) -> float:
         """Minimal detectable size of the leading parameter by itself, in standard deviations of its prior."""
         return minimal_detectable(float(self.alone[self.leading]))
-
-
-def tail(sizes: Array) -> float:
-    """Log prior density of sizes (k,), in standard deviations, over that at the end of their ranges; 0 within them.
-
-    Priors have the tails of a Cauchy distribution: what is far beyond its range is improbable, not impossible.
-    """
-    largest = float(np.abs(sizes).max(initial=0.0)) / PLAUSIBLE
-    return -float(np.log((1.0 + largest**2) / 2.0)) if largest > 1.0 else 0.0
 
 
 def minimal_detectable(information: float) -> float:

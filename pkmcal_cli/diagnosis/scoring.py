@@ -17,11 +17,10 @@ from pkmcal_cli.diagnosis.linear import Linear, Scale, linear_problem, log_evide
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
-from pkmcal_cli.diagnosis.score import Score, tail
+from pkmcal_cli.diagnosis.score import Score
 from pkmcal_cli.model.model import Model
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
-_LOST = 1.5  # times the chi-square before, at which a fit may have lost its way
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 
 
@@ -138,7 +137,7 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     count = np.array([s.count for s in scores])
     p = scale.p_value(statistic, np.maximum(count, 1))
     p[count == 0] = 1.0
-    evidence = log_evidence(statistic / scale.variance, count) + [tail(s.estimate) if s.far else 0.0 for s in scores]
+    evidence = log_evidence(statistic / scale.variance, count) + [s.tail for s in scores]
     return Scored(
         linear=linear,
         scale=scale,
@@ -170,11 +169,7 @@ def shape_gains(search: Search, scores: Scored) -> Array:
 
 def recalibrated(search: Search) -> Search:
     """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
-    start = start_of(search.problem.model, search.accepted)
-    fit = identify(search.problem, search.selected, start)
-    if search.accepted and not fit.chi2 < _LOST * search.fit.chi2:
-        again = _settled(search, _near(search, start))
-        fit = fit if again is None or again.chi2 > fit.chi2 else again
+    fit = identify(search.problem, search.selected, start_of(search.problem.model, search.accepted))
     return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
 
 
@@ -189,33 +184,15 @@ def start_of(model: Model, accepted: Sequence[Hypothesis]) -> Array:
 def refit(search: Search, starts: Mapping[Hypothesis, Array]) -> Fit | None:
     """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
 
-    It begins at the values of the fit before, of what was fitted, and at nominal ones of the rest, so that what the
-    data do not determine stays there, but for effects with estimates (k,), SI. If that is far from as good as the fit
-    before, at nominal values.
+    It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
+    (k,), SI.
     """
-    model = search.problem.model
-    begun = start_of(model, search.accepted)
+    start = start_of(search.problem.model, search.accepted)
     for hypothesis, estimate in starts.items():
         for name, value in zip(hypothesis.parameters, estimate, strict=True):
-            k = model.names.index(name)
+            k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
-                begun[k] = np.clip(begun[k] + value, *model.parameters[k].bounds)
-    fit = _settled(search, _near(search, begun))
-    if fit is not None and fit.chi2 < _LOST * search.fit.chi2:
-        return fit
-    again = _settled(search, begun)
-    return again if fit is None or (again is not None and again.chi2 < fit.chi2) else fit
-
-
-def _near(search: Search, start: Array) -> Array:
-    """Values (P,) to begin with: those of the fit before, of what was fitted."""
-    own = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
-    near = start.copy()
-    near[own] = search.fit.values[own]
-    return near
-
-
-def _settled(search: Search, start: Array) -> Fit | None:
+                start[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
     try:
         fit = identify(search.problem, search.selected, start, _STEPS)
     except RowsFailed:

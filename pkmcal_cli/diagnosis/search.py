@@ -61,8 +61,7 @@ def set_evidence(search: Search, variance: float) -> float:
     count = shifts + sum(len(h.parameters) for h in search.accepted)
     likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count + shifts, 1)))
     price = len(rows) * float(np.log(len(search.problem)))
-    prior = sum(h.preference for h in search.accepted) - search.price(search.accepted)
-    return prior - 0.5 * likelihood - price
+    return -0.5 * likelihood - price - search.price(search.accepted) + sum(h.preference for h in search.accepted)
 
 
 def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
@@ -71,7 +70,7 @@ def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
     evidence = np.where(scored.p_values < search.critical, scored.log_bayes, -np.inf)
     evidence[[h.name in search.refused for h in scored.hypotheses]] = -np.inf
     usual = np.where([s.far for s in scored.scores], -np.inf, evidence)
-    evidence = usual if len(usual) and usual.max() > 0 else evidence  # what is far beyond its range comes last
+    evidence = usual if usual.max(initial=-np.inf) > 0 else evidence  # what is far beyond its range comes last
     best = int(np.argmax(evidence)) if len(evidence) else -1
     most = float(evidence[best]) if best >= 0 else -np.inf
     if len(rows) and float(scored.rows.log_bayes(scored.linear.used)[rows].max()) > most:
@@ -99,8 +98,7 @@ def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
             search = replace(search, refused=search.refused | {scored.hypotheses[k].name})
             continue
         gain = np.array((search.fit.chi2 - after.fit.chi2) / scored.scale.variance)
-        evidence_by_fit = log_evidence(gain, np.array(scored.scores[k].count))
-        trials.append((float(shape[k] + evidence_by_fit), k, after))
+        trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), k, after))
     if not trials:
         return [search]
     trials.sort(key=lambda trial: -trial[0])
