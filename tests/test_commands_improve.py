@@ -76,7 +76,7 @@ def test_the_written_machine_calibrates_to_less_than_any_radii(hangprinter: Impr
     done = clean(run("calibrate", hangprinter.machine, HANGPRINTER_DATA, "--holdout", "none", "--json"))
     assert done.json["after"]["length"]["rms"] <= 0.97
     released = {p["name"] for p in done.json["parameters"] if p["identified"]}
-    assert {"R_low", "buildup@all.b"} <= released
+    assert {"R_low", "R_high", "buildup@A.b", "buildup@B.b", "buildup@C.b", "buildup@D.b"} <= released
 
 
 # --- the files -----------------------------------------------------------------------------

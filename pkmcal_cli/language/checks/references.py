@@ -11,6 +11,7 @@ from typing import Any
 from pkmcal_cli.base.errors import FaultList, Location, did_you_mean
 from pkmcal_cli.base.plural import with_article
 from pkmcal_cli.expressions.parser import RESERVED
+from pkmcal_cli.language.checks.groups import check_groups
 from pkmcal_cli.language.checks.validation import Quarantine
 from pkmcal_cli.language.machine import Rope, WrittenMachine
 from pkmcal_cli.language.quantities import Written, WrittenValue
@@ -98,6 +99,7 @@ class NameCheck:
             self._refer("frames", sensor.surface, ("sensors", name, "surface"))
             self._refer("actuators", sensor.drive, ("sensors", name, "drive"))
         self._check_targets()
+        check_groups(machine, self.source, self.faults, self.excused)
 
     def _check_tool_point(self) -> None:
         name, path = self.machine.tool_point, ("tool_point",)
