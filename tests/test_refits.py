@@ -66,7 +66,7 @@ def test_what_was_refused_is_tried_again_beside_what_was_accepted(
     """Backlash of q3 has no fit as long as the other effect is not in the model, be it the smaller or the larger."""
     plain = search.refit
 
-    def one_after_the_other(now: search.Search, starts: Any) -> Fit | None:
+    def one_after_the_other(now: search.Search, starts: Any, *more: float) -> Fit | None:
         names = {h.name for h in now.accepted}
         return None if names == {"backlash@q3"} else plain(now, starts)
 

@@ -119,7 +119,7 @@ def needed_only(search: Search) -> Search:
             continue
         if gain + float(shape_gains(search, without)[0]) < least:
             others = replace(search, accepted=tuple(kept))
-            fit = refit(others, {})
+            fit = refit(others, {}, search.fit.chi2)
             others = others if fit is None else replace(others, fit=fit)
             variance = without.scale.variance
             if fit is not None and set_evidence(others, variance) > set_evidence(search, variance) - BETTER:
@@ -175,7 +175,8 @@ def _accepted(search: Search, scored: Scored, best: int) -> Search | None:
     """The same with one more effect; None if a fit with it fails or is not better."""
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
     after = replace(search, accepted=(*(h for h in search.accepted if not hypothesis.contains(h)), hypothesis))
-    fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)})
+    expected = max(search.fit.chi2 - score.statistic, float(search.fit.dof))
+    fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)}, expected)
     if fit is None or not search.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
         return None
     p, evidence = dict(search.p_values), dict(search.evidence)
