@@ -82,6 +82,20 @@ def test_hangprinter_bad_row() -> None:
     assert f"row: {SECOND}:19" in done.err
 
 
+def test_what_is_far_beyond_its_range_is_found_last_and_said_to_be_unusual(tmp_path: Path) -> None:
+    """Play of 8 mm on a machine of 4 m whose lines are measured to 1 mm: a usual one of 0.3 mm nobody could see."""
+    worn, table = tmp_path / "worn.yaml", tmp_path / "t.csv"
+    worn.write_text(f"extends: {HANGPRINTER}\neffects: {{backlash@A: {{b: 8 mm}}}}\n")
+    assert run("simulate", worn, SECOND, "--noise", "declared", "--seed", "3", "-o", table).code == 0
+    done = diagnosed(HANGPRINTER, str(table))
+    assert names(done) == {"backlash A"}
+    found, std, unit = value(done, "backlash@A.b")
+    assert unit == "um" and abs(found - 8000) < 4 * std < 2000
+    assert "its size is beyond what is usual" in done.err and done.json["effects"][0]["provisional"]
+    (shown,) = (d for d in done.json["invisible"] if (d["effect"], d["at"]) == ("backlash", "B"))
+    assert shown["effect"] == "backlash", "what cannot be seen within its range is still told"
+
+
 def test_shop_floor() -> None:
     """What its generator planted: play of the third drive, rods that grow, one bad row; and no more."""
     done = diagnosed(SCISSORS, SHOPFLOOR)

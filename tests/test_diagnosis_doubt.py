@@ -134,7 +134,7 @@ def test_resampled_noise_names_now_this_now_that() -> None:
     scored = score_all(now, now.open)
     best = scored.hypotheses[int(np.argmax(scored.log_bayes))]
     none = scored.log_bayes
-    assert stability(scored, none, ready.problem, best, [], 0) < 0.7
+    assert np.mean([stability(scored, none, ready.problem, best, [], seed) for seed in range(5)]) < 0.7
     least = min((h for h, s in zip(scored.hypotheses, scored.scores, strict=True) if s.count), key=lambda h: h.name)
     assert 0 <= stability(scored, none, ready.problem, least, [], 0) <= 1
 

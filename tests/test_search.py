@@ -125,3 +125,19 @@ def test_the_set_of_an_effect_is_judged_where_the_search_has_come_to() -> None:
     case = planted(("backlash", "q3", 1.0))
     near = set_of(at(case, "backlash@q1"), at(case, "backlash@q1").accepted[0])
     assert near.members[0].name == "backlash@q3"
+
+
+def test_a_gross_row_does_not_hide_in_the_noise_that_it_makes() -> None:
+    """Rows are judged by the noise of the others: with an estimated variance, one row of 40 would raise its own."""
+    case = planted(("backlash", "q3", 1.0))
+    few = case.problem.take(np.arange(40))
+    noisy = replace(few, readings=few.readings + np.random.default_rng(3).normal(0, 2 * few.sigma))
+    readings = noisy.readings.copy()
+    readings[17] += 30 * few.sigma[17]
+    scored = score_all(at(replace(case, problem=replace(noisy, readings=readings)), "backlash@q3"), ())
+    others = noisy.without((17,))
+    fair = score_all(at(replace(case, problem=others), "backlash@q3"), ())
+    assert scored.scale.variance > 1.2 * fair.scale.variance
+    rest = np.delete(np.arange(40), 17)
+    ratio = scored.rows.statistic[rest].mean() / fair.rows.statistic[rest].mean()
+    assert abs(ratio - 1) < 0.15 and scored.rows.p_value[17] < 1e-5

@@ -52,7 +52,7 @@ class Visibility(VisibleSizes):
 class Plan:
     """A plan of poses and what it shows; `groups`: names of hypotheses that it cannot tell apart.
 
-    sizes: of all hypotheses, as a diagnosis at the rate of false alarms that is asked for detects them.
+    sizes: of all hypotheses at single places, as a diagnosis at the rate of false alarms that is asked for detects them.
     """
 
     candidates: Candidates
@@ -72,7 +72,7 @@ class Plan:
         """Ambiguity groups: connected by cosines above 0.95."""
         alike = csr_array((self.cosines > ALIKE).astype(float))
         count, label = connected_components(alike, directed=False)
-        names = np.array([h.name for h in self.candidates.hypotheses])
+        names = np.array([h.name for h in self.candidates.single])
         grouped = [tuple(names[label == k].tolist()) for k in range(count)]
         return tuple(g for g in grouped if len(g) > 1)
 
@@ -85,7 +85,7 @@ class Plan:
         return Visibility(
             **vars(sizes),
             msb=sizes.mdb / sine if sine > 0 else float("inf"),
-            rival=self.candidates.hypotheses[rival].name if cosine > 0 else "",
+            rival=self.candidates.single[rival].name if cosine > 0 else "",
             cosine=cosine,
         )
 
@@ -93,12 +93,16 @@ class Plan:
 def plan_of(
     candidates: Candidates, problem: Problem, values: Array, selected: tuple[str, ...], alpha: float, seed: int
 ) -> Plan:
-    """What a plan can show at parameter values (P,), and a diagnosis with this false-alarm rate can find."""
-    hypotheses = candidates.hypotheses
-    others = [n for h in hypotheses for n in h.parameters]
+    """What a plan can show at parameter values (P,), and a diagnosis with this false-alarm rate can find.
+
+    A diagnosis tests groups of places too; what a plan shows is told of single ones.
+    """
+    others = [n for h in candidates.hypotheses for n in h.parameters]
     linear = linear_problem(problem, values, selected, others, None)
-    scores = tuple(linear.score_of(h) for h in hypotheses)
-    procedure = expected_procedure(linear, problem, hypotheses, scores, alpha, seed)
+    every = tuple(linear.score_of(h) for h in candidates.hypotheses)
+    procedure = expected_procedure(linear, problem, candidates.hypotheses, every, alpha, seed)
+    hypotheses = candidates.single
+    scores = tuple(s for s, h in zip(every, candidates.hypotheses, strict=True) if not h.members)
     sizes = visible_sizes(linear, problem, hypotheses, scores, procedure, seed)
     return Plan(candidates, problem, linear, scores, sizes, cosines_between(linear, hypotheses, scores))
 

@@ -69,6 +69,10 @@ class Hypothesis:
         """Whether both are at several places, one at some of the other's."""
         return bool(self.members and other.members) and (self.contains(other) or other.contains(self))
 
+    def akin(self, other: Hypothesis) -> bool:
+        """Whether both are the same effect, one of them at several places with values of its own."""
+        return self.effect == other.effect and bool(self.members or other.members)
+
     @property
     def session(self) -> str:
         """The session of its place in which alone it acts; "" without one."""
@@ -91,6 +95,11 @@ class Candidates:
     hypotheses: tuple[Hypothesis, ...]
     not_testable: tuple[tuple[str, str], ...]  # (keyword, what it needs)
     lacking: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def single(self) -> tuple[Hypothesis, ...]:
+        """Those at one place, or with the same value at several."""
+        return tuple(h for h in self.hypotheses if not h.members)
 
 
 def candidates(model: Model, selected: tuple[str, ...], measurements: Measurements) -> Candidates:

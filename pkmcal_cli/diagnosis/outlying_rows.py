@@ -50,7 +50,7 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     odd = np.nonzero(p < _ODD_CHANCE / len(p))[0]
     odd = odd[np.argsort(p[odd], kind="stable")][: max(int(MOST * len(p)), 1)]
     others = linear.without_rows([int(row) for row in odd])
-    variance = _by_others(scale, linear, others)
+    variance = _by_others(scale, others)
     within = measured & clear[:, None]
     within[odd] = False
     size = np.sqrt(np.einsum("ncc->nc", information))
@@ -59,11 +59,11 @@ def row_scores(linear: Linear, measured: NDArray[np.bool_], scale: Scale) -> Row
     return RowScores(np.where(count > 0, statistic, 0.0) / variance, count, p)
 
 
-def _by_others(scale: Scale, linear: Linear, others: Linear) -> float:
+def _by_others(scale: Scale, others: Linear) -> float:
     """The noise that rows are judged by, where it was estimated: as the others have it, at least as it is stated."""
-    if scale.dof != scale.checked or scale.variance <= 1.0 or others.dof <= 0 or linear.chi2 <= 0:
+    if scale.variance <= 1.0 or others.dof <= 0:
         return scale.variance
-    return max(scale.variance * min((others.chi2 / others.dof) / (linear.chi2 / linear.dof), 1.0), 1.0)
+    return min(scale.variance, max(others.chi2 / others.dof, 1.0))
 
 
 @dataclass(frozen=True)

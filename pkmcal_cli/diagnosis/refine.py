@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -97,8 +97,7 @@ def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypot
         yield float(evidence[k]) - search.price([first]), (first,)
         beside = _beside(search, without, first)
         more = _eligible(beside)
-        same = [h.effect == first.effect and bool(h.members or first.members) for h in beside.hypotheses]
-        more[same] = -np.inf  # a group has what its members have
+        more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
         best = int(np.argmax(more))
         if more[best] > 0 and beside.p_values[best] < search.critical:
             both = (first, beside.hypotheses[best])
@@ -233,14 +232,25 @@ def set_of(search: Search, hypothesis: Hypothesis) -> CredibleSet:
 def credible_set(scores: Scored, evidence: Array, kept: NDArray[np.bool_]) -> tuple[Rival, ...]:
     """The smallest set of hypotheses that holds 95 % of the evidence (H,) in place of an accepted one, best first.
 
-    kept (H,): which are in it at any rate.
+    kept (H,): which are in it at any rate. Where a part has as much evidence as the group, the part stands for it.
     """
+    evidence = np.where(_needless_groups(scores.hypotheses, evidence), -np.inf, evidence)
     order = np.argsort(-evidence, kind="stable")
     weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
     chosen = [*order[:last], *(k for k in order[last:] if kept[k])]
     alike = cosines(scores.linear, scores.hypotheses, scores.scores, 0, [int(k) for k in chosen])
     return tuple(Rival(scores.hypotheses[k], float(weight[k]), c) for k, c in zip(chosen, alike, strict=True))
+
+
+def _needless_groups(hypotheses: Sequence[Hypothesis], evidence: Array) -> NDArray[np.bool_]:
+    """Of which hypotheses (H,), but the accepted one (first), something of the same effect has as much evidence."""
+    found = np.zeros(len(hypotheses), dtype=bool)
+    for k in (k for k, h in enumerate(hypotheses) if h.members and k > 0):
+        group = hypotheses[k]
+        parts = [len(h.members) < len(group.members) and h.akin(group) for h in hypotheses]
+        found[k] = evidence[parts].max(initial=-np.inf) >= evidence[k]
+    return found
 
 
 def _fitted_evidence(search: Search, hypothesis: Hypothesis, scores: Scored, evidence: Array, k: int) -> float:

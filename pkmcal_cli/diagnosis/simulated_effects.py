@@ -80,7 +80,7 @@ def simulated_effects(
     parameters that a calibration identifies.
     """
     problem = replace(problem, model=fixed_smoothing(problem.model, values, problem.rows))
-    own = [h for h in candidates.hypotheses if h.effect != RELEASE]
+    own = [h for h in candidates.single if h.effect != RELEASE]
     taken = _taken_up(problem, values, selected, own, still)
     nothing = _rounding(problem, still)
     scale = _scale(problem, nothing)

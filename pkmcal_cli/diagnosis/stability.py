@@ -39,8 +39,7 @@ def stability(
     grams, counts = _grams(scores, problem, hypothesis, chosen)
     prior = np.diag(scores.linear.fixed[1] + 1e-9)
     names = {h.name for h in (hypothesis, *alike)}
-    kin = [h.effect == hypothesis.effect and bool(h.members or hypothesis.members) for h in scores.hypotheses]
-    right = np.array([scores.hypotheses[k].name in names or kin[k] for k in chosen])
+    right = np.array([h.name in names or h.akin(hypothesis) for h in (scores.hypotheses[k] for k in chosen)])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]

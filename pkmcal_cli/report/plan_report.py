@@ -206,7 +206,7 @@ class PlanReport:
         to.say("These points cannot separate them at plausible sizes. Add more points, or another measurement:")
         known = catalogue()
         assert self.aim is not None
-        for h in self.plan.candidates.hypotheses:
+        for h in self.plan.candidates.single:
             if h.parameters in self.aim.parameters and h.effect in known:
                 action = cause_effect_action(known[h.effect], h.at, "")[2]
                 to.say(f"  {h.name}: {action}")

@@ -204,10 +204,10 @@ def _aim(request: PlanRequest, candidates: Candidates, model: Model, selected: t
 
 def _hypothesis(name: str, candidates: Candidates, option: str) -> Hypothesis:
     """A hypothesis by its name, or by its keyword where it has one place only."""
-    known = {h.name: h for h in candidates.hypotheses}
+    known = {h.name: h for h in candidates.single}
     if name in known:
         return known[name]
-    places = [h for h in candidates.hypotheses if h.effect == name]
+    places = [h for h in candidates.single if h.effect == name]
     if len(places) == 1:
         return places[0]
     why = dict(candidates.not_testable).get(name.partition("@")[0])
