@@ -52,7 +52,7 @@ class Visibility(VisibleSizes):
 class Plan:
     """A plan of poses and what it shows; `groups`: names of hypotheses that it cannot tell apart.
 
-    sizes: of all hypotheses at single places, as a diagnosis at the rate of false alarms that is asked for detects them.
+    sizes: of hypotheses at single places, as a diagnosis at the rate of false alarms that is asked for detects them.
     """
 
     candidates: Candidates
