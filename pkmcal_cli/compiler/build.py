@@ -12,6 +12,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
 from pkmcal_cli.compiler.effect_groups import effect_groups
+from pkmcal_cli.compiler.joints import add_fixed_rotations
 from pkmcal_cli.compiler.members import add_members
 from pkmcal_cli.compiler.parameters import model_parameters
 from pkmcal_cli.compiler.physical import number_faults
@@ -136,6 +137,7 @@ def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: b
     weights = add_members(structure)
     drives = [add_drive(structure, name, actuator) for name, actuator in machine.actuators.items()]
     add_loads(structure, weights)
+    add_fixed_rotations(structure)
     sensors = SensorTable(structure)
     sensors.place_all(machine)
     base, tool = ConnectionPoint(Point(), GROUND), sensors.tool(machine)

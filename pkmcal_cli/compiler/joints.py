@@ -13,8 +13,8 @@ from pkmcal_cli.compiler.coefficient_values import combined, number, triad_about
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.elements import JOINTS, JointElement
 from pkmcal_cli.language.machine import End, Joint, Stiffness
-from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Number
-from pkmcal_cli.mechanism.topology import RotationKind
+from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Number, Point
+from pkmcal_cli.mechanism.topology import GROUND, RotationKind
 
 _PLANAR_ROWS = ("x", "y", "rz", "angle")
 
@@ -53,6 +53,29 @@ def add_joints(structure: Structure) -> None:
                 rest=rest_of(structure, joint),
                 extra=extra,
                 turns=turns_of(structure, joint),
+            )
+
+
+def add_fixed_rotations(structure: Structure) -> None:
+    """Of bodies and nodes in space of which one rotation is fixed: their rotation vector has no part about it.
+
+    Two fixed ones leave a rotation about one axis, three none: those are built in.
+    """
+    for name, rotation in list(structure.rotations.items()):
+        if structure.planar or name not in {**structure.machine.bodies, **structure.machine.nodes}:
+            continue
+        held = [d for d in structure.rotations_of_space if d in structure.fixed(name)]
+        if len(held) == 1:
+            base, at = ConnectionPoint(Point(), GROUND), structure.connection(name)
+            filed = structure.filed_orientation(rotation)
+            structure.builder.link(
+                JointElement("fixed", (held[0],)),
+                f"{name}.fixed",
+                (base, at),
+                rest=[0.0],
+                stiffness=[0.0],
+                rigid=[True],
+                triads=(np.eye(3), filed.T),
             )
 
 

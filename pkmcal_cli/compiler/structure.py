@@ -16,6 +16,7 @@ from pkmcal_cli.compiler.coefficient_values import constant_vector, is_zero, num
 from pkmcal_cli.compiler.coordinates import Coordinates
 from pkmcal_cli.compiler.joint_tree import joint_tree
 from pkmcal_cli.compiler.rails import Rails
+from pkmcal_cli.language.fields import Direction
 from pkmcal_cli.language.machine import Body, Joint
 from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Point
 from pkmcal_cli.mechanism.topology import GROUND, RotationKind
@@ -119,15 +120,34 @@ class Structure(Coordinates):
                 self.new_rotation(name, self.filed_orientation(rail.rotation)) if rotates else rail.rotation
             )
         else:
-            fixed = body.fixed if body is not None else self.machine.nodes[name].fixed
-            rotation = self._filed_rotation(name)
-            if all(d in fixed for d in (("rz",) if self.planar else ("rx", "ry", "rz"))):
-                fixed_to = GROUND
-                if body is not None:
-                    fixed_to = self.builder.rotation(RotationKind.FIXED, name, reference=rotation)
-                self.rotations[name] = fixed_to
-            else:
-                self.rotations[name] = self.new_rotation(name, rotation)
+            self.rotations[name] = self._partly_turning(name, body)
+
+    def _partly_turning(self, name: str, body: Body | None) -> int:
+        """The rotation of a body or node of which some or all rotations are fixed."""
+        filed = self._filed_rotation(name)
+        free = [d for d in self.rotations_of_space if d not in self.fixed(name)]
+        if not free:
+            return GROUND if body is None else self.builder.rotation(RotationKind.FIXED, name, reference=filed)
+        if len(free) == 1 and not self.planar:
+            axis = np.eye(3)["xyz".index(free[0][1])]
+            return self._about(name, axis)
+        return self.new_rotation(name, filed)
+
+    def _about(self, name: str, axis: Array) -> int:
+        """The rotation of a node or body about an axis fixed to the base."""
+        reference = self.configuration.orientations.get(name, self._filed_rotation(name))
+        out = self.builder.rotation(RotationKind.AXIS, name, axis=axis, reference=reference)
+        self.builder.filed[out] = self._filed_rotation(name)
+        return out
+
+    @property
+    def rotations_of_space(self) -> tuple[Direction, ...]:
+        """What a body can rotate about."""
+        return ("rz",) if self.planar else ("rx", "ry", "rz")
+
+    def fixed(self, name: str) -> tuple[Direction, ...]:
+        """Directions in which a body or node is fixed to the base."""
+        return (self.machine.bodies.get(name) or self.machine.nodes[name]).fixed
 
     def _filed_rotation(self, name: str) -> Array:
         body = self.machine.bodies.get(name)
@@ -146,10 +166,7 @@ class Structure(Coordinates):
         if joint.type in ("fixed", "prismatic"):
             self.rotations[name] = parent
         elif joint.type == "revolute" and not self.planar and parent == GROUND and not depends(joint.axis):
-            axis = nominal_axis(joint.axis or "z", self.nominal)
-            reference = self.configuration.orientations.get(name, self._filed_rotation(name))
-            self.rotations[name] = self.builder.rotation(RotationKind.AXIS, name, axis=axis, reference=reference)
-            self.builder.filed[self.rotations[name]] = self._filed_rotation(name)
+            self.rotations[name] = self._about(name, nominal_axis(joint.axis or "z", self.nominal))
         else:
             self.rotations[name] = self.new_rotation(name, self._filed_rotation(name))
 

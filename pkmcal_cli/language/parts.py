@@ -196,7 +196,7 @@ class Node(Entity, Generic[V]):
 
     at: Point[V] = Field(description="Approximate position in the reference configuration, base axes")
     mass: Mass[V] | None = Field(default=None, description="Mass at the point")
-    fixed: Fixed = Field(default=(), description="Fixed directions: true (all) or [x, y, z, rx, ry, rz]")
+    fixed: Fixed = Field(default=(), description="Fixed directions: true (all) or [x, y, z, rx, ry, rz]: components of its place and rotation vector")
 
 
 class Body(Entity, Generic[V]):
@@ -212,7 +212,7 @@ class Body(Entity, Generic[V]):
     points: dict[Name, Point[V]] = Field(default={}, description="Points of the body, in its own axes")
     mass: Mass[V] | None = Field(default=None, description="Mass")
     centre: Point[V] = Field(default=(), description="Centre of mass, in its own axes; default: 0")
-    fixed: Fixed = Field(default=(), description="Fixed directions: true (all) or [x, y, z, rx, ry, rz]")
+    fixed: Fixed = Field(default=(), description="Fixed directions: true (all) or [x, y, z, rx, ry, rz]: components of its place and rotation vector")
 
 
 class Load(Entity, Generic[V]):
