@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, log_jacobian, skew
 from pkmcal_cli.calibration.identifiability import Directions
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.model.base import Base
 from pkmcal_cli.model.model import Model
 
 _SPATIAL = (
@@ -43,15 +45,20 @@ class Gauge:
     directions: Array
 
 
-def gauge_of(model: Model, values: Array, directions: Directions) -> Gauge:
-    """Gauge freedoms among the null directions of selected parameters, at parameter values (P,)."""
+def gauge_of(problem: Problem, values: Array, directions: Directions) -> Gauge:
+    """Gauge freedoms among the null directions of selected parameters, at parameter values (P,).
+
+    Places that only sensors without readings look at are none of the base.
+    """
     nothing = Gauge((), np.zeros((0, len(directions.names))))
-    if not directions.null.any() or not len(model.base):
+    model = problem.model
+    base = model.base.felt([s.name for s in model.sensors if problem.measured[:, s.channels].any()])
+    if not directions.null.any() or not len(base.places):
         return nothing
     null = directions.vectors[directions.null]  # (k, p) in ranges
-    motion = _base_motion(model, values, directions.names) * directions.ranges  # (f, p)
+    motion = _base_motion(model, base, values, directions.names) * directions.ranges  # (f, p)
     moved = motion @ null.T  # (f, k)
-    names, fields = _fields(model, values)
+    names, fields = _fields(model, base, values, scales=not _lengths_read(problem))
     size = float(np.abs(motion).max())
     if size == 0.0:
         return nothing
@@ -75,33 +82,41 @@ def _range_of(kernel: Array, count: int) -> Array:
     return np.asarray(vt[s > _FELT] @ kernel[:, :count])
 
 
-def _base_motion(model: Model, values: Array, names: tuple[str, ...]) -> Array:
+def _lengths_read(problem: Problem) -> bool:
+    """Whether drives or instruments read lengths: then nothing has a free scale."""
+    read = [a.dimension for a in problem.model.actuators]
+    read += [c.dimension for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()]
+    return "length" in read
+
+
+def _base_motion(model: Model, base: Base, values: Array, names: tuple[str, ...]) -> Array:
     """Displacement (f, p) of the base by parameters, SI: of its places, then of the orientations of its frames."""
     numbers = model.by_name(values)
     chain = model.topology.coefficients.jacobian(numbers, names)
     coefficients = model.topology.coefficients.values(numbers)
-    places = chain[model.base].reshape(-1, len(names))
+    places = chain[base.places].reshape(-1, len(names))
     chained = [places]
-    for where in model.base_rotations:
+    for where in base.rotations:
         vector = coefficients[where]
         chained.append(np.linalg.inv(log_jacobian(vector[None])[0]) @ chain[where])
     return np.vstack(chained)
 
 
-def _fields(model: Model, values: Array) -> tuple[tuple[str, ...], Array]:
+def _fields(model: Model, base: Base, values: Array, scales: bool) -> tuple[tuple[str, ...], Array]:
     """Names of the generators, and what each does to the base (f, generators), lengths in sizes of the machine."""
     coefficients = model.topology.coefficients.values(model.by_name(values))
-    places, length = coefficients[model.base], model.length
-    columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(model.base_rotations))])]
+    places, length = coefficients[base.places], model.length
+    columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(base.rotations))])]
     planar = model.topology.planar
     for k in [2] if planar else range(3):
         axis = np.eye(3)[k]
         rotated = (skew(axis) @ places.T).T / length
-        columns.append(np.concatenate([rotated.ravel(), np.tile(axis, len(model.base_rotations)) / length]))
+        columns.append(np.concatenate([rotated.ravel(), np.tile(axis, len(base.rotations)) / length]))
     for k in range(2 if planar else 3):
-        columns.append(np.concatenate([np.tile(np.eye(3)[k], len(places)), np.zeros(3 * len(model.base_rotations))]))
+        columns.append(np.concatenate([np.tile(np.eye(3)[k], len(places)), np.zeros(3 * len(base.rotations))]))
     fields = np.stack(columns, axis=1)
     independent = _independent_columns(fields)  # a base that is one point has no turn and no scale
+    independent = [k for k in independent if k > 0 or scales]
     return tuple((_PLANAR if planar else _SPATIAL)[k] for k in independent), fields[:, independent]
 
 
@@ -155,17 +170,17 @@ class Datum:
         return f"{what}; held fixed as datum: {', '.join(self.held)}" if self.held else what
 
 
-def datum_of(model: Model, values: Array, directions: Directions) -> Datum | None:
+def datum_of(problem: Problem, values: Array, directions: Directions) -> Datum | None:
     """The datum of a fit of some parameters at values (P,): of those declared, as many as are needed, in their order.
 
     None where nothing of the base is free.
     """
-    gauge = gauge_of(model, values, directions)
+    gauge = gauge_of(problem, values, directions)
     if not gauge.motions:
         return None
     size = np.abs(gauge.directions).max(axis=0, initial=0.0)
     rows = {n: gauge.directions[:, k] for k, n in enumerate(directions.names) if size[k] > 1e-6 * size.max()}
-    held = _independent({n: rows[n] for n in model.datum if n in rows})
+    held = _independent({n: rows[n] for n in problem.model.datum if n in rows})
     missing = len(gauge.motions) - len(held)
     ordered = sorted((n for n in rows if n not in held), key=lambda n: -float(np.abs(rows[n]).max()))
     proposed = _independent({n: rows[n] for n in (*held, *ordered)})

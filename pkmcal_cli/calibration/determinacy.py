@@ -35,7 +35,7 @@ def determinacy(problem: Problem, values: Array, selected: tuple[str, ...]) -> D
     directions_, whole = _directions(problem, values, selected)
     if directions_ is None:
         return Determinacy(selected, None)
-    datum = datum_of(problem.model, values, directions_)
+    datum = datum_of(problem, values, directions_)
     held = datum.held if datum is not None else ()
     kept = tuple(n for n in selected if n not in held)
     if datum is not None and datum.missing:

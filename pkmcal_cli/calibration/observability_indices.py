@@ -46,7 +46,7 @@ def observability(problem: Problem, values: Array, selected: tuple[str, ...]) ->
     ranges = np.array([model.parameters[model.names.index(n)].range for n in selected])
     near = linearise(part, solved)
     spectrum = directions(near.jacobian, selected, ranges)
-    datum = datum_of(model, values, spectrum)
+    datum = datum_of(part, values, spectrum)
     keep = [k for k, n in enumerate(selected) if datum is None or n not in datum.held]
     names = tuple(selected[k] for k in keep)
     if datum is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Fault
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
+from pkmcal_cli.compiler.base_places import base_of
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
 from pkmcal_cli.compiler.effect_groups import effect_groups
 from pkmcal_cli.compiler.joints import add_fixed_rotations
@@ -33,7 +34,7 @@ from pkmcal_cli.language.fingerprint import fingerprint_of
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.mechanism.builder import TopologyBuilder
 from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Point
-from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Topology
+from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Topology
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Actuator, Channel, LeastTension
 from pkmcal_cli.model.tool_motion import AimedPoint
@@ -80,8 +81,8 @@ def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
     topology = replace(topology, parked=held)
     mobility = asm.mobility(topology, length, held_names, loud_names)
     model = _model(machine, made, topology, length)
-    base, turns = _base_coefficients(made.structure, machine)
-    model = replace(model, base=base, base_rotations=turns, datum=machine.datum, fingerprint=fingerprint_of(machine))
+    base = base_of(made.structure, made.supports, machine)
+    model = replace(model, base=base, datum=machine.datum, fingerprint=fingerprint_of(machine))
     if receptive:
         sites = effect_sites_of(
             made.structure, topology, drives, model.sensors, model.reference_coefficients[0], made.payload
@@ -98,21 +99,6 @@ def _raise_errors(faults: list[Fault]) -> tuple[Fault, ...]:
     return tuple(faults)
 
 
-def _base_coefficients(structure: Structure, machine: Machine) -> tuple[Index, Index]:
-    """Coefficients of the places of everything fixed to the base (B, 3), and of the turns of its frames (F, 3)."""
-    builder = structure.builder
-    inner = {name for name, guide in machine.guides.items() if not guide.on_base}
-    fixed = ("ground", "frame", "fixed")
-    places = [
-        builder.offsets[index]
-        for (kind, name), index in structure.anchors.items()
-        if kind in fixed or (kind == "guide" and name not in inner)
-    ]
-    standing = [name for name, frame in machine.frames.items() if frame.body is None]
-    turns = [builder.rotations[structure.rails.frames[name][1]][3] for name in standing]
-    return np.array(places, dtype=np.intp).reshape(-1, 3), np.array(turns, dtype=np.intp).reshape(-1, 3)
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Draft:
     """One pass over a machine; `length`: its size, m; `payload`: name of the place where a payload is."""
@@ -125,6 +111,7 @@ class _Draft:
     payload: str
     tool: AimedPoint
     measured: AimedPoint
+    supports: frozenset[tuple[str, str]]
 
 
 def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: bool) -> _Draft:
@@ -138,6 +125,7 @@ def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: b
     drives = [add_drive(structure, name, actuator) for name, actuator in machine.actuators.items()]
     add_loads(structure, weights)
     add_fixed_rotations(structure)
+    supports = frozenset(structure.anchors)
     sensors = SensorTable(structure)
     sensors.place_all(machine)
     base, tool = ConnectionPoint(Point(), GROUND), sensors.tool(machine)
@@ -157,6 +145,7 @@ def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: b
         payload=tool.name,
         tool=aimed[0],
         measured=aimed[1],
+        supports=supports,
     )
 
 

@@ -123,6 +123,9 @@ class Parameter(Entity, Generic[F]):
 WrittenParameter: TypeAlias = "Parameter[WrittenNumber]"
 
 
+_FIXED = "Fixed directions: true (all) or [x, y, z, rx, ry, rz]: components of its place and rotation vector"
+
+
 class Frame(Entity, Generic[V]):
     """A frame fixed to the base or to a body; it may depend on parameters."""
 
@@ -196,7 +199,7 @@ class Node(Entity, Generic[V]):
 
     at: Point[V] = Field(description="Approximate position in the reference configuration, base axes")
     mass: Mass[V] | None = Field(default=None, description="Mass at the point")
-    fixed: Fixed = Field(default=(), description="Fixed directions: true (all) or [x, y, z, rx, ry, rz]: components of its place and rotation vector")
+    fixed: Fixed = Field(default=(), description=_FIXED)
 
 
 class Body(Entity, Generic[V]):
@@ -212,7 +215,7 @@ class Body(Entity, Generic[V]):
     points: dict[Name, Point[V]] = Field(default={}, description="Points of the body, in its own axes")
     mass: Mass[V] | None = Field(default=None, description="Mass")
     centre: Point[V] = Field(default=(), description="Centre of mass, in its own axes; default: 0")
-    fixed: Fixed = Field(default=(), description="Fixed directions: true (all) or [x, y, z, rx, ry, rz]: components of its place and rotation vector")
+    fixed: Fixed = Field(default=(), description=_FIXED)
 
 
 class Load(Entity, Generic[V]):

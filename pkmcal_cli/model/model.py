@@ -14,7 +14,8 @@ from pkmcal_cli.equilibrium.kinematics import reference_state
 from pkmcal_cli.equilibrium.readings import ObservedQuantity
 from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.language.fingerprint import Fingerprint
-from pkmcal_cli.mechanism.topology import Drive, Index, Topology
+from pkmcal_cli.mechanism.topology import Drive, Topology
+from pkmcal_cli.model.base import Base
 from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites, PlacedEffect
 from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
 from pkmcal_cli.model.held_points import HeldPoints
@@ -54,12 +55,7 @@ class Model:
     observed: tuple[ObservedQuantity, ...]  # what sensors and channels observe of the structure
     direct: tuple[tuple[int, int], ...]  # (channel, index in `observed`): channels that are observed quantities
     sensors: tuple[PlacedSensor, ...] = ()
-    base: Index = field(
-        default_factory=lambda: np.zeros((0, 3), dtype=np.intp)
-    )  # (B, 3) coefficients of places of the base
-    base_rotations: Index = field(
-        default_factory=lambda: np.zeros((0, 3), dtype=np.intp)
-    )  # (F, 3) of its frames' turns
+    base: Base = field(default_factory=Base)
     workspace: Workspace | None = None
     datum: tuple[str, ...] = ()  # parameters that define the base frame where nothing else does
     correlated: tuple[tuple[int, int, float], ...] = ()  # channels whose noise is correlated, and how much
