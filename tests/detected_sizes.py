@@ -99,13 +99,13 @@ def promised(machine: str, planted: Planted, seed: int) -> float:
     hypotheses, fit = here.candidates.hypotheses, identify(here.problem, here.selected)
     others = [n for h in hypotheses for n in h.parameters]
     linear = linear_problem(here.problem, fit.values, here.selected, others, fit.after.start)
-    scores = [linear.score_of(h) for h in hypotheses]
-    procedure = expected_procedure(linear, here.problem, hypotheses, scores, ALPHA, 0)
+    procedure = expected_procedure(linear, here.problem, hypotheses, ALPHA, 0)
     k = next(k for k, h in enumerate(hypotheses) if (h.effect, h.at) == (planted.keyword, planted.at))
+    score = linear.score_of(hypotheses[k])
     change, columns = setting.change(planted), linear.tested(hypotheses[k])
-    direction = np.linalg.lstsq(scores[k].whole, columns.T @ linear.free(change), rcond=1e-9)[0]
+    direction = np.linalg.lstsq(score.whole, columns.T @ linear.free(change), rcond=1e-9)[0]
     length = float(np.linalg.norm(direction))
-    detection = Detection(linear, here.problem, [hypotheses[k]], [scores[k]], 0)
+    detection = Detection(linear, here.problem, [hypotheses[k]], [score], 0)
     return detection.size(0, direction / length, procedure) / length
 
 

@@ -34,7 +34,7 @@ def at(case: Ready, *names: str) -> Search:
     """The search where these effects are accepted and fitted, with the threshold of a whole one."""
     fit = identify(case.problem, case.selected)
     begun = Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
-    by_name = {h.name: h for h in case.candidates.hypotheses}
+    by_name = {h.name: h.whole for h in case.candidates.hypotheses}
     accepted = tuple(by_name[n] for n in names)
     evidence = dict.fromkeys(names, 0.0)
     return recalibrated(replace(begun, accepted=accepted, critical=1e-5, evidence=evidence, p_values=evidence))
@@ -87,7 +87,7 @@ def test_what_cannot_be_decided_is_followed_both_ways(monkeypatch: pytest.Monkey
 
 def test_repeated_poses_are_held_out_together_and_few_poses_one_by_one() -> None:
     case = planted(("backlash", "q3", 1.0))
-    by_name = {h.name: h for h in case.candidates.hypotheses}
+    by_name = {h.name: h.whole for h in case.candidates.hypotheses}
     few = case.problem.take(np.repeat(np.arange(12), 3))
     labels, scheme = blocks(few, by_name["backlash@q3"])
     assert scheme == "each pose in turn" and len(set(labels)) == 12
@@ -113,7 +113,7 @@ def test_where_time_and_temperature_go_together_no_evidence_decides_between_drif
 
 def test_what_held_out_rows_speak_against_is_unknown_as_long_as_it_is_significant() -> None:
     case = planted(("backlash", "q3", 1.0))
-    by_name = {h.name: h for h in case.candidates.hypotheses}
+    by_name = {h.name: h.whole for h in case.candidates.hypotheses}
     vetoed = replace(at(case), vetoed=(by_name["backlash@q3"],))
     (unknown,) = refuted_causes(vetoed, score_all(vetoed, vetoed.open))
     assert unknown.depends_on == "direction" and "backlash@q3 fits" in unknown.hint and unknown.p_value < 1e-5

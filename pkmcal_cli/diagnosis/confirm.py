@@ -84,7 +84,7 @@ def _held_out(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Residuals (N, C) of rows held out by blocks, SI and whitened, linear at parameter values (P,); what takes part.
 
-    That is what was measured and is predicted.
+    That is what was measured and is predicted; what was measured once, on a bench, is never held out.
     """
     model = search.problem.model
     there = evaluate(search.problem, values, selected, search.fit.after.start)
@@ -100,13 +100,21 @@ def _held_out(
     columns = scaled_columns.reshape(*shape, -1)
     prior = spectrum.vectors.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.vectors  # held ones stay near
     out_raw, out_white = raw.copy(), white.copy()
+    fold_of = value_folds(problem, labels)
     for fold in np.unique(labels):
-        train, test = labels != fold, labels == fold
-        a = columns[train].reshape(-1, len(selected))
-        step = np.linalg.solve(a.T @ a + prior, a.T @ white[train].ravel())
+        train, test = fold_of != fold, labels == fold
+        a = columns[train]
+        step = np.linalg.solve(a.T @ a + prior, a.T @ white[train])
         out_raw[test] = raw[test] - by_step[test] @ step
         out_white[test] = white[test] - columns[test] @ step
-    return out_raw, out_white, problem.measured
+    return out_raw, out_white, problem.measured & (fold_of >= 0)
+
+
+def value_folds(problem: Problem, labels: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Fold (N, C) of each value by that of its row (N,); -1: in none, what was measured once."""
+    out = np.tile(labels[:, None], (1, problem.readings.shape[1]))
+    out[:, problem.once] = -1
+    return out
 
 
 def blocks(problem: Problem, hypothesis: Hypothesis) -> tuple[NDArray[np.intp], str]:

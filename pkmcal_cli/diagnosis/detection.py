@@ -17,7 +17,7 @@ from scipy.special import chdtrc, fdtrc, gammaincinv
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.confirm import blocks
+from pkmcal_cli.diagnosis.confirm import blocks, value_folds
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
 from pkmcal_cli.diagnosis.noise_tests import improbable
@@ -104,7 +104,8 @@ class Detection:
         key = labels.tobytes()
         if key not in self._schemes:
             same = [j for j, own in enumerate(self._labels) if own.tobytes() == key]
-            self._schemes[key] = _Scheme.of(self.linear, [self.hypotheses[j] for j in same], labels, self.seed)
+            folds = value_folds(self.problem, labels).ravel()
+            self._schemes[key] = _Scheme.of(self.linear, [self.hypotheses[j] for j in same], folds, self.seed)
         return self._schemes[key].run(self.hypotheses[k], self.scores[k], direction, procedure)
 
 
@@ -119,8 +120,8 @@ class _Scheme:
     chance: Array  # (D,) of an estimate of the noise that is smaller
 
     @classmethod
-    def of(cls, linear: Linear, hypotheses: Sequence[Hypothesis], labels: NDArray[np.intp], seed: int) -> _Scheme:
-        """Products with all columns, and draws of those with noise."""
+    def of(cls, linear: Linear, hypotheses: Sequence[Hypothesis], fold: NDArray[np.intp], seed: int) -> _Scheme:
+        """Products with all columns, and draws of those with noise; fold (n,) of each value, -1: in none."""
         prior = linear.fixed[1]
         declared = [linear.of(linear.projected), *([] if linear.extra is None else [linear.extra])]
         columns = [linear.tested(h) for h in hypotheses]
@@ -128,8 +129,7 @@ class _Scheme:
         places = {h.name: np.arange(ends[j], ends[j + 1]) for j, h in enumerate(hypotheses)}
         x, d = np.hstack([*declared, *columns]), len(prior)
         x[:, (x**2).sum(axis=0) < _ROUNDING] = 0.0  # what moves nothing, and is not even the same everywhere
-        fold = np.repeat(labels, linear.channels)
-        used = [fold == f for f in np.unique(labels)]
+        used = [fold == f for f in np.unique(fold)]
         grams = np.stack([x[rows].T @ x[rows] for rows in used])  # (F, d + Q, d + Q)
         rng = np.random.default_rng([seed, 11])
         drawn = np.stack([_root(g) @ rng.normal(size=(len(g), _DRAWS)) for g in grams])  # (F, d + Q, D)
@@ -144,7 +144,8 @@ class _Scheme:
         left = np.hstack([whole[d:, d:], score[d:]]) - whole[d:, :d] @ near
         q = whole.shape[0] - d
         held = np.diag(np.maximum(prior, _SMALL))
-        folds = tuple(_fold(g, n, whole - g, score - n, held, c) for g, n, c in zip(grams, noise, count, strict=True))
+        parts = list(zip(grams, noise, count, strict=True))[int(fold.min() < 0) :]
+        folds = tuple(_fold(g, n, whole - g, score - n, held, c) for g, n, c in parts)
         return cls(places, left[:, :q], left[:, q:], folds, rng.random(_DRAWS))
 
     def run(self, hypothesis: Hypothesis, score: Score, direction: Array, procedure: Procedure) -> _Run:

@@ -99,19 +99,19 @@ def plan_of(
     """
     others = [n for h in candidates.hypotheses for n in h.parameters]
     linear = linear_problem(problem, values, selected, others, None)
-    every = tuple(linear.score_of(h) for h in candidates.hypotheses)
-    procedure = expected_procedure(linear, problem, candidates.hypotheses, every, alpha, seed)
+    procedure = expected_procedure(linear, problem, candidates.hypotheses, alpha, seed)
     hypotheses = candidates.single
-    scores = tuple(s for s, h in zip(every, candidates.hypotheses, strict=True) if not h.members)
+    scores = tuple(linear.score_of(h) for h in hypotheses)
     sizes = visible_sizes(linear, problem, hypotheses, scores, procedure, seed)
     return Plan(candidates, problem, linear, scores, sizes, cosines_between(linear, hypotheses, scores))
 
 
 def expected_procedure(
-    linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis], scores: Sequence[Score], alpha: float, seed: int
+    linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis], alpha: float, seed: int
 ) -> Procedure:
     """What a diagnosis with this false-alarm rate will ask of hypotheses, of noise as it is stated."""
-    draws = smallest_p(linear, [linear.tested(h) for h in hypotheses], scores, seed)
+    every = [part for h in hypotheses for part in h.nested_parts]
+    draws = smallest_p(linear, [linear.tested(h) for h in every], [linear.score_of(h) for h in every], seed)
     drawn = replace(linear, residual=linear.on.ravel() * np.random.default_rng(seed).normal(size=linear.on.size))
     checked = noise_scale(drawn, problem, group_columns(problem))
     return Procedure(critical_p(draws, Alpha(alpha).catalogue), replace(checked, variance=1.0))

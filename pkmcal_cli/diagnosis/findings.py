@@ -132,7 +132,8 @@ def _by_shape(search: Search, hypothesis: Hypothesis, last: Scored) -> Array:
 
 def sizes_seen(scored: Scored, search: Search, seed: int) -> tuple[VisibleSizes, ...]:
     """How large hypotheses that are not accepted would have to be."""
-    kept = [k for k, h in enumerate(scored.hypotheses) if h not in search.accepted and not h.members]
+    names = {h.name for h in search.accepted}
+    kept = [k for k, h in enumerate(scored.hypotheses) if h.name not in names and not h.members]
     hypotheses, scores = [scored.hypotheses[k] for k in kept], [scored.scores[k] for k in kept]
     procedure = Procedure(search.critical, scored.scale)
     return visible_sizes(scored.linear, search.problem, hypotheses, scores, procedure, seed)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Hypothesis:
     """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at nominal.
 
     `KEYWORD@each` and `KEYWORD@each:GROUP`: at several places, with values of its own at each; `members`: what it
-    consists of.
+    consists of. `parts`: its parameters up to each order but the highest, of which the best stands for it.
     """
 
     effect: str
@@ -44,6 +44,31 @@ class Hypothesis:
     free: tuple[str, ...] = ()  # of its parameters, those that are fitted with it but no evidence for it
     known: tuple[tuple[str, float], ...] = ()  # of its parameters, those that have a value (SI) where it is accepted
     members: tuple[Hypothesis, ...] = ()
+    parts: tuple[tuple[str, ...], ...] = field(default=(), compare=False)
+
+    @property
+    def nested_parts(self) -> tuple[Hypothesis, ...]:
+        """It with fewer numbers, up to each order, and with all of them."""
+        return (*(self._of(names) for names in self.parts), self.whole)
+
+    @property
+    def whole(self) -> Hypothesis:
+        """It with all its numbers."""
+        return replace(self, parts=())
+
+    def beyond(self, part: Hypothesis) -> Hypothesis:
+        """It with more numbers than a part of it has."""
+        return replace(self, parts=tuple(p for p in self.parts if len(p) > len(part.parameters)))
+
+    def _of(self, names: Collection[str]) -> Hypothesis:
+        return replace(
+            self,
+            parameters=tuple(n for n in self.parameters if n in names),
+            free=tuple(n for n in self.free if n in names),
+            known=tuple(k for k in self.known if k[0] in names),
+            members=tuple(m._of(names) for m in self.members),
+            parts=(),
+        )
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -62,8 +87,11 @@ class Hypothesis:
         return self.members or (self,)
 
     def contains(self, other: Hypothesis) -> bool:
-        """Whether another one is among its members."""
-        return other in self.members or (bool(other.members) and set(other.members) < set(self.members))
+        """Whether another one is among its members, or a part of it."""
+        if other.name == self.name:
+            return set(other.parameters) < set(self.parameters)
+        own, others = {m.name for m in self.members}, {m.name for m in other.members}
+        return other.name in own or (bool(others) and others < own)
 
     def nested(self, other: Hypothesis) -> bool:
         """Whether both are at several places, one at some of the other's."""
@@ -150,6 +178,10 @@ def _hypothesis(placed: PlacedEffect, specs: Sequence[EffectParameter]) -> Hypot
         measurement=placed.effect.measurement,
         free=tuple(n for n, spec in by_name.items() if spec.free),
         known=tuple((n, spec.known) for n, spec in by_name.items() if spec.known is not None),
+        parts=tuple(
+            tuple(n for n, spec in by_name.items() if spec.order <= order)
+            for order in sorted({spec.order for spec in specs if not spec.free})[:-1]
+        ),
     )
 
 
@@ -168,7 +200,13 @@ def _together(model: Model, single: Sequence[Hypothesis]) -> Iterator[Hypothesis
                     free=tuple(n for h in members for n in h.free),
                     known=tuple(k for h in members for k in h.known),
                     members=members,
+                    parts=tuple(_up_to(members, level) for level in range(max(len(h.parts) for h in members))),
                 )
+
+
+def _up_to(members: Sequence[Hypothesis], level: int) -> tuple[str, ...]:
+    """The parameters of members in their parts up to some order, counted from the lowest."""
+    return tuple(n for h in members for n in ((*h.parts, h.parameters)[min(level, len(h.parts))]))
 
 
 def _missing(effect: Effect, sites: tuple[EffectSite, ...], rows: Rows) -> Iterator[str]:

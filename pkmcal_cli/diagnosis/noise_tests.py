@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,9 @@ from scipy.special import chdtrc, chdtri
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.groups import TEMPERATURE, TIME, group_columns
-from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale
+from pkmcal_cli.diagnosis.groups import POSE, TEMPERATURE, TIME, group_columns
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale, log_evidence
 from pkmcal_cli.diagnosis.outlying_rows import Tails
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
@@ -151,14 +152,16 @@ def successive(linear: Linear, problem: Problem) -> tuple[float, float]:
     return share, float(chdtrc(1, share**2 * pairs.sum()))
 
 
-def independent(linear: Linear, problem: Problem) -> Linear:
+def independent(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis] = ()) -> Linear:
     """The problem with successive rows made independent, where noise with a memory explains best that they are not.
 
-    A step or an oscillation in time makes them alike too; these are for others to find.
+    A step or an oscillation in time makes them alike too, and where poses stand in their order, any effect does and any
+    smooth field; these are for others to find.
     """
     if linear.memory is not None:
         return linear
-    slow = group_columns(problem).get(TIME)  # a drift is no memory
+    groups = group_columns(problem)
+    slow = groups.get(TIME)  # a drift is no memory
     share, p = successive(linear if slow is None else linear.projecting(linear.projected, extra=slow), problem)
     if share <= 0 or p > _ALIKE:
         return linear
@@ -168,7 +171,22 @@ def independent(linear: Linear, problem: Problem) -> Linear:
     memory = 0.5 * (linear.chi2 - made.chi2 - (len(residual) - 1) * size * np.log(1 - share**2)) - 0.5 * n
     step = 0.5 * _step(residual) - 0.5 * (size + 1) * n
     wave = 0.5 * _wave(residual) - 0.5 * (2 * size + 1) * n
-    return made if memory > max(step, wave) else linear
+    return made if memory > max(step, wave, _by_pose(linear, groups), _by_effect(linear, hypotheses)) else linear
+
+
+def _by_pose(linear: Linear, groups: Mapping[str, Array]) -> float:
+    """Log evidence (BIC) of a smooth field over the pose."""
+    if POSE not in groups:
+        return 0.0
+    statistic, count = linear.explained(groups[POSE])
+    return 0.5 * statistic - 0.5 * count * float(np.log(linear.used))
+
+
+def _by_effect(linear: Linear, hypotheses: Sequence[Hypothesis]) -> float:
+    """Log evidence of the best hypothesis, by stated noise."""
+    scores = [linear.score_of(h) for h in hypotheses]
+    found = log_evidence(np.array([s.statistic for s in scores]), np.array([s.count for s in scores], dtype=np.intp))
+    return float(found.max(initial=0.0))
 
 
 def _step(residual: Array) -> float:

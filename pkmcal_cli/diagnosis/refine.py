@@ -47,7 +47,7 @@ def swapped(search: Search) -> Search:
 
 def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
     """The search with this effect replaced, if that is better; None if not."""
-    without = score_without(search, [hypothesis], (hypothesis, *search.open))
+    without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
     shape = shape_gains(search, without) + _preferences(without)
     shaped = without.log_bayes + shape
     order = np.argsort(-shaped[1:])[:RIVALS] + 1
@@ -71,7 +71,7 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
     where two places do as well. `tried`: sets of effects that are not better; what is tried here is added.
     """
     margin = -BETTER if len(removed) == 1 else BETTER
-    without = score_without(search, removed, (*removed, *search.open))
+    without = score_without(search, removed, (*removed, *search.open_without(removed)))
     least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
     trials = sorted(_pairs(search, without), key=lambda trial: -trial[0])
     for new in [new for evidence, new in trials if evidence >= least][:_TRIALS]:
@@ -219,7 +219,7 @@ class CredibleSet:
 
 def set_of(search: Search, hypothesis: Hypothesis) -> CredibleSet:
     """The set of an accepted effect, judged where the search has come to."""
-    without = score_without(search, [hypothesis], (hypothesis, *search.open))
+    without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
     evidence = final_evidence(search, hypothesis, without)
     kept = np.zeros(len(evidence), dtype=bool)
     if of_warming(hypothesis) and warming(search.problem) > TOGETHER:  # no evidence decides between them
@@ -234,7 +234,8 @@ def credible_set(scores: Scored, evidence: Array, kept: NDArray[np.bool_]) -> tu
 
     kept (H,): which are in it at any rate. Where a part has as much evidence as the group, the part stands for it.
     """
-    evidence = np.where(_needless_groups(scores.hypotheses, evidence), -np.inf, evidence)
+    same = [k > 0 and h.name == scores.hypotheses[0].name for k, h in enumerate(scores.hypotheses)]
+    evidence = np.where(same | _needless_groups(scores.hypotheses, evidence), -np.inf, evidence)
     order = np.argsort(-evidence, kind="stable")
     weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1

@@ -150,7 +150,7 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
     problem, candidates = replace(problem, model=model), replace(candidates, model=model)
     every = Search(candidates=candidates, problem=problem, declared=selected, fit=before, failed=before.failed)
     start = _without_gross_rows(every, Alpha(alpha), seed)
-    first = score_all(start, candidates.hypotheses)
+    first = score_all(start, [h.whole for h in candidates.hypotheses])
     same = _same_as_parameters(first)
     candidates = replace(candidates, hypotheses=tuple(h for h in candidates.hypotheses if h.name not in same))
     return _Begun(every=every, start=replace(start, candidates=candidates), first=first, same=same)

@@ -77,9 +77,14 @@ class Search:
 
     @property
     def open(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses that are not accepted."""
-        names = {h.name for h in self.accepted}
-        return tuple(h for h in self.candidates.hypotheses if h.name not in names)
+        """Hypotheses that are not accepted, and those of which parts are, with more numbers."""
+        return self.open_without(())
+
+    def open_without(self, removed: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+        """Hypotheses that are open where some accepted ones are removed."""
+        own = {h.name: h for h in self.accepted if h not in removed}
+        more = [h.beyond(own[h.name]) if h.name in own else h for h in self.candidates.hypotheses]
+        return tuple(h for h in more if h.name not in own or len(h.parameters) > len(own[h.name].parameters))
 
 
 def score_all(search: Search, hypotheses: Sequence[Hypothesis]) -> Scored:
@@ -130,24 +135,36 @@ def _same_lag(search: Search, values: Array, hypotheses: Sequence[Hypothesis]) -
 
 
 def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -> Scored:
-    """Scores, p values and evidence of hypotheses."""
-    plain, linear = linear, independent(linear, problem)
+    """Scores, p values and evidence of hypotheses; the best of its nested parts stands for each."""
+    plain, linear = linear, independent(linear, problem, hypotheses)
     scale = noise_scale(linear, problem, group_columns(problem))
-    scores = tuple(linear.score_of(h) for h in hypotheses)
-    statistic = np.array([s.statistic for s in scores])
+    best = [_best_part(linear, scale, h) for h in hypotheses]
+    scores = tuple(score for _, score, _ in best)
     count = np.array([s.count for s in scores])
-    p = scale.p_value(statistic, np.maximum(count, 1))
+    p = scale.p_value(np.array([s.statistic for s in scores]), np.maximum(count, 1))
     p[count == 0] = 1.0
-    evidence = log_evidence(statistic / scale.variance, count) + [s.tail for s in scores]
+    evidence = np.array([log for _, _, log in best])
     return Scored(
         linear=linear,
         scale=scale,
-        hypotheses=tuple(hypotheses),
+        hypotheses=tuple(part for part, _, _ in best),
         scores=scores,
         p_values=p,
         log_bayes=evidence,
         rows=row_scores(plain, plain.on, scale),
     )
+
+
+def _best_part(linear: Linear, scale: Scale, hypothesis: Hypothesis) -> tuple[Hypothesis, Score, float]:
+    """The part of a hypothesis with most log evidence, its score, and this evidence, of one choice among the parts."""
+    parts = hypothesis.nested_parts
+    scores = [linear.score_of(h) for h in parts]
+    count = np.array([s.count for s in scores])
+    evidence = log_evidence(np.array([s.statistic for s in scores]) / scale.variance, count)
+    evidence = evidence + np.array([s.tail for s in scores])
+    seen = int(np.count_nonzero(count))
+    best = int(np.argmax(evidence)) if seen else len(parts) - 1
+    return parts[best], scores[best], float(evidence[best]) - float(np.log(max(seen, 1)))
 
 
 def shape_gains(search: Search, scores: Scored) -> Array:

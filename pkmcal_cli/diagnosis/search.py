@@ -35,7 +35,9 @@ _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the be
 def run_search(search: Search, alpha: Alpha, seed: int) -> Search:
     """Accept effects and take out rows until nothing significant is left."""
     scored = score_all(search, search.open)
-    draws = smallest_p(scored.linear, [scored.linear.tested(h) for h in scored.hypotheses], scored.scores, seed)
+    every = [part for h in search.open for part in h.nested_parts]
+    columns = [scored.linear.tested(h) for h in every]
+    draws = smallest_p(scored.linear, columns, [scored.linear.score_of(h) for h in every], seed)
     search = replace(search, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
     return _followed(search, alpha, scored.scale.variance)
 
@@ -179,6 +181,8 @@ def _accepted(search: Search, scored: Scored, best: int) -> Search | None:
     fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)}, expected)
     if fit is None or not search.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
         return None
-    p, evidence = dict(search.p_values), dict(search.evidence)
-    p[hypothesis.name], evidence[hypothesis.name] = float(scored.p_values[best]), float(scored.log_bayes[best])
-    return replace(after, fit=fit, p_values=p, evidence=evidence)
+    name = hypothesis.name  # of which a part may have been accepted before
+    p, gain = float(scored.p_values[best]), float(scored.log_bayes[best])
+    p_values = search.p_values | {name: min(p, search.p_values.get(name, 1.0))}
+    evidence = search.evidence | {name: gain + search.evidence.get(name, 0.0)}
+    return replace(after, fit=fit, p_values=p_values, evidence=evidence)

@@ -25,7 +25,9 @@ STRAIGHT = Effect(
     enters="guide",
     parameters=(
         *(
-            EffectParameter(name=f"n{k}", unit="um", range=80, text=f"Legendre polynomial {k} over the travel")
+            EffectParameter(
+                name=f"n{k}", unit="um", range=80, text=f"Legendre polynomial {k} over the travel", order=k - 2
+            )
             for k in range(2, 5)
         ),
         EffectParameter(name="n0", unit="um", range=80, text="position of the reference line, no error", free=True),
@@ -76,7 +78,9 @@ CARRIAGE_ANGLE = Effect(
     enters="carriage",
     parameters=(
         EffectParameter(name="a1", unit="urad", range=100, text="rotation in proportion to the travel"),
-        EffectParameter(name="a2", unit="urad", range=100, text="rotation with the second Legendre polynomial"),
+        EffectParameter(
+            name="a2", unit="urad", range=100, text="rotation with the second Legendre polynomial", order=1
+        ),
     ),
     formula=lambda at, a1, a2: a1 * at.normalised_travel + a2 * legendre(at.normalised_travel, 2),
     options=(OVER,),

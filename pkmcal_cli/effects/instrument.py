@@ -11,7 +11,8 @@ _PLACE = tuple(
     EffectParameter(name=f"t{c}", unit="um", range=1000, text=f"shift along {c}", spatial=c == "z") for c in "xyz"
 )
 _TURN = tuple(
-    EffectParameter(name=f"r{c}", unit="urad", range=1000, text=f"rotation about {c}", spatial=c != "z") for c in "xyz"
+    EffectParameter(name=f"r{c}", unit="urad", range=1000, text=f"rotation about {c}", spatial=c != "z", order=1)
+    for c in "xyz"
 )
 _DIRECTIONS = {**{c: f"shift along {c}" for c in "xyz"}, "n": "shift of a single number"}
 
@@ -111,6 +112,7 @@ DRIFT = Effect(
             text=f"{words}, Legendre polynomial {k} in time",
             rotary="urad" if c == "n" else None,
             spatial=c == "z",
+            order=k - 1,
         )
         for k in (1, 2)
         for c, words in _DIRECTIONS.items()

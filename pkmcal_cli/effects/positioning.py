@@ -63,6 +63,7 @@ ZERO_DRIFT = Effect(
             text=f"shift of the position, Legendre polynomial {k} in time",
             rotary="urad",
             turning=2000,
+            order=k - 1,
         )
         for k in (1, 2)
     ),
@@ -95,7 +96,13 @@ PITCH_CURVE = Effect(
     enters="command",
     parameters=tuple(
         EffectParameter(
-            name=f"p{k}", unit="um", range=60, text=f"Legendre polynomial {k} of the travel", rotary="urad", turning=500
+            name=f"p{k}",
+            unit="um",
+            range=60,
+            text=f"Legendre polynomial {k} of the travel",
+            rotary="urad",
+            turning=500,
+            order=k - 2,
         )
         for k in range(2, 7)
     ),
@@ -138,7 +145,11 @@ GEAR = Effect(
     enters="command",
     parameters=tuple(
         EffectParameter(
-            name=f"{part}{n}", unit="urad", range=400, text=f"{word} of {n} time{'s' if n > 1 else ''} the angle"
+            name=f"{part}{n}",
+            unit="urad",
+            range=400,
+            text=f"{word} of {n} time{'s' if n > 1 else ''} the angle",
+            order=n - 1,
         )
         for n in (1, 2)
         for part, word in (("c", "cosine"), ("s", "sine"))

@@ -34,9 +34,10 @@ _SYSTEMS = (
     "reference_mode",
 )
 """Cached properties that depend on the topology only."""
-_AT_REST = ("overdetermined", "freedoms", "starts", "expected_misfit")
+_AT_REST = ("overdetermined", "freedoms", "starts", "explained_misfit")
 """Those that effects, which are null there, do not move."""
-_DOUBT, _LEAST_MISFIT = 3.0, 1e-3  # of the expected misfit, and in sizes of the machine: less is no doubt
+_DOUBT = 3.0  # of the misfit that is expected
+LEAST_MISFIT = 1e-3  # in sizes of the machine: less is no doubt
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,8 +260,18 @@ class Model:
         state = reference_state(self.topology, self.reference_coefficients, 1, self.freedoms.system.constraints)
         return self.freedoms.spread(self.reference_coefficients, state)
 
-    @cached_property
+    @property
+    def redundancy(self) -> int:
+        """How many of the drives' positions determine the pose again."""
+        return len(self.held_drives) - self.motion_of(self.posed).freedoms if self.overdetermined else 0
+
+    @property
     def expected_misfit(self) -> float:
+        """Misfit of the drives, in sizes of the machine, that is no doubt: what ranges and noise explain, or little."""
+        return max(self.explained_misfit, LEAST_MISFIT)
+
+    @cached_property
+    def explained_misfit(self) -> float:
         """What ranges and noise explain of the drives' misfit, in sizes of the machine."""
         names = list(dict.fromkeys(p.shared_name for p in self.parameters))
         ranges = {p.shared_name: p.range for p in self.parameters}
@@ -272,7 +283,7 @@ class Model:
             by_parameter * np.array([ranges[n] for n in names]),
             sigma,
         )
-        return max(_DOUBT * expected, _LEAST_MISFIT)
+        return _DOUBT * expected
 
     @cached_property
     def reference_coefficients(self) -> Array:

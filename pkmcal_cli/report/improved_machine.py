@@ -20,6 +20,13 @@ def effect_key(hypothesis: Hypothesis) -> str:
     return hypothesis.name if _PLAIN.fullmatch(hypothesis.name) else json.dumps(hypothesis.name, ensure_ascii=False)
 
 
+def null_lines(model: Model, hypothesis: Hypothesis) -> list[str]:
+    """The numbers of an effect without which it explains the data as well."""
+    placed = next(e for e in model.effects if e.name == hypothesis.name)
+    needless = [n.rpartition(".")[2] for n in placed.parameters if n not in hypothesis.parameters]
+    return [f"    {name}: {{identify: false}}  # not needed" for name in needless]
+
+
 def option_lines(model: Model, rows: Rows, hypothesis: Hypothesis) -> list[str]:
     """Constants of an effect that the table decided, so that other tables see the same effect."""
     from pkmcal_cli.prediction import fixed_options

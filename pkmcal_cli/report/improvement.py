@@ -22,7 +22,7 @@ from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, s
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
-from pkmcal_cli.report.improved_machine import effect_key, option_lines, validity
+from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
 from pkmcal_cli.report.joint_uncertainty import correlations
 from pkmcal_cli.report.number_format import finite, handy, readable, uncertain
 from pkmcal_cli.report.parameters import is_weak, reasons_against
@@ -246,7 +246,7 @@ class ImprovementReport:
             if name not in (*improvement.fit.selected, *dict(hypothesis.known)):
                 more += f", identify: false, note: {_NOT_TOLD}"
             lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{more}}}")
-        return lines + option_lines(self.model, improvement.problem.rows, part)
+        return lines + null_lines(self.model, part) + option_lines(self.model, improvement.problem.rows, part)
 
     @cached_property
     def _std(self) -> Array:

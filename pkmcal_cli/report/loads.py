@@ -15,7 +15,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.poses import Place
-from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.model import LEAST_MISFIT, Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import handy
@@ -86,7 +86,8 @@ class Loads:
         self.total += int(prediction.solved.sum())
         if prediction.forces is not None and prediction.tension is not None:
             self._add_limits(prediction.solved, np.abs(prediction.forces), prediction.tension, place)
-        apart = np.nonzero(prediction.solved & (prediction.misfit > 0))[0]
+        apart = np.nonzero(prediction.solved & (prediction.misfit > self.model.expected_misfit))[0]
+        apart = apart[[len(prediction.slack.get(int(k), ())) < self.model.redundancy for k in apart]]
         if len(apart):
             some = predict(self.model, values, rows.take(apart), Request(forces=True), prediction.start.take(apart))
             self._add_disagreement(some, lambda k: place(int(apart[k])))
@@ -135,11 +136,13 @@ class Loads:
                 out.append(f"warning: {what} in {self._rows(worst)}: down to {least} at {worst.place}")
         if self.apart.rows:
             expected = handy(self.model.expected_misfit * self.model.length, parse_unit("mm"))
+            by_ranges = self.model.explained_misfit > LEAST_MISFIT
+            limit = "parameter ranges and noise explain" if by_ranges else f"{LEAST_MISFIT:g} of the machine's size"
             most = handy(self.apart.value, parse_unit("mm"))
-            what = f"the actuators disagree by up to {most} in {self._rows(self.apart)}"
-            why = f"more than parameter ranges and noise explain ({expected})"
+            what = f"the actuators strain the structure by up to {most} in {self._rows(self.apart)}"
+            why = f"more than {limit} ({expected}): they disagree, or loads are large"
             force = f"forces up to {self._force(self.drive, self.force.value)} (`{self.drive}` at {self.force.place})"
-            out.append(f"warning: {what}, {why}: {force}")
+            out.append(f"warning: {what}, {why}; {force}")
         return out
 
     @property
