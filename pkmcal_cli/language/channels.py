@@ -76,7 +76,7 @@ def directions_read(sensor: Sensor[Any], planar: bool) -> tuple[str, ...]:
 
 def channels_of(machine: Machine[Any, Any]) -> tuple[SensorChannel, ...]:
     """Channels of all sensors, in the order of the machine file."""
-    one = len(machine.sensors) == 1
+    one = sum(not kind_of_sensor(s).measurand.once for s in machine.sensors.values()) == 1  # a bench has no columns
     return tuple(c for name, sensor in machine.sensors.items() for c in _channels(machine, name, sensor, one))
 
 
@@ -102,7 +102,7 @@ def _channels(machine: Machine[Any, Any], name: str, sensor: Sensor[Any], one: b
         for direction in read:
             own = ("" if one else f"{name}.") + point + direction
             header = sensor.reads.get(direction, "")  # type: ignore[call-overload]
-            column = own if header in ("", direction) else point + header
+            column = point + header if header else own
             turning = direction in ORIENTATION
             unit = machine.file_units.angle if turning else reading_unit(machine, sensor)
             measurand = Measurand.ORIENTATION if turning else kind.measurand

@@ -106,7 +106,9 @@ def coordinates_of(machine: Machine) -> tuple[str, ...]:
 def channel_of_target(machine: Machine) -> dict[str, str]:
     """Channels that give coordinates of the tool point: those of the only sensor, if it measures there only."""
     channels, tool = channels_of(machine), tool_point_of(machine)
-    alone = len(machine.sensors) == 1 and {c.target for c in channels} == {tool.name if tool is not None else ""}
+    in_tables = [c for c in channels if not c.measurand.once]
+    alone = len({c.sensor for c in in_tables}) == 1
+    alone = alone and {c.target for c in in_tables} == {tool.name if tool is not None else ""}
     if not alone or tool is None or not tool.sensor:
         return {}
     return {c.direction: c.name for c in channels if c.measurand.of_pose}
