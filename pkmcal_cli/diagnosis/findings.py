@@ -12,6 +12,7 @@ from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.refine import Rival, set_of
+from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without, refit
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
 from pkmcal_cli.diagnosis.stability import STABLE, stability
@@ -63,7 +64,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     estimate = tuple(float(v) for v in search.fit.values[index])
     nominal, ranges = search.problem.model.nominal[index], search.problem.model.ranges[index]
     part = np.array([n not in hypothesis.free for n in hypothesis.parameters])
-    beyond = bool((np.abs(np.array(estimate) - nominal) > 2 * ranges)[part].any())
+    beyond = bool((np.abs(np.array(estimate) - nominal) > UNUSUAL * ranges)[part].any())
     gain = held_out_gain(search, hypothesis)
     fall = _likelihood_ratio(search, hypothesis)
     share = min(fall / every, 1.0) if every > 0 and np.isfinite(fall) else float("nan")

@@ -51,7 +51,7 @@ def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
     shape = shape_gains(search, without) + _preferences(without)
     shaped = without.log_bayes + shape
     order = np.argsort(-shaped[1:])[:RIVALS] + 1
-    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not without.scores[k].far):
+    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not without.unusual[k]):
         after = _replaced(search, hypothesis, without, k)
         if after is not None and _gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
             return _renamed(after, without, k)
@@ -106,7 +106,7 @@ def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypot
 
 def _eligible(scores: Scored) -> Array:
     """Log evidence (H,) of hypotheses, with what goes before; none far beyond its range takes another's place."""
-    return np.where([s.far for s in scores.scores], -np.inf, scores.log_bayes + _preferences(scores))
+    return np.where(scores.unusual, -np.inf, scores.log_bayes + _preferences(scores))
 
 
 def _evidence_of(search: Search, without: Scored, removed: tuple[Hypothesis, ...]) -> float:

@@ -10,6 +10,7 @@ from pkmcal_cli.base.rotation import Array
 
 NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Baarda)
 PLAUSIBLE = 2.0  # standard deviations of a prior: its range
+UNUSUAL = 2.0  # ranges, beyond which a size is told to be unusual
 FAR = 50.0 * PLAUSIBLE  # up to which an effect is looked for that nothing could show within its range
 
 
@@ -54,8 +55,12 @@ class Score:
 
         Priors have the tails of a Cauchy distribution: what is far beyond its range is improbable, not impossible.
         """
-        size = float(np.abs(self.estimate).max(initial=0.0)) / PLAUSIBLE
-        return -float(np.log((1.0 + size**2) / 2.0)) if self.far and size > 1.0 else 0.0
+        return -float(np.log((1.0 + self.size**2) / 2.0)) if self.far and self.size > 1.0 else 0.0
+
+    @property
+    def size(self) -> float:
+        """Largest number in ranges."""
+        return float(np.abs(self.estimate).max(initial=0.0)) / PLAUSIBLE
 
     @property
     def leading(self) -> int:

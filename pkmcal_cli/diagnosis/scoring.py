@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
@@ -17,7 +18,7 @@ from pkmcal_cli.diagnosis.linear import Linear, Scale, linear_problem, log_evide
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
-from pkmcal_cli.diagnosis.score import Score
+from pkmcal_cli.diagnosis.score import UNUSUAL, Score
 from pkmcal_cli.model.model import Model
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
@@ -36,6 +37,12 @@ class Scored:
     p_values: Array
     log_bayes: Array
     rows: RowScores
+
+    @property
+    def unusual(self) -> NDArray[np.bool_]:
+        """Which (H,) come last: what nothing could show within its range, and groups far beyond theirs."""
+        pairs = zip(self.hypotheses, self.scores, strict=True)
+        return np.array([s.far or (bool(h.members) and s.size > UNUSUAL) for h, s in pairs], dtype=bool)
 
 
 @dataclass(frozen=True, kw_only=True)

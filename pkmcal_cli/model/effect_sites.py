@@ -196,12 +196,13 @@ def places(
 
 
 def together(sites: EffectSites, effect: Effect, groups: EffectGroups) -> dict[str, tuple[str, ...]]:
-    """Places at which an effect may have values of its own together, by name: all, and those of each group."""
+    """Places at which an effect may have values of its own together, by name: of groups, and all of them."""
     if effect.places in ("session", "all"):
         return {}
     named = fitting(sites, effect, lambda site: _acts(effect, site))
     by_group = {f"{EACH}:{g}": members for g, members in _some(named, groups).items()}
-    return ({EACH: tuple(named)} if len(named) > 1 else {}) | by_group
+    alike = any({n.partition(".")[0] for n in named} <= set(members) for members in groups.values())
+    return ({EACH: tuple(named)} if len(named) > 1 and alike else {}) | by_group
 
 
 def _some(named: Mapping[str, object], groups: EffectGroups) -> dict[str, tuple[str, ...]]:
