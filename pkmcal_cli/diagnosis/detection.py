@@ -26,7 +26,7 @@ from pkmcal_cli.diagnosis.selection_bias import Acceptance
 
 _DETECTED = 0.8
 _DRAWS = 500
-_HALVINGS = 14
+_HALVINGS = 10  # of the interval in which it lies: much finer than so many draws tell
 _ROUNDING = 1e-12  # of the largest eigenvalue; and of a column in standard uncertainties, squared
 _TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
 _SMOOTH = 0.15  # standard uncertainties

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -50,7 +51,7 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     unknown: tuple[Unknown, ...]
     noise: tuple[NoiseGrowth, ...]  # by which rows were counted
-    detectable: tuple[VisibleSizes, ...]  # every hypothesis that is not accepted
+    first: Scored  # all hypotheses, with nothing accepted
     not_testable: tuple[tuple[str, str], ...]
     scale: Scale
     correlation: float  # of successive rows' noise; 0 where they are independent
@@ -58,6 +59,11 @@ class Diagnosis:
     suspected: dict[int, float]  # rows that are used but may be wrong, and the chance that any good one is as far off
     p_global: float
     seed: int
+
+    @cached_property
+    def detectable(self) -> tuple[VisibleSizes, ...]:
+        """How large every hypothesis that is not accepted would have to be."""
+        return sizes_seen(self.first, self.search, self.seed)
 
     @property
     def invisible(self) -> tuple[VisibleSizes, ...]:
@@ -111,7 +117,7 @@ def _diagnosis(
         findings=findings,
         unknown=unknown,
         noise=() if unknown else growth,
-        detectable=sizes_seen(first, search, seed),
+        first=first,
         not_testable=candidates.not_testable,
         scale=last.scale,
         correlation=0.0 if last.linear.memory is None else last.linear.memory.correlation,
