@@ -11,7 +11,7 @@ from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
-from pkmcal_cli.diagnosis.refine import Rival, set_of
+from pkmcal_cli.diagnosis.refine import Rival, rivals_of, set_of
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without, refit
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
@@ -49,8 +49,9 @@ def findings_of(search: Search, last: Scored, doubt: bool, seed: int) -> tuple[F
     """What is told of accepted effects, by what they gain. `last`: scored at the end; `doubt`: something is unknown."""
     if not search.accepted:
         return ()
-    every = linear_without(search, search.accepted, ()).chi2 - search.fit.chi2  # what all of them explain
-    findings = [_finding(search, h, last, every, doubt, seed) for h in search.accepted]
+    every = linear_without(search, search.near, ()).chi2 - search.fit.chi2  # what all of them explain
+    findings = [_finding(search, h, last, every, doubt, seed) for h in search.near]
+    findings += [_far_finding(search, h, last) for h in search.accepted if h.name in search.far_off]
     return tuple(sorted(findings, key=lambda f: -f.held_out.gain))
 
 
@@ -91,6 +92,28 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
         selected=_selected(search, hypothesis, np.array(estimate) - nominal, np.array(std), without, seed)
         if linear
         else None,
+    )
+
+
+def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored) -> Finding:
+    """What is told of an effect that is far off: nothing that is linear at its null."""
+    model, fit = search.problem.model, search.fit
+    places = {n: k for k, n in enumerate(fit.selected)}
+    spread = np.sqrt(last.scale.variance)
+    return Finding(
+        hypothesis=hypothesis,
+        estimate=tuple(float(fit.values[model.names.index(n)]) for n in hypothesis.parameters),
+        std=tuple(float(spread * fit.std[places[n]]) if n in places else 0.0 for n in hypothesis.parameters),
+        evidence=search.evidence[hypothesis.name],
+        p_value=search.p_values[hypothesis.name],
+        share=float("nan"),
+        rivals=rivals_of(search, hypothesis),
+        held_out=held_out_gain(search, hypothesis),
+        stable=float("nan"),
+        nonlinear=float("nan"),
+        beyond=True,
+        provisional=True,
+        selected=None,
     )
 
 

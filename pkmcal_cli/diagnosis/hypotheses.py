@@ -45,6 +45,7 @@ class Hypothesis:
     known: tuple[tuple[str, float], ...] = ()  # of its parameters, those that have a value (SI) where it is accepted
     members: tuple[Hypothesis, ...] = ()
     parts: tuple[tuple[str, ...], ...] = field(default=(), compare=False)
+    begin: tuple[tuple[str, float], ...] = field(default=(), compare=False)  # values (SI) that fits begin with
 
     @property
     def nested_parts(self) -> tuple[Hypothesis, ...]:

@@ -34,11 +34,11 @@ class Rival:
 def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
     tried: set[frozenset[Hypothesis]] = set()
-    for _ in range(2 * len(search.accepted)):
-        groups = [(h,) for h in search.accepted if h.members]
-        removed = (*groups, *combinations(search.accepted, 2))
+    for _ in range(2 * len(search.near)):
+        groups = [(h,) for h in search.near if h.members]
+        removed = (*groups, *combinations(search.near, 2))
         better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
-        better = better or next((s for h in search.accepted if (s := _improved(search, h)) is not None), None)
+        better = better or next((s for h in search.near if (s := _improved(search, h)) is not None), None)
         if better is None:
             return search
         search = needed_only(better)
@@ -150,7 +150,7 @@ def confirmed_only(search: Search) -> Search:
     """
     dropped: set[Hypothesis] = set()
     while True:
-        refuted = [h for h in search.accepted if held_out_gain(search, h).contradicts]
+        refuted = [h for h in search.near if held_out_gain(search, h).contradicts]
         if not refuted:
             return search
         worst = min(refuted, key=lambda h: search.evidence[h.name])
@@ -215,6 +215,13 @@ class CredibleSet:
     def members(self) -> tuple[Hypothesis, ...]:
         """The hypotheses."""
         return tuple(r.hypothesis for r in self.rivals)
+
+
+def rivals_of(search: Search, hypothesis: Hypothesis) -> tuple[Rival, ...]:
+    """The set of an accepted effect, also of one that is far off."""
+    if hypothesis.name in search.far_off:
+        return tuple(Rival(h, weight, 1.0) for h, weight in search.far_off[hypothesis.name].rivals)
+    return set_of(search, hypothesis).rivals
 
 
 def set_of(search: Search, hypothesis: Hypothesis) -> CredibleSet:

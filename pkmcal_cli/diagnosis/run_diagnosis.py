@@ -14,6 +14,7 @@ from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.calibration.starts import best_of_starts
 from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.gross_rows import gross_rows
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
@@ -23,7 +24,7 @@ from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, noise_growth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.outlying_rows import row_scores
-from pkmcal_cli.diagnosis.refine import confirmed_only, set_of, swapped
+from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of, swapped
 from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.scoring import Scored, Search, recalibrated, score_all
 from pkmcal_cli.diagnosis.search import run_search
@@ -136,7 +137,8 @@ def named(
     Raises RowsFailed.
     """
     search = _ended(_begun(candidates, problem, selected, alpha, seed), alpha, seed)
-    return tuple((h, *(r for r in set_of(search, h).members if r != h)) for h in search.accepted)
+    rivals = {h: [r.hypothesis for r in rivals_of(search, h)] for h in search.accepted}
+    return tuple((h, *(r for r in others if r != h)) for h, others in rivals.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +165,7 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
 
 
 def _ended(begun: _Begun, alpha: float, seed: int) -> Search:
-    return confirmed_only(restored(swapped(run_search(begun.start, Alpha(alpha), seed))))
+    return confirmed_only(restored(swapped(run_search(with_far_causes(begun.start), Alpha(alpha), seed))))
 
 
 def _calibrated(problem: Problem, selected: tuple[str, ...], seed: int) -> Fit:

@@ -46,6 +46,17 @@ class Scored:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FarOff:
+    """Of an effect that is far off: how far declared parameters are off without it, by name, SI; what fits as well.
+
+    rivals: the effect and those that a nonlinear fit does not tell from it, with their weights, best first.
+    """
+
+    offsets: Mapping[str, float]
+    rivals: tuple[tuple[Hypothesis, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Search:
     """Where the search has come to: the problem without the rows taken out or left out, its fit, what was accepted."""
 
@@ -62,6 +73,8 @@ class Search:
     evidence: dict[str, float] = field(default_factory=dict)
     critical: float = 0.0
     tests: float = 0.0
+    far_off: Mapping[str, FarOff] = field(default_factory=dict)  # by name, among the accepted effects
+    untried: tuple[str, ...] = ()  # effects that may be far off, but were too many to try
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -81,6 +94,11 @@ class Search:
         known = [h.effect for h in hypotheses]
         first = len(set(known)) * float(np.log(len(kinds)))
         return first + sum(float(np.log(kinds.count(k))) for n, k in enumerate(known) if k in known[:n])
+
+    @property
+    def near(self) -> tuple[Hypothesis, ...]:
+        """Accepted effects that are not far off: those that linear tests tell something of."""
+        return tuple(h for h in self.accepted if h.name not in self.far_off)
 
     @property
     def open(self) -> tuple[Hypothesis, ...]:
@@ -201,9 +219,9 @@ def recalibrated(search: Search) -> Search:
 
 
 def start_of(model: Model, accepted: Sequence[Hypothesis]) -> Array:
-    """Values (P,), SI, from which a fit with effects begins: nominal, and what is known of these."""
+    """Values (P,), SI, from which a fit with effects begins: nominal, and what is known of these, or far off."""
     start = model.nominal
-    for name, value in (known for h in accepted for known in h.known):
+    for name, value in (value for h in accepted for value in (*h.known, *h.begin)):
         start[model.names.index(name)] = value
     return start
 

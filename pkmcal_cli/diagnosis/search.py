@@ -112,7 +112,7 @@ def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
 
 def needed_only(search: Search) -> Search:
     """The search without effects that those accepted later have made needless."""
-    for hypothesis in search.accepted[:-1]:
+    for hypothesis in (h for h in search.near if h != search.accepted[-1]):
         kept = [h for h in search.accepted if h != hypothesis]
         least = search.price(search.accepted) - search.price(kept) - BETTER
         without = score_without(search, [hypothesis], [hypothesis])

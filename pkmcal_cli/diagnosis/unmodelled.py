@@ -22,10 +22,10 @@ def unmodelled_alternatives(search: Search, last: Scored) -> list[Unknown]:
 
     `last`: scored with all of them.
     """
-    if not search.accepted:
+    if not search.near:
         return []
     kinds = families(search.problem, search.fit)
-    every = [tuple(search.accepted), *([(h,) for h in search.accepted] if len(search.accepted) > 1 else [])]
+    every = [search.near, *([(h,) for h in search.near] if len(search.near) > 1 else [])]
     for removed in every:
         better = _better(search, removed, last, kinds)
         if better is not None:

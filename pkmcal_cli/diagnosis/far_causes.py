@@ -1,0 +1,189 @@
+"""Far off before fine: constants, scales and signs of drives, of any size, where values run out of their ranges.
+
+What is far off is not found by a linear test at a calibration without it: declared parameters have taken up what they
+can, and the machine is elsewhere. So each candidate is fitted from the nominal machine, nonlinear and free in size; the
+best are fitted again from several starts. One is named where it explains most of what is left, brings the declared
+parameters back, and helps rows that were held out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.plausible import implausible_residuals
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.confirm import held_out_gain
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import linear_problem
+from pkmcal_cli.diagnosis.score import UNUSUAL
+from pkmcal_cli.diagnosis.scoring import FarOff, Search, start_of
+
+KINDS = ("zero", "scale")
+_OUT = 3.0  # ranges off nominal, beyond which a declared parameter has run away
+_TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
+_EXPLAINED = 0.75  # share of chi-square that a far cause explains
+_BACK = 0.5  # share of the furthest offset that may be left with it
+_ROWS, _STEPS, _LAST_STEPS = 150, 12, 30  # rows and steps of a screening fit, steps of the last ones
+_CANDIDATES, _BEST, _MOST = 48, 5, 2  # that are screened, fitted from several starts, and named one after the other
+_RIVAL = 0.02  # weight from which on a hypothesis is told beside the best
+_REVERSED = -2.0  # scale of a drive whose sign is wrong
+
+
+def with_far_causes(search: Search) -> Search:
+    """The search with far-off causes accepted, one after the other, where the calibration has run away."""
+    while len(search.far_off) < _MOST and _run_away(search):
+        candidates = [h for h in search.open if h.effect in KINDS and not h.session]
+        better = _best(search, candidates[:_CANDIDATES])
+        search = replace(better or search, untried=tuple(h.name for h in candidates[_CANDIDATES:]))
+        if better is None:
+            break
+    return search
+
+
+def _run_away(search: Search) -> bool:
+    """Whether a calibration has taken declared parameters out of their ranges, or leaves most of what it began with."""
+    fit = search.fit
+    if not fit.chi2_per_dof > _TIMES:
+        return False
+    return bool(_offsets(search, fit)) or bool(implausible_residuals(search.problem, fit))
+
+
+def _offsets(search: Search, fit: Fit) -> dict[str, float]:
+    """How far declared parameters are off nominal, the furthest first, SI; those beyond their ranges."""
+    model = search.problem.model
+    index = [model.names.index(n) for n in search.declared if n in fit.selected]
+    off = fit.values[index] - model.nominal[index]
+    share = np.abs(off) / model.ranges[index]
+    order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > _OUT]
+    return {model.names[index[k]]: float(off[k]) for k in order}
+
+
+def _furthest(search: Search, fit: Fit) -> float:
+    """Largest offset of a declared parameter, in its range."""
+    model = search.problem.model
+    index = [model.names.index(n) for n in search.declared if n in fit.selected]
+    return float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
+
+
+def _best(search: Search, candidates: Sequence[Hypothesis]) -> Search | None:
+    """The search with the far-off cause that has most evidence; None where none is one."""
+    screened = _screened(search, candidates)
+    variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
+    order = sorted(screened, key=lambda h: _cost(screened[h], h, variance))[:_BEST]
+    ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h])) is not None}
+    variance = max(min((f.chi2_per_dof for f in ends.values()), default=1.0), 1.0)
+    cost = {h: _cost(fit, h, variance) for h, fit in ends.items()}
+    far = [h for h in sorted(ends, key=lambda h: cost[h]) if _is_far(search, h, ends[h])]
+    for hypothesis in far:
+        own = [h for h in far if h is hypothesis or not h.akin(hypothesis)]
+        weight = np.exp([cost[hypothesis] - cost[h] for h in own])
+        rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(own, weight, strict=True)]
+        told = FarOff(offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL))
+        found = _with(search, hypothesis, ends[hypothesis], told)
+        if not held_out_gain(found, found.accepted[-1]).contradicts:
+            return found
+    return None
+
+
+def _cost(fit: Fit, hypothesis: Hypothesis, variance: float) -> float:
+    """Less log evidence (BIC) of a fit with a hypothesis."""
+    return 0.5 * (fit.chi2 / variance + len(hypothesis.unknown) * float(np.log(max(fit.dof, 2))))
+
+
+def _screened(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, Fit]:
+    """One fit of some rows with each candidate, from where it explains most of the nominal machine's residual."""
+    rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
+    some = replace(search, problem=search.problem.take(rows))
+    out = {}
+    for hypothesis, sizes in _sizes(some, candidates).items():
+        fits = [_fit(some, hypothesis, size, _STEPS) for size in sizes]
+        kept = [fit for fit in fits if fit is not None]
+        if kept:
+            out[hypothesis] = min(kept, key=lambda fit: fit.chi2)
+    return out
+
+
+def _sizes(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, list[Array]]:
+    """Sizes (k,), SI, from which fits with candidates begin."""
+    names = [n for h in candidates for n in h.parameters]
+    start = _start(search)
+    linear = linear_problem(search.problem, start, (), list(dict.fromkeys(names)), None)
+    out = {}
+    for h in candidates:
+        columns = linear.of(h.parameters) / linear.scale_of(h.parameters)
+        sizes = [np.linalg.lstsq(columns, linear.residual, rcond=1e-9)[0]]
+        if h.effect == "scale":
+            sizes.append(np.full(len(h.parameters), _REVERSED))
+        out[h] = sizes
+    return out
+
+
+def _start(search: Search) -> Array:
+    """Values (P,), SI: nominal, but for what was found to be far off before."""
+    return start_of(search.problem.model, search.accepted)
+
+
+def _fit(search: Search, hypothesis: Hypothesis, size: Array, steps: int, start: Array | None = None) -> Fit | None:
+    """A fit with a hypothesis of any size, from a size (k,), SI, or from values (P,); None where it fails."""
+    problem = _free(search.problem, hypothesis)
+    values = _start(search) if start is None else start.copy()
+    if start is None:
+        values[[problem.model.names.index(n) for n in hypothesis.parameters]] = size
+    chosen = {*search.selected, *hypothesis.unknown}
+    try:
+        return identify(problem, tuple(n for n in problem.model.names if n in chosen), values, steps)
+    except (RowsFailed, np.linalg.LinAlgError):
+        return None
+
+
+def _free(problem: Problem, hypothesis: Hypothesis) -> Problem:
+    """The problem in which the numbers of a hypothesis may have any size: lengths that of the machine, scales all."""
+    ranges = problem.model.ranges.copy()
+    for name in hypothesis.parameters:
+        k = problem.model.names.index(name)
+        ranges[k] = problem.model.length if problem.model.parameters[k].dimension == "length" else 1.0
+    return replace(problem, model=problem.model.with_ranges(ranges))
+
+
+def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit) -> Fit | None:
+    """The best fit of all rows with a hypothesis, from where the screening ended and from the linear sizes."""
+    starts = [screened.values] if len(screened.values) == len(search.problem.model.names) else []
+    fits = [_fit(search, hypothesis, np.zeros(0), _LAST_STEPS, start) for start in starts]
+    fits += [_fit(search, hypothesis, size, _LAST_STEPS) for size in _sizes(search, [hypothesis])[hypothesis]]
+    return min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
+
+
+def _with(search: Search, hypothesis: Hypothesis, fit: Fit, told: FarOff) -> Search:
+    """The search with a far-off cause accepted, from whose size later fits begin."""
+    model = search.problem.model
+    begin = tuple((n, float(fit.values[model.names.index(n)])) for n in hypothesis.unknown)
+    gain = search.fit.chi2 - fit.chi2
+    return replace(
+        search,
+        problem=_free(search.problem, hypothesis),
+        accepted=(*search.accepted, replace(hypothesis.whole, begin=begin)),
+        fit=fit,
+        p_values=search.p_values | {hypothesis.name: 0.0},
+        evidence=search.evidence | {hypothesis.name: 0.5 * gain / max(fit.chi2_per_dof, 1.0)},
+        far_off={**search.far_off, hypothesis.name: told},
+    )
+
+
+def _is_far(search: Search, hypothesis: Hypothesis, fit: Fit) -> bool:
+    """Whether a cause is far off, explains most of what was left, and brings declared parameters back."""
+    model = search.problem.model
+    index = [model.names.index(n) for n in hypothesis.unknown]
+    size = float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
+    before = _furthest(search, search.fit)
+    return (
+        size > UNUSUAL
+        and fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2
+        and (before <= _OUT or _furthest(search, fit) < max(_BACK * before, _OUT))
+        and len(fit.failed) <= len(search.fit.failed)
+    )
