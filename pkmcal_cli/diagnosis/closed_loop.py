@@ -21,6 +21,7 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.diagnosis.confirm import cells
+from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
@@ -200,6 +201,8 @@ def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFol
 
 def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
     """A calibration with effects, from nominal values. Raises RowsFailed."""
+    for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
+        problem = of_any_size(problem, hypothesis)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)
     return identify(problem, names, start_of(problem.model, accepted))

@@ -131,7 +131,7 @@ def _start(search: Search) -> Array:
 
 def _fit(search: Search, hypothesis: Hypothesis, size: Array, steps: int, start: Array | None = None) -> Fit | None:
     """A fit with a hypothesis of any size, from a size (k,), SI, or from values (P,); None where it fails."""
-    problem = _free(search.problem, hypothesis)
+    problem = of_any_size(search.problem, hypothesis)
     values = _start(search) if start is None else start.copy()
     if start is None:
         values[[problem.model.names.index(n) for n in hypothesis.parameters]] = size
@@ -142,7 +142,7 @@ def _fit(search: Search, hypothesis: Hypothesis, size: Array, steps: int, start:
         return None
 
 
-def _free(problem: Problem, hypothesis: Hypothesis) -> Problem:
+def of_any_size(problem: Problem, hypothesis: Hypothesis) -> Problem:
     """The problem in which the numbers of a hypothesis may have any size: lengths that of the machine, scales all."""
     ranges = problem.model.ranges.copy()
     for name in hypothesis.parameters:
@@ -166,7 +166,7 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, told: FarOff) -> Sea
     gain = search.fit.chi2 - fit.chi2
     return replace(
         search,
-        problem=_free(search.problem, hypothesis),
+        problem=of_any_size(search.problem, hypothesis),
         accepted=(*search.accepted, replace(hypothesis.whole, begin=begin)),
         fit=fit,
         p_values=search.p_values | {hypothesis.name: 0.0},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +39,7 @@ class Finding:
     beyond: bool  # larger than twice what is plausible
     provisional: bool
     selected: SelectedSize | None  # its size where being found made it larger
+    run_away: Mapping[str, float] | None = None  # of what is far off: offsets of declared parameters without it, SI
 
     @property
     def ambiguous(self) -> bool:
@@ -51,7 +53,7 @@ def findings_of(search: Search, last: Scored, doubt: bool, seed: int) -> tuple[F
         return ()
     every = linear_without(search, search.near, ()).chi2 - search.fit.chi2  # what all of them explain
     findings = [_finding(search, h, last, every, doubt, seed) for h in search.near]
-    findings += [_far_finding(search, h, last) for h in search.accepted if h.name in search.far_off]
+    findings += [_far_finding(search, h, last, doubt) for h in search.accepted if h.name in search.far_off]
     return tuple(sorted(findings, key=lambda f: -f.held_out.gain))
 
 
@@ -95,11 +97,12 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     )
 
 
-def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored) -> Finding:
+def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bool) -> Finding:
     """What is told of an effect that is far off: nothing that is linear at its null."""
     model, fit = search.problem.model, search.fit
     places = {n: k for k, n in enumerate(fit.selected)}
     spread = np.sqrt(last.scale.variance)
+    gain, told = held_out_gain(search, hypothesis), search.far_off[hypothesis.name]
     return Finding(
         hypothesis=hypothesis,
         estimate=tuple(float(fit.values[model.names.index(n)]) for n in hypothesis.parameters),
@@ -108,12 +111,13 @@ def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored) -> Findin
         p_value=search.p_values[hypothesis.name],
         share=float("nan"),
         rivals=rivals_of(search, hypothesis),
-        held_out=held_out_gain(search, hypothesis),
+        held_out=gain,
         stable=float("nan"),
         nonlinear=float("nan"),
-        beyond=True,
-        provisional=True,
+        beyond=False,
+        provisional=doubt or not gain.confirmed,
         selected=None,
+        run_away=told.offsets,
     )
 
 

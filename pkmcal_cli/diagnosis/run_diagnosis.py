@@ -112,7 +112,7 @@ def _diagnosis(
     whole = first.linear if not begun.start.bad_rows else score_all(begun.every, ()).linear
     return Diagnosis(
         verdict=_verdict(findings, unknown, bool(search.bad_rows), last.linear),
-        problem=search.problem,
+        problem=replace(search.problem, model=begun.start.problem.model),
         before=begun.every.fit,
         search=search,
         findings=findings,

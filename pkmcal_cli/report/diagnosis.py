@@ -57,6 +57,8 @@ class DiagnosisReport(DiagnosisValues):
             words = f"{100 * chance:.1g} % chance that any row is off as much"
             to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
         self.failed.show(to)
+        if untried := self.diagnosis.search.untried:
+            to.say(f"not tried as far off (too many): {listed(list(untried), 6)}")
         for noise in self.diagnosis.noise:
             to.say(growth_text(noise))
         if self.diagnosis.correlation:
@@ -83,7 +85,7 @@ class DiagnosisReport(DiagnosisValues):
             "sigma_too_small": _LIKE_NOISE,
             "found": _BEYOND
             if any(f.beyond for f in diagnosis.findings)
-            else f"found {count(len(diagnosis.findings), 'effect')} that the model lacks",
+            else f"found {count(len(diagnosis.findings), 'effect')} that the model lacks{self._far_off()}",
             "ambiguous": "the model lacks an effect; several effects explain the residuals equally well",
             "unknown": f"unknown; depends on {depends}, and matches no effect of the catalogue",
             "measurement_fault": "the measurement is at fault",
@@ -95,6 +97,11 @@ class DiagnosisReport(DiagnosisValues):
             f"The residuals after calibration are {scale}: {rms_text} rms "
             f"(sigma {sigma_text}{self._doubt_of_sigma()}, {chance})."
         )
+
+    def _far_off(self) -> str:
+        """Which effects are far larger than what is usual."""
+        far = [f.hypothesis.name for f in self.diagnosis.findings if f.run_away is not None]
+        return f"; far beyond what is usual: {listed(far, 3)}" if far else ""
 
     def _provisional(self) -> str:
         """That something found is provisional, first of all; what is unknown says so by itself."""
@@ -209,7 +216,9 @@ class DiagnosisReport(DiagnosisValues):
         return (files[0] if files[0] != _STDIN else "M.yaml"), (files[1] if files[1] != _STDIN else "MEAS.csv")
 
     def _reservation(self, finding: Finding) -> str:
-        """Why a finding is provisional."""
+        """How far off an effect is, or why it is provisional."""
+        if finding.run_away is not None:
+            return f" Its size is far beyond what is usual.{self.run_away(finding.run_away)}"
         if finding.beyond:
             return " Provisional: its size is beyond what is usual; the true cause may be another."
         if not finding.held_out.confirmed:

@@ -71,6 +71,9 @@ class DiagnosisJson(DiagnosisValues):
             "likelihood_ratio_over_score": finite(finding.nonlinear),
             "provisional": finding.provisional,
             "selection": self._selection_json(finding),
+            "far_off": None
+            if finding.run_away is None
+            else {name: off / self.unit(name).scale for name, off in finding.run_away.items()},
         }
 
     def _selection_json(self, finding: Finding) -> dict[str, Any] | None:

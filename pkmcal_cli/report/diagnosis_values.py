@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property, partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import unit_of
 from pkmcal_cli.report.number_format import handy, readable, uncertain
+from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -95,3 +97,10 @@ class DiagnosisValues:
         ratio = np.abs(np.array(finding.estimate) - nominal) / np.array(finding.std)
         ratio[[own.index(n) for n in finding.hypothesis.free]] = np.nan
         return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
+
+    def run_away(self, offsets: Mapping[str, float]) -> str:
+        """What a calibration makes of declared parameters that take up what is far off: offsets by name, SI."""
+        if not offsets:
+            return ""
+        texts = [f"{name} {'+' if off > 0 else ''}{handy(off, self.unit(name))}" for name, off in offsets.items()]
+        return f" Without it, parameters come out far off nominal: {listed(texts, 6)}."
