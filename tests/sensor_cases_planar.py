@@ -249,7 +249,7 @@ PLANAR: tuple[Case, ...] = (
         free=(*LENGTHS, "l1", "l2"),
         changes="""{sensors: {rod3: {kind: bench, of: l3, reading: 950, sigma: 10 um},
         pair: {kind: bench, of: l1 - l2, reading: 0, sigma: 3 um}}}""",
-        measure=lambda s, rng: grid(s, rng, "grid."),
+        measure=grid,
         bench=lambda v, rng: {
             "rod3": noisy(np.array(v["l3"]), 10 * UM, rng) / MM,
             "pair": noisy(np.array(v["l1"] - v["l2"]), 3 * UM, rng) / MM,

@@ -21,12 +21,12 @@ from pkmcal_cli.diagnosis.confirm import blocks, value_folds
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
 from pkmcal_cli.diagnosis.noise_tests import improbable
-from pkmcal_cli.diagnosis.score import Score
+from pkmcal_cli.diagnosis.score import Score, minimal_detectable
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 
 _DETECTED = 0.8
 _DRAWS = 500
-_HALVINGS = 10  # of the interval in which it lies: much finer than so many draws tell
+_HALVINGS = 8  # of an interval of a factor of two: much finer than so many draws tell
 _ROUNDING = 1e-12  # of the largest eigenvalue; and of a column in standard uncertainties, squared
 _TRIED, _SHOWN = 24, 20.0  # sizes from which is learned how effects are accepted, up to so many standard uncertainties
 _SMOOTH = 0.15  # standard uncertainties
@@ -78,11 +78,15 @@ class Detection:
         if not self.scores[k].count:
             return float("inf")
         run = self._run(k, direction, procedure)
-        low, high = 0.0, 1.0
+        high = minimal_detectable(float(direction @ self.scores[k].whole @ direction))
+        high = min(high, _LARGEST) if np.isfinite(high) else 1.0
         while run.rate(high) < _DETECTED:
-            low, high = high, 4.0 * high
+            high = 2.0 * high
             if high > _LARGEST:
                 return float("inf")
+        low = 0.5 * high
+        while run.rate(low) >= _DETECTED:
+            low, high = 0.5 * low, low
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if run.rate(middle) < _DETECTED else (low, middle)

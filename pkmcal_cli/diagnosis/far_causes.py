@@ -18,6 +18,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.plausible import implausible_residuals
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate, lost_rows
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import linear_problem
@@ -28,6 +29,7 @@ KINDS = ("zero", "scale")
 _OUT = 3.0  # ranges off nominal, beyond which a declared parameter has run away
 _TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
 _EXPLAINED = 0.75  # share of chi-square that a far cause explains
+_WORTH = 0.5  # share of chi-square that it may leave after a few steps
 _BACK = 0.5  # share of the furthest offset that may be left with it
 _ROWS, _STEPS, _LAST_STEPS = 150, 12, 30  # rows and steps of a screening fit, steps of the last ones
 _CANDIDATES, _BEST, _MOST = 48, 5, 2  # that are screened, fitted from several starts, and named one after the other
@@ -97,31 +99,39 @@ def _cost(fit: Fit, hypothesis: Hypothesis, variance: float) -> float:
 
 
 def _screened(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, Fit]:
-    """One fit of some rows with each candidate, from where it explains most of the nominal machine's residual."""
+    """One fit of some rows with each candidate, where it explains about as much as a far-off cause does."""
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
+    most = _WORTH * search.fit.chi2 * some.problem.count / search.problem.count
     out = {}
-    for hypothesis, sizes in _sizes(some, candidates).items():
-        fits = [_fit(some, hypothesis, size, _STEPS) for size in sizes]
-        kept = [fit for fit in fits if fit is not None]
-        if kept:
-            out[hypothesis] = min(kept, key=lambda fit: fit.chi2)
+    for hypothesis, starts in _starts(some, candidates).items():
+        fits = [_fit(some, hypothesis, start, _STEPS) for start in starts]
+        best = min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
+        if best is not None and best.chi2 < most:
+            out[hypothesis] = best
     return out
 
 
-def _sizes(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, list[Array]]:
-    """Sizes (k,), SI, from which fits with candidates begin."""
-    names = [n for h in candidates for n in h.parameters]
-    start = _start(search)
-    linear = linear_problem(search.problem, start, (), list(dict.fromkeys(names)), None)
+def _starts(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, list[Array]]:
+    """Values (P,), SI, from which fits with candidates begin: where one explains most of the nominal machine's
+    residual, and a sign reversed, if it predicts anything."""
+    names, nominal = [n for h in candidates for n in h.parameters], _start(search)
+    linear = linear_problem(search.problem, nominal, (), list(dict.fromkeys(names)), None)
     out = {}
     for h in candidates:
         columns = linear.of(h.parameters) / linear.scale_of(h.parameters)
-        sizes = [np.linalg.lstsq(columns, linear.residual, rcond=1e-9)[0]]
-        if h.effect == "scale":
-            sizes.append(np.full(len(h.parameters), _REVERSED))
-        out[h] = sizes
+        index = [search.problem.model.names.index(n) for n in h.parameters]
+        near, reversed_ = nominal.copy(), nominal.copy()
+        near[index] = np.linalg.lstsq(columns, linear.residual, rcond=1e-9)[0]
+        reversed_[index] = _REVERSED
+        out[h] = [near, reversed_] if h.effect == "scale" and _predicts(search, reversed_) else [near]
     return out
+
+
+def _predicts(search: Search, values: Array) -> bool:
+    """Whether most rows are predicted at values (P,)."""
+    evaluation = evaluate(search.problem, values, None)
+    return 2 * len(lost_rows(search.problem, evaluation)) < len(search.problem)
 
 
 def _start(search: Search) -> Array:
@@ -129,15 +139,11 @@ def _start(search: Search) -> Array:
     return start_of(search.problem.model, search.accepted)
 
 
-def _fit(search: Search, hypothesis: Hypothesis, size: Array, steps: int, start: Array | None = None) -> Fit | None:
-    """A fit with a hypothesis of any size, from a size (k,), SI, or from values (P,); None where it fails."""
-    problem = of_any_size(search.problem, hypothesis)
-    values = _start(search) if start is None else start.copy()
-    if start is None:
-        values[[problem.model.names.index(n) for n in hypothesis.parameters]] = size
-    chosen = {*search.selected, *hypothesis.unknown}
+def _fit(search: Search, hypothesis: Hypothesis, start: Array, steps: int) -> Fit | None:
+    """A fit with a hypothesis of any size from values (P,), SI; None where it fails."""
+    problem, chosen = of_any_size(search.problem, hypothesis), {*search.selected, *hypothesis.unknown}
     try:
-        return identify(problem, tuple(n for n in problem.model.names if n in chosen), values, steps)
+        return identify(problem, tuple(n for n in problem.model.names if n in chosen), start, steps)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
 
@@ -152,10 +158,10 @@ def of_any_size(problem: Problem, hypothesis: Hypothesis) -> Problem:
 
 
 def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit) -> Fit | None:
-    """The best fit of all rows with a hypothesis, from where the screening ended and from the linear sizes."""
-    starts = [screened.values] if len(screened.values) == len(search.problem.model.names) else []
-    fits = [_fit(search, hypothesis, np.zeros(0), _LAST_STEPS, start) for start in starts]
-    fits += [_fit(search, hypothesis, size, _LAST_STEPS) for size in _sizes(search, [hypothesis])[hypothesis]]
+    """The best fit of all rows with a hypothesis, from where the screening ended and from the nominal machine."""
+    if screened.status == "converged" and len(search.problem) <= _ROWS:
+        return screened
+    fits = [_fit(search, hypothesis, start, _LAST_STEPS) for start in (screened.values, _start(search))]
     return min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
 
 

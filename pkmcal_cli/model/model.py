@@ -261,11 +261,6 @@ class Model:
         return self.freedoms.spread(self.reference_coefficients, state)
 
     @property
-    def redundancy(self) -> int:
-        """How many of the drives' positions determine the pose again."""
-        return len(self.held_drives) - self.motion_of(self.posed).freedoms if self.overdetermined else 0
-
-    @property
     def expected_misfit(self) -> float:
         """Misfit of the drives, in sizes of the machine, that is no doubt: what ranges and noise explain, or little."""
         return max(self.explained_misfit, LEAST_MISFIT)

@@ -38,13 +38,17 @@ class Table:
     partner: Array
     error_seed: int
     noise_seed: int
+    forgotten: tuple[tuple[str, float], ...] = ()  # by how much parameters are off besides, SI
+    exact: tuple[str, ...] = ()  # parameters without an error of their own
 
     def planted(self) -> dict[str, float]:
         """True parameters, SI: nominal plus a normal error of sd range / 2 where the machine file identifies them."""
         true = dict(self.machine.nominal)
         for name, wide in self.machine.ranges.items():
             draw = np.random.default_rng([self.error_seed, *name.encode()]).normal()
-            true[name] += draw * wide / 2
+            true[name] += draw * wide / 2 if name not in self.exact else 0.0
+        for name, off in self.forgotten:
+            true[name] += off
         return true
 
     @cached_property
