@@ -17,6 +17,7 @@ from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale, log_evidence
 from pkmcal_cli.diagnosis.outlying_rows import Tails
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
+_LEAST = 1e-8  # of the stated variance; what simulated tables without noise leave is less, and rounding
 _MOSTLY = 0.5  # of chi-square that one row must explain to be left out of the noise
 _FEWEST = 20  # values that must be free once shapes are projected out
 _REPEATED = 20  # degrees of freedom from which repeated poses tell the noise
@@ -33,7 +34,7 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     if repeated is not None:
         return repeated
     if linear.dof > 0 and linear.chi2 < float(chdtri(linear.dof, 1 - _SURELY)):  # whatever effects may be in it
-        return Scale(linear.chi2 / linear.dof, float(linear.dof), float(linear.dof))
+        return Scale(max(linear.chi2 / linear.dof, _LEAST), float(linear.dof), float(linear.dof))
     shapes = np.hstack([*_none(linear), *map(linear.whitened, groups.values())])
     free = linear.projecting(linear.projected, extra=shapes)
     kept = free.freedom > _FREE  # else the shapes follow the value

@@ -27,7 +27,6 @@ from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest
 MOST_EFFECTS = 5
 _ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
 BETTER = 0.5  # log evidence by which another set of effects must be better
-_NOTHING = 1e-6  # chi-square per value of a table without noise once all is found: what is left is rounding
 _BRANCHES = 4  # ends of a search that are followed
 _UNDECIDED, _SAME = 1.0, 0.999  # log evidence between two that are both followed; cosine of those that are the same
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
@@ -69,8 +68,6 @@ def set_evidence(search: Search, variance: float) -> float:
 
 def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
     """One acceptance: rows where they have more evidence, else the best effects; none where nothing is left."""
-    if search.fit.chi2 < _NOTHING * search.problem.count:
-        return []
     rows = _bad_rows(search, scored, alpha)
     evidence = np.where(scored.p_values < search.critical, scored.log_bayes, -np.inf)
     evidence[[h.name in search.refused for h in scored.hypotheses]] = -np.inf

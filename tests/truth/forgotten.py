@@ -16,7 +16,15 @@ def forgotten(seed: int, length: float, upper: float = 0.0) -> Table:
     machine, (places, partner) = SENSING["belt-router"], belt_places()
     zeros = tuple(f"zero{belt}" for belt in BELTS)
     off = (*((name, length) for name in zeros), ("Rtop", upper * machine.nominal["Rtop"]))
-    return Table(machine, places, partner, 1000 + seed, 2000 + seed, off, zeros)
+    return Table(
+        machine=machine,
+        places=places,
+        partner=partner,
+        error_seed=1000 + seed,
+        noise_seed=2000 + seed,
+        forgotten=off,
+        exact=zeros,
+    )
 
 
 def without_zeros(text: str) -> str:

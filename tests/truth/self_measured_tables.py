@@ -28,7 +28,7 @@ SENSING: dict[str, Sensing] = {m.name: m for m in (BeltRouter(), DeltaPrinter(),
 DIGITS = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
     """A measurement file: machine, places (N, k) in m, the row (N,) to which a distance was measured (-1: none), seeds
     of the parameter errors and of the noise."""
@@ -118,7 +118,13 @@ def tables() -> dict[str, Table]:
     places = {"delta-printer": bed_places(), "five-bar": bars, "belt-router": belts}
     joined = {"belt-router": partner}
     return {
-        name: Table(SENSING[name], where, joined.get(name, np.full(len(where), -1)), 107 + k, 207 + k)
+        name: Table(
+            machine=SENSING[name],
+            places=where,
+            partner=joined.get(name, np.full(len(where), -1)),
+            error_seed=107 + k,
+            noise_seed=207 + k,
+        )
         for k, (name, where) in enumerate(places.items())
     }
 
