@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.plausible import implausible_residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, lost_rows
 from pkmcal_cli.diagnosis.confirm import held_out_gain
-from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search, start_of
@@ -34,12 +34,13 @@ _BACK = 0.5  # share of the furthest offset that may be left with it
 _ROWS, _STEPS, _LAST_STEPS = 150, 12, 30  # rows and steps of a screening fit, steps of the last ones
 _CANDIDATES, _BEST, _MOST = 48, 5, 2  # that are screened, fitted from several starts, and named one after the other
 _RIVAL = 0.02  # weight from which on a hypothesis is told beside the best
+_FEW = 4  # rows by which a reversed sign is tried
 _REVERSED = -2.0  # scale of a drive whose sign is wrong
 
 
 def with_far_causes(search: Search) -> Search:
     """The search with far-off causes accepted, one after the other, where the calibration has run away."""
-    while len(search.far_off) < _MOST and _run_away(search):
+    while len(search.far_off) < _MOST and _run_away(search) and not _held_explain(search):
         candidates = [h for h in search.open if h.effect in KINDS and not h.session]
         better = _best(search, candidates[:_CANDIDATES])
         search = replace(better or search, untried=tuple(h.name for h in candidates[_CANDIDATES:]))
@@ -54,6 +55,20 @@ def _run_away(search: Search) -> bool:
     if not fit.chi2_per_dof > _TIMES:
         return False
     return bool(_offsets(search, fit)) or bool(implausible_residuals(search.problem, fit))
+
+
+def _held_explain(search: Search) -> bool:
+    """Whether declared parameters that are held explain most of it within their ranges: they go before effects."""
+    model = search.problem.model
+    held = tuple(n for h in search.open if h.effect == RELEASE for n in h.parameters)
+    chosen = {*search.selected, *held}
+    try:
+        fit = identify(search.problem, tuple(n for n in model.names if n in chosen), _start(search), _STEPS)
+    except (RowsFailed, np.linalg.LinAlgError):
+        return False
+    index = [model.names.index(n) for n in held]
+    off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
+    return bool(held) and fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < _OUT
 
 
 def _offsets(search: Search, fit: Fit) -> dict[str, float]:
@@ -113,8 +128,11 @@ def _screened(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothes
 
 
 def _starts(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, list[Array]]:
-    """Values (P,), SI, from which fits with candidates begin: where one explains most of the nominal machine's
-    residual, and a sign reversed, if it predicts anything."""
+    """Values (P,), SI, at which fits with candidates begin: where one explains most of the nominal machine's error.
+
+    Where errors are left that are large beside the machine, a sign reversed too, if it predicts anything.
+    """
+    gross = bool(implausible_residuals(search.problem, search.fit))
     names, nominal = [n for h in candidates for n in h.parameters], _start(search)
     linear = linear_problem(search.problem, nominal, (), list(dict.fromkeys(names)), None)
     out = {}
@@ -124,14 +142,14 @@ def _starts(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis
         near, reversed_ = nominal.copy(), nominal.copy()
         near[index] = np.linalg.lstsq(columns, linear.residual, rcond=1e-9)[0]
         reversed_[index] = _REVERSED
-        out[h] = [near, reversed_] if h.effect == "scale" and _predicts(search, reversed_) else [near]
+        out[h] = [near, reversed_] if gross and h.effect == "scale" and _predicts(search, reversed_) else [near]
     return out
 
 
 def _predicts(search: Search, values: Array) -> bool:
-    """Whether most rows are predicted at values (P,)."""
-    evaluation = evaluate(search.problem, values, None)
-    return 2 * len(lost_rows(search.problem, evaluation)) < len(search.problem)
+    """Whether most of a few rows are predicted at values (P,): to look for poses that no machine reaches takes long."""
+    few = search.problem.take(np.linspace(0, len(search.problem) - 1, _FEW).astype(np.intp))
+    return 2 * len(lost_rows(few, evaluate(few, values, None))) < len(few)
 
 
 def _start(search: Search) -> Array:
