@@ -51,7 +51,7 @@ def test_improve_corrects_what_is_far_off(tmp_path: Path) -> None:
     true = tmp_path / "true.yaml"
     true.write_text(f"extends: {machine}\neffects: {{zero@all: {{o: {{value: 150 mm, range: 5 mm}}}}}}\n")
     told = clean(run("calibrate", true, table, "--json"))
-    assert after <= 1.15 * told.json["holdout"]["error"]["span"]["rms"]
+    assert after <= 1.15 * told.json["heldout"]["after"]["span"]["rms"]
     assert clean(run("calibrate", better, table, "--json")).json["status"] == "converged"
 
 
