@@ -74,9 +74,9 @@ def simulated(folder: Path, machine: Path, name: str, header: str, rows: list[st
 
 
 def tripod_poses() -> list[str]:
-    """A grid of travels, in its order."""
-    steps = np.linspace(-60, 60, 4)
-    return [f"{a},{b},{c}" for a in steps for b in steps for c in steps]
+    """A grid of heights and tilts, in its order."""
+    tilts = np.linspace(-7, 7, 4)
+    return [f"{z},{a},{b}" for z in np.linspace(-610, -510, 4) for a in tilts for b in tilts]
 
 
 def test_a_datum_holds_though_a_sensor_was_not_used(tmp_path: Path) -> None:
@@ -103,13 +103,17 @@ def test_a_datum_holds_though_a_sensor_was_not_used(tmp_path: Path) -> None:
 
 def test_no_scale_is_free_where_lengths_are_read(tmp_path: Path) -> None:
     """Towers, struts and zeros that grow together are hardly told, but that is no scale: travels are in millimetres."""
-    machine = tmp_path / "tripod.yaml"
+    machine, true = tmp_path / "tripod.yaml", tmp_path / "true.yaml"
     machine.write_text(TRIPOD)
-    table = simulated(tmp_path, machine, "t", "q1,q2,q3", tripod_poses())
+    built = (
+        "R1: 400.103, R2: 399.917, R3: 400.046, l1: 500.063, l2: 499.896, l3: 500.101, o1: 0.05, o2: -0.04, r: 250.07"
+    )
+    true.write_text(f"extends: {machine}\nparameters: {{{built}}}\n")
+    table = simulated(tmp_path, true, "t", "z,rx,ry", tripod_poses())
     done = clean(run("calibrate", machine, table, "--json"))
     assert done.code == 0 and "scale" not in done.err
     (r,) = (p for p in done.json["parameters"] if p["name"] == "r")
-    assert abs(r["value"] - 250) < 4 * r["std"] < 0.05
+    assert abs(r["value"] - 250.07) < 4 * r["std"] < 0.05
 
 
 @pytest.mark.parametrize("seed", [1, 3, 6, 8])
@@ -118,7 +122,7 @@ def test_bench_readings_do_not_hide_an_effect(seed: int, tmp_path: Path) -> None
     machine, faulty = tmp_path / "tripod.yaml", tmp_path / "faulty.yaml"
     machine.write_text(TRIPOD + BENCH)
     faulty.write_text(f"extends: {machine}\neffects: {{meas_scale@gauge: {{s: 200 um/m}}}}\n")
-    table = simulated(tmp_path, faulty, "t", "q1,q2,q3", tripod_poses(), seed)
+    table = simulated(tmp_path, faulty, "t", "z,rx,ry", tripod_poses(), seed)
     done = clean(run("diagnose", machine, table, "--json"))
     (found,) = done.json["effects"]
     alike = {f"{m['effect']}@{m['at']}" for m in found["credible_set"]}
@@ -131,7 +135,7 @@ def test_what_was_measured_on_a_bench_makes_effects_easier_to_detect(tmp_path: P
     for name, bench in (("without", ""), ("with", BENCH)):
         machine, poses = tmp_path / f"{name}.yaml", tmp_path / "poses.csv"
         machine.write_text(TRIPOD + bench)
-        poses.write_text("\n".join(["q1,q2,q3", *tripod_poses()]) + "\n")
+        poses.write_text("\n".join(["z,rx,ry", *tripod_poses()]) + "\n")
         done = clean(run("plan", machine, poses, "--select", "o1,o2,o3,r,R1,R2,R3,l1,l2,l3", "--json"))
         sizes.append({f"{e['effect']}@{e['at']}": e["detected"] for e in done.json["effects"]}["meas_scale@gauge"])
     assert sizes[1] < 1.05 * sizes[0]
@@ -141,7 +145,7 @@ def test_a_bench_does_not_change_the_names_of_columns(tmp_path: Path) -> None:
     machine, measured = tmp_path / "tripod.yaml", tmp_path / "measured.yaml"
     machine.write_text(TRIPOD)
     measured.write_text(TRIPOD + BENCH)
-    table = simulated(tmp_path, machine, "t", "q1,q2,q3", tripod_poses())
+    table = simulated(tmp_path, machine, "t", "z,rx,ry", tripod_poses())
     assert clean(run("check", measured, table)).code == 0
     named = tmp_path / "named.yaml"
     named.write_text(
@@ -152,7 +156,7 @@ def test_a_bench_does_not_change_the_names_of_columns(tmp_path: Path) -> None:
 
 def test_without_noise_nothing_but_the_effect_is_found(tmp_path: Path) -> None:
     machine, faulty, poses = tmp_path / "router.yaml", tmp_path / "faulty.yaml", tmp_path / "poses.csv"
-    machine.write_text(ROUTER)
+    machine.write_text(ROUTER[: ROUTER.index("sensors:")].replace("  M1: [2000, 0, 0]\n", "") + "tool_point: sled\n")
     faulty.write_text(f"extends: {machine}\neffects: {{backlash@lTL: {{b: 1.5 mm}}}}\n")
     rng = np.random.default_rng(2)
     rows = [f"{x:.1f},{y:.1f},0" for x, y in zip(rng.uniform(600, 3400, 60), rng.uniform(500, 2500, 60), strict=True)]

@@ -6,13 +6,16 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.search import smallest_p
+from pkmcal_cli.diagnosis.scoring import score_all, scored
+from pkmcal_cli.diagnosis.threshold import critical_p, smallest_p
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.report.improved_machine import null_lines
-from tests.benchmark.setting import FOLDER, Setting, diagnosed
+from tests.benchmark.setting import ALPHA, FOLDER, Setting, diagnosed
 from tests.truth.campaigns import Planted, Scenario, campaign
 
 PLAIN = Scenario(extra=0.0)
@@ -86,3 +89,32 @@ def test_what_is_not_needed_is_held_where_it_is_written(tmp_path: Path) -> None:
     model = load_machine(str(written)).model
     assert {n for n in select(model, "auto") if n.startswith("drift@grid")} == set(drift.parameters)
     assert {n for n in model.names if n.startswith("drift@grid")} > set(drift.parameters)
+
+
+def test_a_choice_among_parts_costs_its_number() -> None:
+    """The evidence of the best part, less the log of how many were seen."""
+    setting = Setting.of("scissors", 1)
+    problem, linear = setting.ready.problem, setting.linear
+    drift = next(h for h in setting.ready.candidates.hypotheses if h.name == "drift@grid")
+    whole = scored(linear, problem, [drift])
+    parts = scored(linear, problem, drift.nested_parts)
+    assert len(parts.log_bayes) == 2 and all(s.count for s in parts.scores)
+    assert whole.log_bayes[0] == pytest.approx(parts.log_bayes.max() - np.log(2), abs=1e-12)
+
+
+def test_more_numbers_of_an_accepted_part_stay_open() -> None:
+    search = diagnosed(campaign("scissors", [Planted("drift", "grid", {"x1": 8e-6})], 2, scenario=PLAIN), 2).search
+    (drift,) = search.accepted
+    (more,) = (h for h in search.open if h.name == "drift@grid")
+    assert set(more.parameters) > set(drift.parameters) and more.nested_parts == (more,)
+    assert "drift@grid" in {h.name for h in search.open_without([drift])}
+
+
+def test_the_search_stands_on_that_threshold() -> None:
+    """Of all parts of all hypotheses that were searched, at the share of false alarms that these have."""
+    found = diagnosed(campaign("scissors", [], 2, scenario=PLAIN), 2)
+    hypotheses = [p for h in found.search.candidates.hypotheses for p in h.nested_parts]
+    linear = score_all(found.search, found.search.open).linear
+    columns = [linear.tested(h) for h in hypotheses]
+    draws = smallest_p(linear, columns, [linear.score_of(h) for h in hypotheses], 2)
+    assert not found.findings and found.search.critical == pytest.approx(critical_p(draws, Alpha(ALPHA).catalogue))
