@@ -21,6 +21,12 @@ def improve(
         str | None, typer.Option("-o", "--output", metavar="M-improved.yaml", help="Improved machine file to write.")
     ] = None,
     select: Select = "auto",
+    only: Annotated[
+        str | None,
+        typer.Option(
+            "--only", metavar="EFFECTS", help="Look for these alone, e.g. zero@all,scale@upper; takes few rows."
+        ),
+    ] = None,
     alpha: Alpha = 0.005,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     accept: Accept = False,

@@ -20,7 +20,7 @@ from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
-from pkmcal_cli.diagnosis.confirm import cells
+from pkmcal_cli.diagnosis.confirm import cells, single_poses
 from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
@@ -30,6 +30,7 @@ from pkmcal_cli.diagnosis.scoring import start_of
 from pkmcal_cli.prediction import frozen
 
 ROTATIONS = 5
+FEWEST_TO_SPLIT = 20  # rows of which whole cells can be kept apart; of fewer, each pose in turn
 FAILURES = "missing", "not_confirmed", "sigma_too_small"
 _FAILS = "its calibration did not converge"
 
@@ -183,9 +184,10 @@ def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, 
     """Rows that fit and choose, and rows that report, by rotation."""
     if validation is not None:
         return [(problem, validation)]
-    labels = cells(problem, ROTATIONS)
-    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in range(ROTATIONS)]
-    return [(problem.take(train), problem.take(report)) for train, report in pairs if len(report)]
+    labels = cells(problem, ROTATIONS) if len(problem) >= FEWEST_TO_SPLIT else single_poses(problem)
+    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in range(int(labels.max()) + 1)]
+    parts = [(problem.take(train), problem.take(report)) for train, report in pairs if len(report)]
+    return [(train, report) for train, report in parts if report.count]
 
 
 def _rotation(

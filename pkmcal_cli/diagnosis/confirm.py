@@ -126,17 +126,17 @@ def blocks(problem: Problem, hypothesis: Hypothesis) -> tuple[NDArray[np.intp], 
     needs = effect.needs if effect is not None else ()
     time = problem.rows.columns.get("time")
     if len(problem) < _FEW:
-        return _poses(problem), "each pose in turn"
+        return single_poses(problem), "each pose in turn"
     if time is not None and {"time", "temperature"} & set(needs):
         rank = np.argsort(np.argsort(time, kind="stable"))
         return np.asarray(rank * FOLDS * 2 // len(rank) % FOLDS, dtype=np.intp), "blocks of time"
     if hypothesis.session or {"direction", "session", "payload", "spindle"} & set(needs):
-        poses = _poses(problem)
+        poses = single_poses(problem)
         return np.random.default_rng(0).permutation(int(poses.max()) + 1)[poses] % FOLDS, "random poses"
     return cells(problem), "workspace cells"
 
 
-def _poses(problem: Problem) -> NDArray[np.intp]:
+def single_poses(problem: Problem) -> NDArray[np.intp]:
     """A number (N,) for each distinct pose, rows that hang together counted as one; by rows where all are one."""
     poses = problem.clusters.together(replicate_groups(problem))
     return poses if poses.any() else np.arange(len(problem))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -15,7 +15,8 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
-from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
+from pkmcal_cli.diagnosis.closed_loop import FAILURES, FEWEST_TO_SPLIT, Improvement, improve
+from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
@@ -33,7 +34,6 @@ from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, prepare
 from pkmcal_cli.workflow.fail_on import failing
 
 FAILING = (*FAILURES, "implausible")
-FEWEST_TO_SPLIT = 20  # rows of which some can be kept apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,7 @@ class ImproveRequest:
     validation: str | None
     output: str | None
     select: str
+    only: str | None
     alpha: float
     seed: int
     accept: bool
@@ -61,8 +62,10 @@ def run_improvement(request: ImproveRequest) -> int:
     one_stdin(request.machine, *request.measurements, request.validation)
     targets = _targets(request)
     to = Reporter(request.quiet)
-    fewest = FEWEST_TO_SPLIT if request.validation is None else FEWEST_ROWS
+    fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
     case = prepare(request.machine, request.measurements, request.select, to, fewest)
+    if request.only is not None:
+        case = replace(case, candidates=_named(case.candidates, request.only))
     apart = None if request.validation is None else _apart(case, request.validation)
     inputs = case.inputs | ({} if apart is None else apart.inputs)
     for target in targets or ():
@@ -88,6 +91,21 @@ def run_improvement(request: ImproveRequest) -> int:
     if improvement.broken is not None:
         raise improvement.broken
     return int(not fails_on.isdisjoint(failures))
+
+
+def _named(candidates: Candidates, names: str) -> Candidates:
+    """Those hypotheses that are named, separated by commas. Raises UsageError for others."""
+    known = {h.name: h for h in candidates.hypotheses}
+    wanted = [part.strip() for part in names.split(",") if part.strip()]
+    lacking = dict(candidates.not_testable)
+    for name in wanted:
+        if (why := lacking.get(name.partition("@")[0])) and name not in known:
+            raise UsageError(f"--only: this table cannot show `{name}`", hint=f"add what it needs: {why}")
+        if name not in known:
+            raise UsageError(f"--only: this machine has no effect `{name}`", hint=did_you_mean(name, known))
+    if not wanted:
+        raise UsageError("--only names no effect", hint="write e.g. `--only zero@all,scale@upper`")
+    return replace(candidates, hypotheses=tuple(known[name] for name in dict.fromkeys(wanted)))
 
 
 def _implausible(improvement: Improvement, hints: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,0 +1,51 @@
+"""`improve` with few rows: effects that are named are confirmed, each pose left out in turn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.command import clean, run
+from tests.test_first_machines import ROUTER
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Fourteen poses of the router, of which an upper belt is scaled by 1.2 mm/m."""
+    folder = tmp_path_factory.mktemp("few")
+    machine, faulty, poses, table = (folder / n for n in ("router.yaml", "faulty.yaml", "poses.csv", "t.csv"))
+    machine.write_text(ROUTER)
+    faulty.write_text(f"extends: {machine}\neffects: {{scale@lTL: {{s: 1200 um/m}}}}\n")
+    rng = np.random.default_rng(2)
+    places = zip(rng.uniform(600, 3400, 14), rng.uniform(500, 2500, 14), strict=True)
+    poses.write_text("\n".join(["x,y,z", *(f"{x:.1f},{y:.1f},0" for x, y in places)]) + "\n")
+    assert clean(run("simulate", faulty, poses, "--noise", "declared", "--seed", "4", "-o", table)).code == 0
+    return machine, table
+
+
+def test_named_effects_are_confirmed(few: tuple[Path, Path], tmp_path: Path) -> None:
+    done = clean(run("improve", *few, "--only", "scale@lTL,scale@lTR,zero@all", "-o", tmp_path / "b.yaml", "--json"))
+    assert done.code == 0, done.err
+    (step,) = done.json["steps"]
+    assert (step["effect"], step["at"], step["accepted"]) == ("scale", "lTL", True)
+    assert done.json["rotations"] == 14, "each pose in turn"
+
+
+def test_without_names_few_rows_are_refused(few: tuple[Path, Path]) -> None:
+    done = clean(run("improve", *few))
+    assert done.code == 3 and "measure 20 rows or more" in done.err and "name what to look for (`--only`)" in done.err
+
+
+@pytest.mark.parametrize(
+    ("names", "message", "remedy"),
+    [
+        ("scale@lTX", "this machine has no effect `scale@lTX`", "did you mean `scale@lTL`?"),
+        ("drift@tape", "this table cannot show `drift@tape`", "column `time`"),
+        (" , ", "--only names no effect", "zero@all"),
+    ],
+)
+def test_wrong_names_are_told(few: tuple[Path, Path], names: str, message: str, remedy: str) -> None:
+    done = clean(run("improve", *few, "--only", names))
+    assert done.code == 2 and message in done.err and remedy in done.err
