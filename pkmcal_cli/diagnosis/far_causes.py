@@ -117,9 +117,10 @@ def _screened(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothes
     """One fit of some rows with each candidate, where it explains about as much as a far-off cause does."""
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
+    gross = bool(implausible_residuals(search.problem, search.fit))
     most = _WORTH * search.fit.chi2 * some.problem.count / search.problem.count
     out = {}
-    for hypothesis, starts in _starts(some, candidates).items():
+    for hypothesis, starts in _starts(some, candidates, gross).items():
         fits = [_fit(some, hypothesis, start, _STEPS) for start in starts]
         best = min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
         if best is not None and best.chi2 < most:
@@ -127,12 +128,11 @@ def _screened(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothes
     return out
 
 
-def _starts(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, list[Array]]:
+def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> dict[Hypothesis, list[Array]]:
     """Values (P,), SI, at which fits with candidates begin: where one explains most of the nominal machine's error.
 
-    Where errors are left that are large beside the machine, a sign reversed too, if it predicts anything.
+    gross: errors are left that are large beside the machine: there a sign reversed too, if it predicts anything.
     """
-    gross = bool(implausible_residuals(search.problem, search.fit))
     names, nominal = [n for h in candidates for n in h.parameters], _start(search)
     linear = linear_problem(search.problem, nominal, (), list(dict.fromkeys(names)), None)
     out = {}
