@@ -176,7 +176,7 @@ def test_fails_on_what_is_asked_for(tmp_path: Path) -> None:
         lines[k] = ",".join(cells)
     stepped, target = tmp_path / "stepped.csv", tmp_path / "better.yaml"
     stepped.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    few = ("--only", "backlash@q1,thermal_strut@all")  # they explain nothing of it
+    few = ("--only", "backlash@q1,windup@all")  # they explain nothing of it
     done = clean(run("improve", SCISSORS, stepped, *few, "-o", target, "--json"))
     assert done.code == 1 and "missing" in done.json["failures"] and target.exists()
     assert run("improve", SCISSORS, stepped, *few, "--fail-on", "none", "-q") == Done(0, "", "")
