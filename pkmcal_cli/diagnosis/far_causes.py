@@ -25,7 +25,7 @@ from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import FarOff, Search, start_of
 
-KINDS = ("zero", "scale")
+_KINDS = ("zero", "scale")
 _OUT = 3.0  # ranges off nominal, beyond which a declared parameter has run away
 _TIMES = 25.0  # chi-square over its degrees of freedom, from which on that is looked into
 _EXPLAINED = 0.75  # share of chi-square that a far cause explains
@@ -41,8 +41,11 @@ _REVERSED = -2.0  # scale of a drive whose sign is wrong
 def with_far_causes(search: Search) -> Search:
     """The search with far-off causes accepted, one after the other, where the calibration has run away."""
     while len(search.far_off) < _MOST and _run_away(search) and not _held_explain(search):
-        candidates = [h for h in search.open if h.effect in KINDS and not h.session]
-        better = _best(search, candidates[:_CANDIDATES])
+        candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
+        try:
+            better = _best(search, candidates[:_CANDIDATES])
+        except RowsFailed:  # the nominal machine predicts too little to begin with
+            break
         search = replace(better or search, untried=tuple(h.name for h in candidates[_CANDIDATES:]))
         if better is None:
             break
@@ -61,6 +64,8 @@ def _held_explain(search: Search) -> bool:
     """Whether declared parameters that are held explain most of it within their ranges: they go before effects."""
     model = search.problem.model
     held = tuple(n for h in search.open if h.effect == RELEASE for n in h.parameters)
+    if not held:
+        return False
     chosen = {*search.selected, *held}
     try:
         fit = identify(search.problem, tuple(n for n in model.names if n in chosen), _start(search), _STEPS)
@@ -68,24 +73,28 @@ def _held_explain(search: Search) -> bool:
         return False
     index = [model.names.index(n) for n in held]
     off = np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]
-    return bool(held) and fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < _OUT
+    return fit.chi2 < (1 - _EXPLAINED) * search.fit.chi2 and float(off.max(initial=0.0)) < _OUT
 
 
 def _offsets(search: Search, fit: Fit) -> dict[str, float]:
     """How far declared parameters are off nominal, the furthest first, SI; those beyond their ranges."""
-    model = search.problem.model
-    index = [model.names.index(n) for n in search.declared if n in fit.selected]
-    off = fit.values[index] - model.nominal[index]
-    share = np.abs(off) / model.ranges[index]
+    names, off, share = _off_nominal(search, fit)
     order = [int(k) for k in np.argsort(-share, kind="stable") if share[k] > _OUT]
-    return {model.names[index[k]]: float(off[k]) for k in order}
+    return {names[k]: float(off[k]) for k in order}
 
 
 def _furthest(search: Search, fit: Fit) -> float:
     """Largest offset of a declared parameter, in its range."""
+    return float(_off_nominal(search, fit)[2].max(initial=0.0))
+
+
+def _off_nominal(search: Search, fit: Fit) -> tuple[tuple[str, ...], Array, Array]:
+    """Declared parameters (k,) that are fitted, and how far they are off nominal: SI, and in their ranges."""
     model = search.problem.model
-    index = [model.names.index(n) for n in search.declared if n in fit.selected]
-    return float((np.abs(fit.values[index] - model.nominal[index]) / model.ranges[index]).max(initial=0.0))
+    names = tuple(n for n in search.declared if n in fit.selected)
+    index = [model.names.index(n) for n in names]
+    off = fit.values[index] - model.nominal[index]
+    return names, off, np.abs(off) / model.ranges[index]
 
 
 def _best(search: Search, candidates: Sequence[Hypothesis]) -> Search | None:
@@ -193,7 +202,7 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, told: FarOff) -> Sea
         problem=of_any_size(search.problem, hypothesis),
         accepted=(*search.accepted, replace(hypothesis.whole, begin=begin)),
         fit=fit,
-        p_values=search.p_values | {hypothesis.name: 0.0},
+        p_values=search.p_values | {hypothesis.name: float("nan")},  # no linear test finds it
         evidence=search.evidence | {hypothesis.name: 0.5 * gain / max(fit.chi2_per_dof, 1.0)},
         far_off={**search.far_off, hypothesis.name: told},
     )

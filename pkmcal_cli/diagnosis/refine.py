@@ -50,8 +50,8 @@ def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
     without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
     shape = shape_gains(search, without) + _preferences(without)
     shaped = without.log_bayes + shape
-    order = np.argsort(-shaped[1:])[:RIVALS] + 1
-    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not without.unusual[k]):
+    order, unusual = np.argsort(-shaped[1:])[:RIVALS] + 1, without.unusual
+    for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not unusual[k]):
         after = _replaced(search, hypothesis, without, k)
         if after is not None and _gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
             return _renamed(after, without, k)

@@ -86,8 +86,7 @@ class Loads:
         self.total += int(prediction.solved.sum())
         if prediction.forces is not None and prediction.tension is not None:
             self._add_limits(prediction.solved, np.abs(prediction.forces), prediction.tension, place)
-        apart = np.nonzero(prediction.solved & (prediction.misfit > 0))[0]
-        apart = apart[[self._disagrees(prediction, int(k)) for k in apart]]
+        apart = np.nonzero(self._disagreeing(prediction))[0]
         if len(apart):
             some = predict(self.model, values, rows.take(apart), Request(forces=True), prediction.start.take(apart))
             self._add_disagreement(some, lambda k: place(int(apart[k])))
@@ -95,11 +94,15 @@ class Loads:
             self.slack.update(names)
         self.slack_rows += len(prediction.slack)
 
-    def _disagrees(self, prediction: Prediction, row: int) -> bool:
-        """Whether drives of a row are apart by more than is no doubt, and more of them are taut than hold the pose."""
-        taut = len(self.model.held_drives) - len(prediction.slack.get(row, ()))
-        redundant = taut > self.model.motion_of(self.model.posed).freedoms
-        return redundant and float(prediction.misfit[row]) > self.model.expected_misfit
+    def _disagreeing(self, prediction: Prediction) -> NDArray[np.bool_]:
+        """Rows (N,) whose drives are apart by more than is no doubt, and of which more are taut than hold the pose."""
+        compared = prediction.solved & (prediction.misfit > 0)
+        if not compared.any():  # a frame without drives has no pose
+            return compared
+        slack = np.zeros(len(compared), dtype=np.intp)
+        slack[list(prediction.slack)] = [len(names) for names in prediction.slack.values()]
+        redundant = len(self.model.held_drives) - slack > self.model.motion_of(self.model.posed).freedoms
+        return np.asarray(compared & redundant & (prediction.misfit > self.model.expected_misfit))
 
     def _add_limits(
         self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], Place]
