@@ -7,6 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.diagnosis import far_causes
+from pkmcal_cli.diagnosis.far_causes import with_far_causes
+from pkmcal_cli.diagnosis.scoring import Search, start_of
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.workflow.diagnose import prepare
 from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, Done, clean, run
 from tests.truth.campaigns import Planted, Scenario, campaign
@@ -38,6 +44,48 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     assert len(found["far_off"]) > 3 and max(map(abs, found["far_off"].values())) > 100, "anchors, in mm"
     assert "far beyond what is usual: zero@all" in done.err
     assert "Without it, parameters come out far off nominal: " in done.err
+
+
+def begun(folder: Path) -> Search:
+    """The router's search before anything is found."""
+    machine, table = router(folder, 0)
+    case = prepare(str(machine), (str(table),), "auto", Reporter(quiet=True))
+    fit = identify(case.problem, case.selected)
+    return Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
+
+
+def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(tmp_path: Path) -> None:
+    search = begun(tmp_path)
+    found = with_far_causes(search)
+    (zero,) = found.accepted
+    k = found.problem.model.names.index("zero@all.o")
+    assert dict(zero.begin) == {"zero@all.o": found.fit.values[k]} and found.fit.values[k] == pytest.approx(
+        0.15, abs=4e-3
+    )
+    assert start_of(found.problem.model, found.accepted)[k] == found.fit.values[k]
+    free, usual = found.problem.model.ranges, search.problem.model.ranges
+    assert free[k] == search.problem.model.length > 100 * usual[k]
+    assert np.array_equal(np.delete(free, k), np.delete(usual, k))
+    assert with_far_causes(found) is found, "nothing else is far off"
+
+
+def test_a_far_cause_explains_most_of_what_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the share that is asked for: where it is more than any cause explains, none is named."""
+    search = begun(tmp_path)
+    monkeypatch.setattr(far_causes, "_EXPLAINED", 1 - 1e-6)
+    assert not with_far_causes(search).far_off
+
+
+def test_a_nominal_machine_that_predicts_nothing_has_no_far_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = begun(tmp_path)
+
+    def lost(*_: object) -> None:
+        raise RowsFailed(search.fit.after)
+
+    monkeypatch.setattr(far_causes, "linear_problem", lost)
+    assert with_far_causes(search) is search
 
 
 @pytest.mark.slow
