@@ -11,6 +11,7 @@ from . import dimensions as dim
 from .effects_true import BY_FORCE, STRUCTURE
 from .fast_pinned import Array, Balance, Load, Problem, rotations, solve
 from .instrument_true import INSTRUMENT, UNKNOWN, local_bump, unknown
+from .nameless_true import NAMELESS
 from .planted import Context, Planted, Shift, Travel
 from .shop_conditions import Conditions
 from .shop_plans import Geometry, Plan
@@ -35,8 +36,8 @@ def structure(c: Context, planted: Sequence[Planted], bumps: Mapping[str, float]
     """Sum of the effects in the structure; `bumps`: heights in m by place."""
     shift = Shift.none(len(c.conditions.q), len(c.plan.drives), len(c.plan.rods))
     for effect in planted:
-        if effect.keyword in STRUCTURE:
-            shift = STRUCTURE[effect.keyword](effect, c, shift)
+        if effect.keyword in STRUCTURE | NAMELESS:
+            shift = (STRUCTURE | NAMELESS)[effect.keyword](effect, c, shift)
         elif effect.keyword == "local_bump":
             shift = local_bump(effect, c, shift, bumps[effect.at])
     return shift
@@ -100,7 +101,7 @@ def unloaded(c: Context) -> Context:
 def known(planted: Sequence[Planted]) -> None:
     """KeyError for a keyword that is not simulated."""
     for effect in planted:
-        if effect.keyword not in {*STRUCTURE, *INSTRUMENT, *UNKNOWN, "tool", "local_bump"}:
+        if effect.keyword not in {*STRUCTURE, *NAMELESS, *INSTRUMENT, *UNKNOWN, "tool", "local_bump"}:
             raise KeyError(f"no effect {effect.keyword!r}")
 
 
