@@ -10,7 +10,7 @@ import pytest
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.diagnosis import far_causes
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
-from pkmcal_cli.diagnosis.scoring import Search, start_of
+from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.diagnose import prepare
 from tests.benchmark.setting import diagnosed
@@ -62,7 +62,7 @@ def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(tmp_path: Path
     assert dict(zero.begin) == {"zero@all.o": found.fit.values[k]} and found.fit.values[k] == pytest.approx(
         0.15, abs=4e-3
     )
-    assert start_of(found.problem.model, found.accepted)[k] == found.fit.values[k]
+    assert found.start[k] == found.fit.values[k]
     free, usual = found.problem.model.ranges, search.problem.model.ranges
     assert free[k] == search.problem.model.length > 100 * usual[k]
     assert np.array_equal(np.delete(free, k), np.delete(usual, k))

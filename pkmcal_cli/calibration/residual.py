@@ -132,6 +132,18 @@ class Linearised:
     known: int = 0  # equations that are no readings
     root: Array | None = None  # (N, C) square roots of the weights, None for 1
 
+    @property
+    def values(self) -> tuple[Array, Array]:
+        """Residuals (N * C,) and Jacobian (N * C, P') of the readings alone."""
+        count = len(self.residual) - self.known
+        return self.residual[:count], self.jacobian[:count]
+
+    @property
+    def besides(self) -> tuple[Array, Array]:
+        """Errors (k,) and derivatives (k, P') of what is known of the parameters besides."""
+        count = len(self.residual) - self.known
+        return self.residual[count:], self.jacobian[count:]
+
     def shift(self, step: Array) -> Array:
         """Drive errors (N, A) after the parameter step (P',), SI."""
         out = self.kept.copy()
@@ -229,6 +241,12 @@ def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     for part, residual in _whitened(*predicted_part(problem, evaluation), 1.0):
         out[part.cluster] = residual
     return out
+
+
+def weighted_residual(problem: Problem, evaluation: Evaluation) -> Array:
+    """The same with the weights of a robust fit."""
+    white = whitened_residual(problem, evaluation)
+    return white if problem.weight is None else np.asarray(white * np.sqrt(problem.weight))
 
 
 def deletion_residuals(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array, Array]:

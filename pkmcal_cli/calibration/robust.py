@@ -28,6 +28,7 @@ _STANDSTILL = 1e-3
 _ROUNDS = 30
 _OFF = 3.5  # standard uncertainties from which on a value is told as doubtful
 _LEAST = 1e-8  # weight of a value that is left out
+NEGLIGIBLE = 10 * _LEAST
 _FEWEST = 10  # values of a channel by which its scale is judged
 
 
@@ -103,7 +104,7 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
     moved = int((~fit.directions.held).sum())
     freedom = max(problem.count - moved, 1) / max(problem.count, 1)
     size = float((scale**2 * problem.measured.sum(axis=0)).sum() / max(problem.count, 1))
-    least, _ = _efficiency(loss, ndtri((np.arange(_NORMAL_VALUES) + 0.5) / _NORMAL_VALUES))
+    least, _ = _efficiency(loss, _normal_values())
     spread = size * max(spread / freedom, least)  # never narrower than the stated sigma says
     fit = replace(fit, before=first.before, directions=replace(fit.directions, spread=spread), failed=failed)
     return RobustFit(fit, weighted, _doubtful(weighted, fit, scale), scale, loss, gain)
@@ -120,6 +121,17 @@ def _deviations(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     return white, np.where(many, np.maximum(_NORMAL * typical, 1.0), 1.0)
 
 
+def normal_figures(loss: Loss) -> tuple[float, float]:
+    """Of normal noise: the mean weighted square, and variances over those by weights divided by it."""
+    z = _normal_values()
+    level = float((weights_of(loss, z) * z**2).mean())
+    return level, _efficiency(loss, z)[0] / level
+
+
+def _normal_values() -> Array:
+    return np.asarray(ndtri((np.arange(_NORMAL_VALUES) + 0.5) / _NORMAL_VALUES))
+
+
 def _efficiency(loss: Loss, z: Array) -> tuple[float, float]:
     """Of deviations (n,) in scales: what the variances of the weighted fit must be multiplied by, and its steps.
 
@@ -132,7 +144,7 @@ def _efficiency(loss: Loss, z: Array) -> tuple[float, float]:
     else:
         u = np.minimum((z / _TUKEY) ** 2, 1.0)
         slope = (1 - u) * (1 - 5 * u)
-    kept = w > 10 * _LEAST
+    kept = w > NEGLIGIBLE
     if not kept.any() or slope[kept].mean() <= 0:
         return 1.0, 1.0
     psi2, bend = float(((w * z) ** 2)[kept].mean()), float(slope[kept].mean())

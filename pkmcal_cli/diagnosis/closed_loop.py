@@ -14,19 +14,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved, within
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
+from pkmcal_cli.calibration.robust import Loss, identify_robustly
 from pkmcal_cli.diagnosis.confirm import cells, single_poses
 from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose, named
-from pkmcal_cli.diagnosis.scoring import start_of
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.prediction import frozen
 
 ROTATIONS = 5
@@ -107,22 +110,34 @@ def improve(
     validation: Problem | None,
     alpha: float,
     seed: int,
+    *,
+    loss: Loss = "squares",
+    observe: Observer = unobserved,
 ) -> Improvement:
     """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
-    whole = diagnose(candidates, problem, selected, alpha, seed)
-    clean = whole.problem  # without its bad rows
+    of_all = within(observe, Stage("all rows"))
+    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=of_all)
+    clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
-    clean, candidates = replace(clean, model=model), replace(candidates, model=model)
+    clean = replace(clean, model=model)
+    candidates = replace(candidates, model=model, start=whole.search.candidates.start)
     validation = None if validation is None else replace(validation, model=model)
-    first = [_rotation(candidates, train, report, selected, alpha, seed) for train, report in _parts(clean, validation)]
+    options, parts = SearchOptions(alpha=alpha, seed=seed, observe=observe), _parts(clean, validation)
+    first = [
+        _rotation(candidates, train, report, selected, _of_part(options, Stage("rotation", k, len(parts))))
+        for k, (train, report) in enumerate(parts)
+    ]
     before = errors_of(first)
-    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared))
+    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared, candidates.begin()))
     broken: Exception | None = None
+    order = sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE)  # these need no effect
     try:
-        for hypothesis in sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE):  # these need no effect
+        for k, hypothesis in enumerate(order):
+            observe(Stage("effect", k, len(order)))
             progress = _tried(progress, hypothesis, clean, whole, seed)
     except Exception as error:  # what was done before it stands, and is told first
         broken = error
+    fit, clean, budget = _at_last(clean, progress.last, loss)
     return Improvement(
         whole=whole,
         rotations=len(first),
@@ -132,12 +147,26 @@ def improve(
         after=progress.errors,
         gain=gain_of(first, progress.folds, seed),
         rms_gain=rms_gain_of(first, progress.folds, seed),
-        fit=progress.last,
-        budget=error_budget(clean, progress.last, held_parameters(clean, progress.last.selected, ())),
+        fit=fit,
+        budget=budget,
         problem=clean,
         alpha=alpha,
         broken=broken,
     )
+
+
+def _of_part(options: SearchOptions, stage: Stage) -> SearchOptions:
+    """The same where only a part of the table is searched."""
+    return replace(options, observe=within(options.observe, stage))
+
+
+def _at_last(problem: Problem, fit: Fit, loss: Loss) -> tuple[Fit, Problem, ErrorBudget]:
+    """The last fit, with weights by what it leaves where the loss is robust; its problem and what its errors are."""
+    noise = None
+    if loss != "squares" and fit.status == "converged":
+        robust = identify_robustly(replace(problem, weight=None), fit, loss)
+        problem, fit, noise = robust.problem, robust.fit, robust.fit.directions.spread
+    return fit, problem, error_budget(problem, fit, held_parameters(problem, fit.selected, ()), noise=noise)
 
 
 @dataclass(frozen=True)
@@ -191,23 +220,31 @@ def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, 
 
 
 def _rotation(
-    candidates: Candidates, train: Problem, report: Problem, selected: tuple[str, ...], alpha: float, seed: int
+    candidates: Candidates, train: Problem, report: Problem, selected: tuple[str, ...], options: SearchOptions
 ) -> OuterFold:
-    return OuterFold(train, report, named(candidates, train, selected, alpha, seed), identify(train, selected))
+    start = candidates.begin()
+    sets = named(candidates, train, selected, options)
+    return OuterFold(train, report, sets, identify(train, selected, start), start)
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:
     accepted = (*fold.accepted, hypothesis)
-    return replace(fold, fit=_fit_with(fold.train, accepted, whole), accepted=accepted)
+    start = _start(fold.train, accepted, whole)
+    return replace(fold, fit=_fit_with(fold.train, accepted, whole), accepted=accepted, start=start)
+
+
+def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Array:
+    """Values (P,), SI, that a calibration with effects begins with."""
+    return replace(whole.search.candidates, model=problem.model).begin(accepted)
 
 
 def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
-    """A calibration with effects, from nominal values. Raises RowsFailed."""
+    """A calibration with effects. Raises RowsFailed."""
     for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
         problem = of_any_size(problem, hypothesis)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)
-    return identify(problem, names, start_of(problem.model, accepted))
+    return identify(problem, names, _start(problem, accepted, whole))
 
 
 def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
@@ -225,6 +262,6 @@ def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnos
         share = dict(zip(kept, np.abs(null).max(axis=0, initial=0.0), strict=True))
         removable = [n for n in kept if n in effects and share[n] > 0]
         if not removable:
-            start = start_of(problem.model, accepted)
+            start = _start(problem, accepted, whole)
             return fit if len(kept) == len(fit.selected) else identify(problem, tuple(kept), start)
         kept.remove(max(removable, key=lambda n: share[n]))

@@ -92,19 +92,19 @@ def _held_out(
     near = linearise(problem, evaluation)
     ranges = 0.5 * model.ranges[[model.names.index(n) for n in selected]]
     shape = problem.readings.shape
-    white, raw = near.residual.reshape(shape), evaluation.residual
+    (white, slopes), (errors, known), raw = near.values, near.besides, evaluation.residual
+    white, columns = white.reshape(shape), (slopes * ranges).reshape(*shape, -1)
     assert evaluation.prediction.jacobian is not None
     by_step = np.where(problem.measured[..., None], evaluation.prediction.jacobian, 0.0) * ranges
-    scaled_columns = near.jacobian * ranges
-    spectrum = directions(scaled_columns, selected, np.full(len(selected), 2.0))
-    columns = scaled_columns.reshape(*shape, -1)
+    spectrum, known = directions(near.jacobian * ranges, selected, np.full(len(selected), 2.0)), known * ranges
     prior = spectrum.vectors.T @ np.diag(np.where(spectrum.held, 1.0, 1e-6)) @ spectrum.vectors  # held ones stay near
+    prior += known.T @ known
     out_raw, out_white = raw.copy(), white.copy()
     fold_of = value_folds(problem, labels)
     for fold in np.unique(labels):
         train, test = fold_of != fold, labels == fold
         a = columns[train]
-        step = np.linalg.solve(a.T @ a + prior, a.T @ white[train])
+        step = np.linalg.solve(a.T @ a + prior, a.T @ white[train] + known.T @ errors)
         out_raw[test] = raw[test] - by_step[test] @ step
         out_white[test] = white[test] - columns[test] @ step
     return out_raw, out_white, problem.measured & (fold_of >= 0)

@@ -143,11 +143,11 @@ class _Scheme:
         grams, noise = turn @ grams @ turn.T, turn @ drawn
         count = [int(rows.sum()) for rows in used]
         whole, score = grams.sum(axis=0), noise.sum(axis=0)
-        normal = whole[:d, :d] + np.diag(np.maximum(prior, _SMALL**2))
+        normal = whole[:d, :d] + _at_least(prior, _SMALL**2)
         near = np.linalg.solve(normal, np.hstack([whole[:d, d:], score[:d]]))
         left = np.hstack([whole[d:, d:], score[d:]]) - whole[d:, :d] @ near
         q = whole.shape[0] - d
-        held = np.diag(np.maximum(prior, _SMALL))
+        held = _at_least(prior, _SMALL)
         parts = list(zip(grams, noise, count, strict=True))[int(fold.min() < 0) :]
         folds = tuple(_fold(g, n, whole - g, score - n, held, c) for g, n, c in parts)
         return cls(places, left[:, :q], left[:, q:], folds, rng.random(_DRAWS))
@@ -188,6 +188,13 @@ def _fold(gram: Array, noise: Array, train: Array, trained: Array, held: Array, 
     left = train[d:, d:] - train[d:, :d] @ by_columns
     score = trained[d:] - train[d:, :d] @ by_noise
     return _Fold(columns, seen, left, score, values)
+
+
+def _at_least(prior: Array, least: float) -> Array:
+    """A precision (d, d) with a diagonal that is nowhere less."""
+    out = prior.copy()
+    np.fill_diagonal(out, np.maximum(np.diag(prior), least))
+    return out
 
 
 def _root(gram: Array) -> Array:

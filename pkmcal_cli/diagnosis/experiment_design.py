@@ -181,7 +181,7 @@ def _arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, li
     rows = np.concatenate([columns.reshape(*blocks.shape[:2], -1), own], axis=2)
     first = columns.shape[1]
     groups = [np.array([first + aimed.index(n) for n in group]) for group in aim.parameters]
-    return rows, np.concatenate([weights, np.zeros(len(aimed))]) + 1e-9, groups
+    return rows, np.concatenate([np.diag(weights), np.zeros(len(aimed))]) + 1e-9, groups
 
 
 @dataclass(frozen=True)

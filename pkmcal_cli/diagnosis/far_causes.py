@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.plausible import implausible_residuals
@@ -23,7 +24,7 @@ from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.score import UNUSUAL
-from pkmcal_cli.diagnosis.scoring import FarOff, Search, start_of
+from pkmcal_cli.diagnosis.scoring import FarOff, Search
 
 _KINDS = ("zero", "scale")
 _OUT = 3.0  # ranges off nominal, beyond which a declared parameter has run away
@@ -38,12 +39,12 @@ _FEW = 4  # rows by which a reversed sign is tried
 _REVERSED = -2.0  # scale of a drive whose sign is wrong
 
 
-def with_far_causes(search: Search) -> Search:
+def with_far_causes(search: Search, observe: Observer = unobserved) -> Search:
     """The search with far-off causes accepted, one after the other, where the calibration has run away."""
     while len(search.far_off) < _MOST and _run_away(search) and not _held_explain(search):
         candidates = [h for h in search.open if h.effect in _KINDS and not h.session]
         try:
-            better = _best(search, candidates[:_CANDIDATES])
+            better = _best(search, candidates[:_CANDIDATES], observe)
         except RowsFailed:  # the nominal machine predicts too little to begin with
             break
         search = replace(better or search, untried=tuple(h.name for h in candidates[_CANDIDATES:]))
@@ -68,7 +69,7 @@ def _held_explain(search: Search) -> bool:
         return False
     chosen = {*search.selected, *held}
     try:
-        fit = identify(search.problem, tuple(n for n in model.names if n in chosen), _start(search), _STEPS)
+        fit = identify(search.problem, tuple(n for n in model.names if n in chosen), search.start, _STEPS)
     except (RowsFailed, np.linalg.LinAlgError):
         return False
     index = [model.names.index(n) for n in held]
@@ -97,9 +98,9 @@ def _off_nominal(search: Search, fit: Fit) -> tuple[tuple[str, ...], Array, Arra
     return names, off, np.abs(off) / model.ranges[index]
 
 
-def _best(search: Search, candidates: Sequence[Hypothesis]) -> Search | None:
+def _best(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -> Search | None:
     """The search with the far-off cause that has most evidence; None where none is one."""
-    screened = _screened(search, candidates)
+    screened = _screened(search, candidates, observe)
     variance = max(min((f.chi2_per_dof for f in screened.values()), default=1.0), 1.0)
     order = sorted(screened, key=lambda h: _cost(screened[h], h, variance))[:_BEST]
     ends = {h: fit for h in order if (fit := _fitted(search, h, screened[h])) is not None}
@@ -122,14 +123,16 @@ def _cost(fit: Fit, hypothesis: Hypothesis, variance: float) -> float:
     return 0.5 * (fit.chi2 / variance + len(hypothesis.unknown) * float(np.log(max(fit.dof, 2))))
 
 
-def _screened(search: Search, candidates: Sequence[Hypothesis]) -> dict[Hypothesis, Fit]:
+def _screened(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -> dict[Hypothesis, Fit]:
     """One fit of some rows with each candidate, where it explains about as much as a far-off cause does."""
     rows = np.unique(np.linspace(0, len(search.problem) - 1, min(_ROWS, len(search.problem))).astype(np.intp))
     some = replace(search, problem=search.problem.take(rows))
     gross = bool(implausible_residuals(search.problem, search.fit))
     most = _WORTH * search.fit.chi2 * some.problem.count / search.problem.count
     out = {}
-    for hypothesis, starts in _starts(some, candidates, gross).items():
+    every = _starts(some, candidates, gross)
+    for k, (hypothesis, starts) in enumerate(every.items()):
+        observe(Stage("far-off causes", k, len(every)))
         fits = [_fit(some, hypothesis, start, _STEPS) for start in starts]
         best = min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
         if best is not None and best.chi2 < most:
@@ -142,7 +145,7 @@ def _starts(search: Search, candidates: Sequence[Hypothesis], gross: bool) -> di
 
     gross: errors are left that are large beside the machine: there a sign reversed too, if it predicts anything.
     """
-    names, nominal = [n for h in candidates for n in h.parameters], _start(search)
+    names, nominal = [n for h in candidates for n in h.parameters], search.start
     linear = linear_problem(search.problem, nominal, (), list(dict.fromkeys(names)), None)
     out = {}
     for h in candidates:
@@ -159,11 +162,6 @@ def _predicts(search: Search, values: Array) -> bool:
     """Whether most of a few rows are predicted at values (P,): to look for poses that no machine reaches takes long."""
     few = search.problem.take(np.linspace(0, len(search.problem) - 1, _FEW).astype(np.intp))
     return 2 * len(lost_rows(few, evaluate(few, values, None))) < len(few)
-
-
-def _start(search: Search) -> Array:
-    """Values (P,), SI: nominal, but for what was found to be far off before."""
-    return start_of(search.problem.model, search.accepted)
 
 
 def _fit(search: Search, hypothesis: Hypothesis, start: Array, steps: int) -> Fit | None:
@@ -188,7 +186,7 @@ def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit) -> Fit | None
     """The best fit of all rows with a hypothesis, from where the screening ended and from the nominal machine."""
     if screened.status == "converged" and len(search.problem) <= _ROWS:
         return screened
-    fits = [_fit(search, hypothesis, start, _LAST_STEPS) for start in (screened.values, _start(search))]
+    fits = [_fit(search, hypothesis, start, _LAST_STEPS) for start in (screened.values, search.start)]
     return min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -15,6 +16,7 @@ from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discre
 from pkmcal_cli.diagnosis.refine import Rival, rivals_of, set_of
 from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without, refit
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
 from pkmcal_cli.diagnosis.stability import STABLE, stability
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
@@ -47,12 +49,15 @@ class Finding:
         return any(r.hypothesis != self.hypothesis and not r.hypothesis.nested(self.hypothesis) for r in self.rivals)
 
 
-def findings_of(search: Search, last: Scored, doubt: bool, seed: int) -> tuple[Finding, ...]:
+def findings_of(search: Search, last: Scored, doubt: bool, options: SearchOptions) -> tuple[Finding, ...]:
     """What is told of accepted effects, by what they gain. `last`: scored at the end; `doubt`: something is unknown."""
     if not search.accepted:
         return ()
     every = linear_without(search, search.near, ()).chi2 - search.fit.chi2  # what all of them explain
-    findings = [_finding(search, h, last, every, doubt, seed) for h in search.near]
+    findings = []
+    for k, h in enumerate(search.near):
+        options.observe(Stage("findings", k, len(search.near)))
+        findings.append(_finding(search, h, last, every, doubt, options.seed))
     findings += [_far_finding(search, h, last, doubt) for h in search.accepted if h.name in search.far_off]
     return tuple(sorted(findings, key=lambda f: -f.held_out.gain))
 
@@ -62,10 +67,11 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     index = [names.index(n) for n in hypothesis.parameters]
     places = {n: k for k, n in enumerate(search.fit.selected)}
     stds = [search.fit.std[places[n]] if n in places else 0.0 for n in hypothesis.parameters]  # 0: known
-    spread = np.array(stds) * np.sqrt(last.scale.variance)
+    spread = np.array(stds) * np.sqrt(last.scale.variance * search.inflation)
     std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(search, hypothesis, last)))
     estimate = tuple(float(v) for v in search.fit.values[index])
     nominal, ranges = search.problem.model.nominal[index], search.problem.model.ranges[index]
+    null = replace(search, accepted=()).start[index]
     part = np.array([n not in hypothesis.free for n in hypothesis.parameters])
     beyond = bool((np.abs(np.array(estimate) - nominal) > UNUSUAL * ranges)[part].any())
     gain = held_out_gain(search, hypothesis)
@@ -91,7 +97,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
         nonlinear=ratio,
         beyond=beyond,
         provisional=doubt or beyond or not gain.confirmed or stable < STABLE,
-        selected=_selected(search, hypothesis, np.array(estimate) - nominal, np.array(std), without, seed)
+        selected=_selected(search, hypothesis, np.array(estimate) - null, np.array(std), without, seed)
         if linear
         else None,
     )
@@ -101,7 +107,7 @@ def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bo
     """What is told of an effect that is far off: nothing that is linear at its null."""
     model, fit = search.problem.model, search.fit
     places = {n: k for k, n in enumerate(fit.selected)}
-    spread = np.sqrt(last.scale.variance)
+    spread = np.sqrt(last.scale.variance * search.inflation)
     gain, told = held_out_gain(search, hypothesis), search.far_off[hypothesis.name]
     return Finding(
         hypothesis=hypothesis,

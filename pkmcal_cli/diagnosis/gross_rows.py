@@ -63,13 +63,21 @@ class _ByRow:
 
 
 def gross_rows(
-    problem: Problem, selected: tuple[str, ...], alpha: float, seed: int, least: float = 6.0
+    problem: Problem,
+    selected: tuple[str, ...],
+    alpha: float,
+    seed: int,
+    least: float = 6.0,
+    *,
+    start: Array | None = None,
 ) -> tuple[Rows, Fit | None]:
     """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others.
 
-    least: standard deviations, as the others scatter, that they are off at least.
+    least: standard deviations, as the others scatter, that they are off at least. start (P,): values, SI, that fits
+    begin with and that held parameters have; default: nominal.
     """
-    values, fit = problem.model.nominal, None
+    begin = problem.model.nominal if start is None else start
+    values, fit = begin, None
     found: Rows = ()
     for _ in range(_ROUNDS):
         by_row = _by_row(problem, values, selected)
@@ -82,7 +90,7 @@ def gross_rows(
             break
         found = again
         try:
-            fit = identify(problem.without(found), selected)
+            fit = identify(problem.without(found), selected, begin)
         except RowsFailed:
             return (), None
         if not fit.usable:
@@ -100,11 +108,11 @@ def _by_row(problem: Problem, values: Array, selected: tuple[str, ...]) -> _ByRo
     evaluation = evaluate(problem, values, selected)
     near = linearise(problem, evaluation)
     on = problem.measured & np.isfinite(evaluation.residual)
-    count = on.size
+    white, slopes = near.values
     index = [problem.model.names.index(n) for n in selected]
     half = 0.5 * problem.model.ranges[index]
-    residual = np.where(on, near.residual[:count].reshape(on.shape), 0.0)
-    jacobian = np.where(on[..., None], (near.jacobian[:count] * half).reshape(*on.shape, -1), 0.0)
+    residual = np.where(on, white.reshape(on.shape), 0.0)
+    jacobian = np.where(on[..., None], (slopes * half).reshape(*on.shape, -1), 0.0)
     return _ByRow(residual, jacobian, on, (values - problem.model.nominal)[index] / half)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
 from pkmcal_cli.effects import Column, Effect, catalogue
 from pkmcal_cli.effects.effect import EffectParameter
@@ -31,7 +32,7 @@ _WORDS: dict[Column, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at nominal.
+    """One candidate: `KEYWORD@PLACE`, or `release NAME` of a parameter that is held at its start.
 
     `KEYWORD@each` and `KEYWORD@each:GROUP`: at several places, with values of its own at each; `members`: what it
     consists of. `parts`: its parameters up to each order but the highest, of which the best stands for it.
@@ -117,13 +118,22 @@ class Hypothesis:
 class Candidates:
     """A model with all testable effects at null, the hypotheses, and effects that the table cannot show.
 
-    `lacking`: the same by keyword and place, of every place, and what it needs.
+    `lacking`: the same by keyword and place, of every place, and what it needs. `start` (P,): values, SI, that fits
+    begin with and that held parameters have; None for nominal ones.
     """
 
     model: Model
     hypotheses: tuple[Hypothesis, ...]
     not_testable: tuple[tuple[str, str], ...]  # (keyword, what it needs)
     lacking: tuple[tuple[str, str, str], ...] = ()
+    start: Array | None = field(default=None, compare=False)
+
+    def begin(self, accepted: Sequence[Hypothesis] = ()) -> Array:
+        """Values (P,), SI, that a fit with effects begins with: the start, what is known of these, or far off."""
+        values = self.model.nominal if self.start is None else self.start.copy()
+        for name, value in (value for h in accepted for value in (*h.known, *h.begin)):
+            values[self.model.names.index(name)] = value
+        return values
 
     @property
     def single(self) -> tuple[Hypothesis, ...]:

@@ -1,8 +1,9 @@
 """The calibrated problem near its solution, whitened: scores of hypotheses with the declared parameters projected out.
 
 With A the declared parameters' columns in standard deviations of their priors, V = I + A P A^T (P: infinite for the
-directions that the data determine, 1 for those that are held), r the residual and C a hypothesis: information
-I = C^T V^-1 C, score g = C^T V^-1 r, statistic T = g^T I^-1 g (Rao; the w test of Baarda and Teunissen).
+directions that the data determine, 1 for those that are held, and for all where their ranges are a prior of the fit),
+r the residual and C a hypothesis: information I = C^T V^-1 C, score g = C^T V^-1 r, statistic T = g^T I^-1 g (Rao; the
+w test of Baarda and Teunissen).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve
 from scipy.special import chdtri, fdtrc
 
 from pkmcal_cli.base.rotation import Array
@@ -94,6 +95,7 @@ class Linear:
     extra: Array | None = None  # (n, k) further columns to project out, without names
     memory: Memory | None = None  # by which successive rows were alike
     measured: NDArray[np.bool_] | None = None  # (N, C) values that take part: measured, and predicted; None for all
+    known: tuple[Array, Array] | None = None  # besides the values: errors (k,) and columns (k, q) of what is known
 
     @cached_property
     def on(self) -> NDArray[np.bool_]:
@@ -104,24 +106,40 @@ class Linear:
     @cached_property
     def spectrum(self) -> Directions:
         """What data say of the projected parameters."""
-        return directions(self.of(self.projected), self.projected, np.full(len(self.projected), 2.0))  # in ranges
+        columns = np.vstack([self.of(self.projected), self._besides[1]])
+        return directions(columns, self.projected, np.full(len(self.projected), 2.0))  # in ranges
+
+    @cached_property
+    def _besides(self) -> tuple[Array, Array]:
+        """Errors (k,) and columns (k, p) of what is known of the projected parameters besides."""
+        if self.known is None:
+            return np.zeros(0), np.zeros((0, len(self.projected)))
+        errors, columns = self.known[0], self.known[1][:, [self._index[n] for n in self.projected]]
+        own = columns.any(axis=1)
+        return errors[own], columns[own]
 
     @cached_property
     def fixed(self) -> tuple[Array, Array]:
-        """Directions (n, d) that are projected out, and the weight (d,) of their priors: 1 where they are held."""
+        """Directions (n, d) that are projected out, and the precision (d, d) of their priors: 1 where they are held."""
         spectrum = self.spectrum
-        a = self.of(self.projected) @ spectrum.vectors.T
-        prior = np.where(spectrum.held, 1.0, 0.0)
+        a, besides = self.of(self.projected) @ spectrum.vectors.T, self._besides[1] @ spectrum.vectors.T
+        prior = np.diag(np.where(spectrum.held, 1.0, 0.0)) + besides.T @ besides
         if self.extra is not None:
-            own = 1e-6 * (self.extra**2).sum(axis=0) + 1e-12
-            a, prior = np.hstack([a, self.extra]), np.append(prior, own)
+            own = np.diag(1e-6 * (self.extra**2).sum(axis=0) + 1e-12)
+            a, prior = np.hstack([a, self.extra]), block_diag(prior, own)
         return a, prior
+
+    @cached_property
+    def pull(self) -> Array:
+        """What is known besides, as the right side (d,) of the normal equations of the same directions."""
+        errors, columns = self._besides
+        return np.append(self.spectrum.vectors @ (columns.T @ errors), np.zeros(len(self.fixed[1]) - columns.shape[1]))
 
     @cached_property
     def _factor(self) -> tuple[Array, tuple[Array, bool]]:
         """The same directions and the Cholesky factor of their normal matrix."""
         a, prior = self.fixed
-        normal = a.T @ a + np.diag(prior)
+        normal = a.T @ a + prior
         return a, cho_factor(normal) if len(normal) else (np.zeros((0, 0)), True)
 
     @cached_property
@@ -135,8 +153,9 @@ class Linear:
 
     @cached_property
     def unexplained(self) -> Array:
-        """V^-1 r (n,)."""
-        return self.free(self.residual)
+        """V^-1 r (n,), of parameters that are what is known of them."""
+        a, factor = self._factor
+        return self.free(self.residual) - (a @ cho_solve(factor, self.pull) if self.pull.any() else 0.0)
 
     @cached_property
     def freedom(self) -> Array:
@@ -147,13 +166,18 @@ class Linear:
 
     @cached_property
     def chi2(self) -> float:
-        """r^T V^-1 r."""
-        return float(self.residual @ self.unexplained)
+        """r^T V^-1 r, with what is known besides."""
+        own = float(self.residual @ self.unexplained)
+        if not self.pull.any():
+            return own
+        a, factor = self._factor
+        errors, step = self._besides[0], cho_solve(factor, a.T @ self.residual + self.pull)
+        return own + float(errors @ errors - self.pull @ step)
 
     @property
     def dof(self) -> int:
-        """Measured values less projected directions."""
-        return self.used - int(self._factor[0].shape[1])
+        """Measured values, and what is known besides, less projected directions."""
+        return self.used + len(self._besides[0]) - int(self._factor[0].shape[1])
 
     def of(self, names: Sequence[str]) -> Array:
         """Columns (n, k) of some parameters."""
@@ -277,15 +301,16 @@ def linear_problem(
     near = linearise(part, evaluation)
     places = {p.name: k for k, p in enumerate(problem.model.parameters)}
     ranges = problem.model.ranges[[places[n] for n in names]]
-    columns = near.jacobian * (0.5 * ranges)
+    (residual, columns), (errors, known), half = near.values, near.besides, 0.5 * ranges
     channels = problem.readings.shape[1]
     return Linear(
-        residual=near.residual,
-        columns=columns,
+        residual=residual,
+        columns=columns * half,
         names=names,
         ranges=ranges,
         projected=selected,
         used=part.count,
         channels=channels,
         measured=part.measured,
+        known=(errors, known * half) if len(errors) else None,
     )

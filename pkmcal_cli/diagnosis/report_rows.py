@@ -13,10 +13,9 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_fig
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, whitened_residual
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, weighted_residual
 from pkmcal_cli.diagnosis.confirm import cells, shown_channels
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.scoring import start_of
 
 _DRAWS = 4000
 _FEWEST_BLOCKS = 5
@@ -55,6 +54,7 @@ class OuterFold:
     report: Problem
     sets: tuple[tuple[Hypothesis, ...], ...]
     fit: Fit
+    start: Array  # (P,), where its fits begin
     accepted: tuple[Hypothesis, ...] = ()
 
     def chose(self, alike: Sequence[Hypothesis]) -> bool:
@@ -77,7 +77,7 @@ def errors_of(folds: Sequence[OuterFold]) -> Errors:
         part, there = _predicted(t.report, there)
         report.append(error_figures(part, there))
         channels.append(channel_figures(part, there))
-        squares += float((whitened_residual(part, there) ** 2).sum())
+        squares += float((weighted_residual(part, there) ** 2).sum())
         values += part.count
     return Errors(pooled(fit), pooled(choose), pooled(report), pooled(channels), squares / max(values, 1), failed)
 
@@ -93,15 +93,14 @@ def _inner(fold: OuterFold, folds: int = 3) -> list[tuple[Problem, Fit]]:
     out = []
     for k in np.unique(labels):
         rest, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        start = start_of(fold.train.model, fold.accepted)
-        out.append((fold.train.take(rows), identify(fold.train.take(rest), fold.fit.selected, start)))
+        out.append((fold.train.take(rows), identify(fold.train.take(rest), fold.fit.selected, fold.start)))
     return out
 
 
 def whitened_rows(problem: Problem, values: Array) -> Array:
     """Sum of squares of each row's whitened residual (N,), nan in rows that are not predicted."""
     there = evaluate(problem, values, ())
-    out = np.asarray((whitened_residual(problem, there) ** 2).sum(axis=1))
+    out = np.asarray((weighted_residual(problem, there) ** 2).sum(axis=1))
     out[lost_rows(problem, there)] = np.nan
     return out
 

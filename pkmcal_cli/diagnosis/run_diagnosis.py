@@ -8,26 +8,30 @@ from typing import Literal
 
 import numpy as np
 
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
-from pkmcal_cli.calibration.problem import Problem, usable
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import reasons
+from pkmcal_cli.calibration.robust import Loss, RobustFit, normal_figures
 from pkmcal_cli.calibration.starts import best_of_starts
 from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.bad_rows import restored, suspected_rows, with_rows, without_gross_rows
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
-from pkmcal_cli.diagnosis.gross_rows import gross_rows
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, noise_growth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
-from pkmcal_cli.diagnosis.outlying_rows import row_scores
 from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of, swapped
 from pkmcal_cli.diagnosis.refuted import refuted_causes
-from pkmcal_cli.diagnosis.scoring import Scored, Search, recalibrated, score_all
+from pkmcal_cli.diagnosis.robust_weights import ROUNDS, weighed
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import run_search
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
@@ -36,9 +40,6 @@ from pkmcal_cli.prediction import fixed_smoothing
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
 _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
-_KINSHIP = 0.9  # share of what rows are off by that an effect explains if it is the cause
-_SUSPECT = 0.05  # chance that any row is as far off, at which one is told
-_ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,7 @@ class Diagnosis:
     suspected: dict[int, float]  # rows that are used but may be wrong, and the chance that any good one is as far off
     p_global: float
     seed: int
+    weighed: RobustFit | None = None  # by which values were weighed
 
     @cached_property
     def detectable(self) -> tuple[VisibleSizes, ...]:
@@ -88,27 +90,54 @@ class Diagnosis:
         return tuple(sorted(self.search.bad_rows))
 
 
-def diagnose(candidates: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int) -> Diagnosis:
+def diagnose(
+    candidates: Candidates,
+    problem: Problem,
+    selected: tuple[str, ...],
+    alpha: float,
+    seed: int,
+    *,
+    loss: Loss = "squares",
+    observe: Observer = unobserved,
+) -> Diagnosis:
     """Diagnose a table; `problem` belongs to the candidates' model. Raises RowsFailed.
 
     Where noise grows over the workspace, once more with rows that count by it.
     """
-    first = _diagnosis(candidates, problem, selected, alpha, seed)
+    options = SearchOptions(alpha=alpha, seed=seed, loss=loss, observe=observe)
+    first = _weighed(candidates, problem, selected, options)
     if not first.noise:
         return first
-    again = _diagnosis(candidates, weighted(problem, first.noise), selected, alpha, seed)
+    again = _weighed(candidates, weighted(problem, first.noise), selected, options)
     return replace(again, noise=first.noise)
 
 
+def _weighed(candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions) -> Diagnosis:
+    """The diagnosis with sigma as it is, and values weighed by what is left once the found effects are in the fit."""
+    if options.loss == "squares":
+        return _diagnosis(candidates, problem, selected, options)
+    (_, fit), model = _calibrated(candidates, problem, selected, options.seed), problem.model
+    named: frozenset[str] = frozenset()
+    for _ in range(ROUNDS):
+        seen, robust = weighed(replace(problem, model=model), fit, options.loss)
+        found = _diagnosis(candidates, replace(seen, model=problem.model), selected, options)
+        found = replace(found, weighed=robust)
+        if found.search.state[0] == named:
+            break
+        named, fit, model = found.search.state[0], found.search.fit, found.search.problem.model
+    return found
+
+
 def _diagnosis(
-    candidates: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int
+    candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions
 ) -> Diagnosis:
-    """The diagnosis with sigma as it is."""
-    begun = _begun(candidates, problem, selected, alpha, seed)
-    parts, first, search = Alpha(alpha), begun.first, _ended(begun, alpha, seed)
+    """The diagnosis with sigma and weights as they are."""
+    begun = _begun(candidates, problem, selected, options)
+    parts, first, search = options.parts, begun.first, _ended(begun, options)
     candidates = search.candidates
+    options.observe(Stage("what is left"))
     last, unknown, growth = _left(search, parts)
-    findings = findings_of(search, last, bool(unknown), seed)
+    findings = findings_of(search, last, bool(unknown), options)
     whole = first.linear if not begun.start.bad_rows else score_all(begun.every, ()).linear
     return Diagnosis(
         verdict=_verdict(findings, unknown, bool(search.bad_rows), last.linear),
@@ -123,20 +152,20 @@ def _diagnosis(
         scale=last.scale,
         correlation=0.0 if last.linear.memory is None else last.linear.memory.correlation,
         same=begun.same,
-        suspected=_suspected(last),
+        suspected=suspected_rows(last),
         p_global=chance_of_noise(whole),
-        seed=seed,
+        seed=options.seed,
     )
 
 
 def named(
-    candidates: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int
+    candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions
 ) -> tuple[tuple[Hypothesis, ...], ...]:
     """What a diagnosis of a table names, each effect with those that explain the table as well; nothing else of it.
 
     Raises RowsFailed.
     """
-    search = _ended(_begun(candidates, problem, selected, alpha, seed), alpha, seed)
+    search = _ended(_begun(candidates, problem, selected, options), options)
     rivals = {h: [r.hypothesis for r in rivals_of(search, h)] for h in search.accepted}
     return tuple((h, *(r for r in others if r != h)) for h, others in rivals.items())
 
@@ -151,45 +180,52 @@ class _Begun:
     same: dict[str, str]
 
 
-def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int) -> _Begun:
-    before = _calibrated(problem, selected, seed)
+def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions) -> _Begun:
+    options.observe(Stage("calibration"))
+    candidates, before = _calibrated(candidates, problem, selected, options.seed)
     problem = problem.without(before.failed)
     model = fixed_smoothing(problem.model, before.values, problem.rows)
     problem, candidates = replace(problem, model=model), replace(candidates, model=model)
-    every = Search(candidates=candidates, problem=problem, declared=selected, fit=before, failed=before.failed)
-    start = _without_gross_rows(every, Alpha(alpha), seed)
+    every = Search(
+        candidates=candidates,
+        problem=problem,
+        declared=selected,
+        fit=before,
+        failed=before.failed,
+        inflation=1.0 if options.loss == "squares" else normal_figures(options.loss)[1],
+    )
+    options.observe(Stage("gross rows"))
+    start = without_gross_rows(every, options.parts, options.seed)
     first = score_all(start, [h.whole for h in candidates.hypotheses])
     same = _same_as_parameters(first)
     candidates = replace(candidates, hypotheses=tuple(h for h in candidates.hypotheses if h.name not in same))
     return _Begun(every=every, start=replace(start, candidates=candidates), first=first, same=same)
 
 
-def _ended(begun: _Begun, alpha: float, seed: int) -> Search:
-    return confirmed_only(restored(swapped(run_search(with_far_causes(begun.start), Alpha(alpha), seed))))
+def _ended(begun: _Begun, options: SearchOptions) -> Search:
+    search = run_search(with_far_causes(begun.start, options.observe), options)
+    options.observe(Stage("exchanges"))
+    search = restored(swapped(search))
+    options.observe(Stage("held-out rows"))
+    return confirmed_only(search)
 
 
-def _calibrated(problem: Problem, selected: tuple[str, ...], seed: int) -> Fit:
-    """The fit that is diagnosed; from further starts where that from nominal values does not converge."""
-    fit = identify(problem, selected)
-    if fit.status != "not_converged":
-        return fit
-    best, _ = best_of_starts(problem, selected, problem.model.nominal, fit, 0, seed)
-    return fit if best is None else best
+def _calibrated(
+    candidates: Candidates, problem: Problem, selected: tuple[str, ...], seed: int
+) -> tuple[Candidates, Fit]:
+    """The fit that is diagnosed, from further starts where the first one does not converge, and where fits begin.
 
-
-def _without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
-    """The search without rows that are beyond all noise, unless one effect explains nearly all that they are off by."""
-    rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed)
-    if fit is None:
-        return search
-    whole = score_all(replace(search, fit=fit), search.candidates.hypotheses)
-    off = whole.linear.chi2 - fit.chi2
-    values = int(search.problem.measured[list(rows)].sum())
-    few = [s.statistic for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any rows
-    if max(few, default=0.0) > _KINSHIP * off:
-        return search
-    failed = {**search.failed, **fit.failed}
-    return replace(search, problem=search.problem.without((*rows, *fit.failed)), fit=fit, bad_rows=rows, failed=failed)
+    That is as given, but at nominal values in directions that the data hardly see: the ranges hold them there.
+    """
+    start = replace(candidates, model=problem.model).begin()
+    fit = identify(problem, selected, start)
+    if fit.status == "not_converged":
+        best, _ = best_of_starts(problem, selected, start, fit, 0, seed)
+        return candidates, fit if best is None else best
+    if candidates.start is None or not fit.directions.weak.any():
+        return candidates, fit
+    start = centred(problem, start, start, fit.directions)
+    return replace(candidates, start=start), identify(problem, selected, start)
 
 
 def _left(search: Search, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...], tuple[NoiseGrowth, ...]]:
@@ -201,7 +237,7 @@ def _left(search: Search, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...], tu
         shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
         unknown = unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)
     growth = noise_growth(last.linear, search.problem, last.scale, least)
-    every = weighted(_with_rows(search.problem, list(search.bad_rows)), growth)  # else its far end is a local effect
+    every = weighted(with_rows(search.problem, list(search.bad_rows)), growth)  # else its far end is a local effect
     unknown += local_effects(every, search.fit.values, least)
     return last, tuple(unknown + unmodelled_alternatives(search, last) + refuted_causes(search, last)), growth
 
@@ -221,37 +257,6 @@ def _same_as_parameters(first: Scored) -> dict[str, str]:
         for other, theirs in releases
         if abs(float(column @ theirs)) > _SAME
     }
-
-
-def restored(search: Search) -> Search:
-    """The search with rows put back that the accepted effects explain after all, each judged by the good ones."""
-    if not search.bad_rows:
-        return search
-    scale = score_all(search, ()).scale
-    good = []
-    for row in search.bad_rows:
-        again = score_all(replace(search, problem=_with_rows(search.problem, [row])), ())
-        scores = row_scores(again.linear, again.linear.on, scale)
-        if again.linear.on[row].any() and scores.p_value[row] > _ORDINARY:
-            good.append(row)
-    if not good:
-        return search
-    whole = _with_rows(search.problem, list(search.bad_rows))
-    kept = tuple(r for r in search.bad_rows if r not in good)
-    return recalibrated(replace(search, problem=whole.without(kept), bad_rows=kept))
-
-
-def _suspected(last: Scored) -> dict[int, float]:
-    """Rows that may be wrong, the worst first; `last`: scored with all that was found."""
-    chance = np.minimum(last.rows.p_value * len(last.rows.p_value), 1.0)
-    return {int(k): float(chance[k]) for k in np.argsort(chance, kind="stable") if chance[k] < _SUSPECT}
-
-
-def _with_rows(problem: Problem, rows: list[int]) -> Problem:
-    """The problem with rows that were taken out."""
-    measured = problem.measured.copy()
-    measured[rows] = ~np.isnan(problem.readings[rows]) & ~np.isnan(problem.sigma[rows])
-    return usable(replace(problem, measured=measured))
 
 
 def _verdict(findings: tuple[Finding, ...], unknown: tuple[Unknown, ...], measurement: bool, last: Linear) -> Verdict:

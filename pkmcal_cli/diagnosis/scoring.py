@@ -19,7 +19,6 @@ from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discre
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
 from pkmcal_cli.diagnosis.score import UNUSUAL, Score
-from pkmcal_cli.model.model import Model
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
 _LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
@@ -69,6 +68,7 @@ class Search:
     vetoed: tuple[Hypothesis, ...] = ()  # that explain what was fitted, and nothing that was not
     bad_rows: tuple[int, ...] = ()
     failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts are left out
+    inflation: float = 1.0  # variances over those by the weights alone, of a robust loss
     p_values: dict[str, float] = field(default_factory=dict)
     evidence: dict[str, float] = field(default_factory=dict)
     critical: float = 0.0
@@ -87,6 +87,11 @@ class Search:
     def state(self) -> tuple[frozenset[str], frozenset[int], frozenset[str]]:
         """What tells it from where it was before: effects, rows taken out, what was refused."""
         return frozenset(h.name for h in self.accepted), frozenset(self.bad_rows), self.refused
+
+    @property
+    def start(self) -> Array:
+        """Values (P,), SI, that a fit of it begins with."""
+        return replace(self.candidates, model=self.problem.model).begin(self.accepted)
 
     def price(self, hypotheses: Sequence[Hypothesis]) -> float:
         """Log evidence that effects must have, as they are some of many; further ones of a kind, some of this kind."""
@@ -134,10 +139,11 @@ def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[
     """Values (P,), SI, of the fit where some accepted effects have null value, and what is identified without them."""
     gone = {n for h in removed for n in h.parameters}
     values, model = search.fit.values.copy(), search.problem.model
+    start = replace(search, accepted=()).start
     for name in gone:
         if not name.endswith(".lag"):  # it only shapes what the others do
             k = model.names.index(name)
-            values[k] = model.parameters[k].nominal
+            values[k] = start[k]
     return values, tuple(n for n in search.selected if n not in gone)
 
 
@@ -212,27 +218,19 @@ def shape_gains(search: Search, scores: Scored) -> Array:
 
 def recalibrated(search: Search) -> Search:
     """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
-    fit = identify(search.problem, search.selected, start_of(search.problem.model, search.accepted))
+    fit = identify(search.problem, search.selected, search.start)
     if search.accepted and fit.chi2 > _LOST * search.fit.chi2:  # with fewer rows
         fit = _better(fit, _settled(search, _near(search))) or fit
     return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
 
 
-def start_of(model: Model, accepted: Sequence[Hypothesis]) -> Array:
-    """Values (P,), SI, from which a fit with effects begins: nominal, and what is known of these, or far off."""
-    start = model.nominal
-    for name, value in (value for h in accepted for value in (*h.known, *h.begin)):
-        start[model.names.index(name)] = value
-    return start
-
-
 def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = np.inf) -> Fit | None:
     """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
 
-    It begins at nominal values, so that what the data do not determine stays there, but for effects with estimates
+    It begins where all fits do, so that what the data do not determine stays there, but for effects with estimates
     (k,), SI. Where that is far from as good as `expected` (chi-square), it begins at the values of the fit before too.
     """
-    near, start = _near(search), start_of(search.problem.model, search.accepted)
+    near, start = _near(search), search.start
     for hypothesis, estimate in starts.items():
         for name, value in zip(hypothesis.parameters, estimate, strict=True):
             k = search.problem.model.names.index(name)
@@ -244,7 +242,7 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
 
 def _near(search: Search) -> Array:
     """Values (P,) to begin with: those of the fit before, of what was fitted."""
-    near = start_of(search.problem.model, search.accepted)
+    near = search.start
     own = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
     near[own] = search.fit.values[own]
     return near

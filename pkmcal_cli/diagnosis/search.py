@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.linear import log_evidence
@@ -22,6 +23,7 @@ from pkmcal_cli.diagnosis.scoring import (
     score_without,
     shape_gains,
 )
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.threshold import critical_p, effective_tests, smallest_p
 
 MOST_EFFECTS = 5
@@ -32,22 +34,24 @@ _UNDECIDED, _SAME = 1.0, 0.999  # log evidence between two that are both followe
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
 
-def run_search(search: Search, alpha: Alpha, seed: int) -> Search:
+def run_search(search: Search, options: SearchOptions) -> Search:
     """Accept effects and take out rows until nothing significant is left."""
+    options.observe(Stage("search"))
     scored = score_all(search, search.open)
     every = [part for h in search.open for part in h.nested_parts]
     columns = [scored.linear.tested(h) for h in every]
-    draws = smallest_p(scored.linear, columns, [scored.linear.score_of(h) for h in every], seed)
-    search = replace(search, critical=critical_p(draws, alpha.catalogue), tests=effective_tests(draws))
-    return _followed(search, alpha, scored.scale.variance)
+    draws = smallest_p(scored.linear, columns, [scored.linear.score_of(h) for h in every], options.seed)
+    search = replace(search, critical=critical_p(draws, options.parts.catalogue), tests=effective_tests(draws))
+    return _followed(search, options, scored.scale.variance)
 
 
-def _followed(search: Search, alpha: Alpha, variance: float) -> Search:
+def _followed(search: Search, options: SearchOptions, variance: float) -> Search:
     """The end of the search that has most evidence: what cannot be decided at a step is followed both ways."""
     begun, seen, ends = [search], {search.state}, list[Search]()
     while begun:
         search = begun.pop(0)
-        new = [s for s in _advanced(search, score_all(search, search.open), alpha) if s.state not in seen]
+        options.observe(Stage("search", len(seen)))
+        new = [s for s in _advanced(search, score_all(search, search.open), options.parts) if s.state not in seen]
         room = max(_BRANCHES - len(begun) - len(ends), 1)
         begun += new[:room]
         seen |= {s.state for s in new}

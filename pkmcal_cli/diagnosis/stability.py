@@ -37,13 +37,14 @@ def stability(
     best = np.argsort(-evidence, kind="stable")[:_RIVALS]
     chosen = [int(k) for k in best if scores.scores[k].count]
     grams, counts = _grams(scores, problem, hypothesis, chosen)
-    prior = np.diag(scores.linear.fixed[1] + 1e-9)
+    prior, pull = scores.linear.fixed[1], scores.linear.pull
+    prior = prior + 1e-9 * np.eye(len(pull))
     names = {h.name for h in (hypothesis, *alike)}
     right = np.array([h.name in names or h.akin(hypothesis) for h in (scores.hypotheses[k] for k in chosen)])
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]
-    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, scores) + more)] for w in weights]
+    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)] for w in weights]
     return float(np.mean(hits)) if right.any() else 0.0
 
 
@@ -58,10 +59,12 @@ def _grams(scores: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Seq
     return grams, [fixed.shape[1], *(c.shape[1] for c in columns)]
 
 
-def _evidence(gram: Array, counts: Sequence[int], prior: Array, scores: Scored) -> Array:
-    """Log evidence (H,) of hypotheses from one Gram matrix."""
+def _evidence(gram: Array, counts: Sequence[int], prior: Array, pull: Array, scores: Scored) -> Array:
+    """Log evidence (H,) of hypotheses from one Gram matrix; prior (p, p) and pull (p,) of what is projected out."""
     p = counts[0]
-    left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + prior, gram[:p, p:])
+    right = gram[:p, p:].copy()
+    right[:, -1] += pull
+    left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + prior, right)
     statistic, first = [], 0
     for count in counts[1:]:
         own = slice(first, first + count)

@@ -49,7 +49,7 @@ def unit_columns(
         ModelParameter(name=n, nominal=0.0, range=1.0, bounds=(-np.inf, np.inf), unit="", dimension="", identify=True)
         for n in names
     )
-    wide = replace(problem, model=model.with_effects(units, parameters))
+    wide = replace(problem, model=model.with_effects(units, parameters), prior=None)
     columns = linearise_at(wide, np.append(values, np.zeros(len(names))), names, start).jacobian
     return [
         UnitColumn(e, part, SiteInputs(s, model, problem.rows, e, None), column.reshape(problem.readings.shape))
