@@ -36,6 +36,14 @@ class Prior:
         return out
 
 
+def joined(one: Prior, other: Prior) -> Prior:
+    """What is known by both, of different parameters."""
+    rows = np.zeros((len(one.rows) + len(other.rows), len(one.names) + len(other.names)))
+    rows[: len(one.rows), : len(one.names)] = one.rows
+    rows[len(one.rows) :, len(one.names) :] = other.rows
+    return Prior((*one.names, *other.names), rows, np.append(one.centre, other.centre))
+
+
 def prior_of_ranges(model: Model, names: tuple[str, ...]) -> Prior:
     """Every parameter near its nominal value, with half its range as standard deviation."""
     index = [model.names.index(n) for n in names]

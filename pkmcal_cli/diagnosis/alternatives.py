@@ -51,7 +51,12 @@ class Family:
 
 def families(problem: Problem, fit: Fit) -> list[Family]:
     """All alternatives at a solution, whitened."""
-    return [f for f in (_steps(problem), _oscillations(problem), *_fields(problem), _bumps(problem, fit)) if f]
+    return [f for f in (*in_time(problem), *fields(problem), _bumps(problem, fit)) if f]
+
+
+def in_time(problem: Problem) -> tuple[Family | None, Family | None]:
+    """Steps and oscillations in time of all readings."""
+    return _steps(problem), _oscillations(problem)
 
 
 def best_alternative(linear: Linear, scale: Scale, kinds: Sequence[Family]) -> Alternative | None:
@@ -111,7 +116,7 @@ def _oscillations(problem: Problem) -> Family | None:
     return Family(TIME, _blocks(problem, shapes), [f"oscillation, {c:g} periods in the table" for c in cycles])
 
 
-def _fields(problem: Problem) -> Iterator[Family]:
+def fields(problem: Problem) -> Iterator[Family]:
     """Smooth fields over the workspace, of several degrees."""
     for degree in range(2, 6):
         shapes = pose_shapes(problem, degree)

@@ -31,6 +31,8 @@ _MOST_KNOTS = 41
 _SPREADS = np.logspace(-2, 6, 33)  # squared, in units of the noise
 _HYPERPARAMETERS = 2.0  # log evidence that the likeliest spread and width are worth
 _FEWEST = 3  # places on an axis, for each knot
+_REFINED = 3  # places where a shape gets more knots
+_REFINEMENTS, _PARTS = 4, 4  # how often, and into how many parts the steepest gap between two knots is cut
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +42,7 @@ class FittedShape:
     placed: PlacedEffect
     evidence: float
     statistic: float
+    curve: Array  # (K,) at the knots, m or rad
 
     @property
     def effect(self) -> Unexplained:
@@ -99,37 +102,62 @@ def _bare(problem: Problem) -> list[PlacedEffect]:
 def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[Place]) -> list[FittedShape]:
     """The likeliest shape at each place, best first; the number of places and widths is counted."""
     price = float(np.log(max(len(kinds), 1) * len(_WIDTHS))) + _HYPERPARAMETERS
-    found = [_likeliest(linear, scale, place, price) for place in kinds]
-    return sorted((f for f in found if f is not None), key=lambda f: -f.evidence)
+    found = [(f, place) for place in kinds if (f := _likeliest(linear, scale, place, price)) is not None]
+    found.sort(key=lambda pair: -pair[0].evidence)
+    refined = [_refined(linear, scale, *pair, price) for pair in found[:_REFINED]]
+    return sorted([*refined, *(f for f, _ in found[_REFINED:])], key=lambda f: -f.evidence)
 
 
 def _likeliest(linear: Linear, scale: Scale, place: Place, price: float) -> FittedShape | None:
+    """The shape of most evidence, with even knots."""
     low, high = place.span
     distinct = len(np.unique(np.round((np.concatenate(place.x) - low) / (high - low), 3)))
-    best: FittedShape | None = None
-    for share in _WIDTHS:
-        width = share * (high - low)
+    found = []
+    for width in (share * (high - low) for share in _WIDTHS):
         knots = even_knots(low, high, width / 2, _MOST_KNOTS)
-        if len(knots) > distinct // _FEWEST:
-            continue
-        unit = FreeShape(knots=knots, spread=1.0, width=width)
-        columns = linear.whitened(place.columns(unit))
-        values, vectors = np.linalg.eigh(columns.T @ linear.free(columns))
-        values = np.maximum(values, 0.0) / scale.variance
-        gradient = vectors.T @ (columns.T @ linear.unexplained) / scale.variance
-        largest = float(values.max(initial=0.0))
-        if largest <= 0.0:
-            continue
-        variance = _SPREADS[:, None] / largest
-        evidence = 0.5 * (variance * gradient**2 / (1 + variance * values) - np.log1p(variance * values)).sum(axis=1)
-        k = int(np.argmax(evidence))
-        if best is None or evidence[k] - price > best.evidence:
-            shape = replace(unit, spread=float(np.sqrt(_SPREADS[k] / largest)))
-            statistic = float((variance[k] * gradient**2 / (1 + variance[k] * values)).sum())
-            bare = place.bare.effect
-            assert isinstance(bare, Unexplained)
-            effect = unexplained(bare.enters, shape, bare.axis)
-            names = tuple(f"{effect.keyword}@{place.bare.at}.{p.name}" for p in effect.parameters)
-            placed = replace(place.bare, effect=effect, parameters=names)
-            best = FittedShape(placed=placed, evidence=float(evidence[k]) - price, statistic=statistic)
-    return best
+        if len(knots) * _FEWEST <= distinct:
+            found.append(_with_spread(linear, scale, place, knots, width, price))
+    return max((f for f in found if f is not None), key=lambda f: f.evidence, default=None)
+
+
+def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: Place, price: float) -> FittedShape:
+    """The shape with more knots where it is steepest, as long as its evidence grows by it."""
+    for _ in range(_REFINEMENTS):
+        own = shape.effect.shape
+        steepest = int(np.argmax(np.abs(np.diff(shape.curve)))) if len(shape.curve) else 0
+        between = np.linspace(own.knots[steepest], own.knots[steepest + 1], _PARTS + 1)[1:-1]
+        knots = tuple(sorted((*own.knots, *between.tolist())))
+        finer = _with_spread(linear, scale, place, knots, own.width, price)
+        if finer is None or finer.evidence < shape.evidence + 1.0:
+            break
+        shape = finer
+    return shape
+
+
+def _with_spread(
+    linear: Linear, scale: Scale, place: Place, knots: tuple[float, ...], width: float, price: float
+) -> FittedShape | None:
+    """A shape with its likeliest spread; None where it moves nothing."""
+    unit = FreeShape(knots=knots, spread=1.0, width=width)
+    columns = linear.whitened(place.columns(unit))
+    values, vectors = np.linalg.eigh(columns.T @ linear.free(columns))
+    values = np.maximum(values, 0.0) / scale.variance
+    largest = float(values.max(initial=0.0))
+    if largest <= 0.0:
+        return None
+    gradient = vectors.T @ (columns.T @ linear.unexplained) / scale.variance
+    variance = _SPREADS[:, None] / largest
+    evidence = 0.5 * (variance * gradient**2 / (1 + variance * values) - np.log1p(variance * values)).sum(axis=1)
+    k = int(np.argmax(evidence))
+    size = float(variance[k, 0])
+    weights = vectors @ (size * gradient / (1 + size * values))
+    bare = place.bare.effect
+    assert isinstance(bare, Unexplained)
+    effect = unexplained(bare.enters, replace(unit, spread=float(np.sqrt(size))), bare.axis)
+    names = tuple(f"{effect.keyword}@{place.bare.at}.{p.name}" for p in effect.parameters)
+    return FittedShape(
+        placed=replace(place.bare, effect=effect, parameters=names),
+        evidence=float(evidence[k]) - price,
+        statistic=float((size * gradient**2 / (1 + size * values)).sum()) * scale.variance,
+        curve=unit.factor @ weights,
+    )

@@ -24,6 +24,7 @@ from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
+from pkmcal_cli.diagnosis.nameless import with_all_in_one, with_shape
 from pkmcal_cli.diagnosis.noise_growth import NoiseGrowth, noise_growth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of, swapped
@@ -39,6 +40,7 @@ from pkmcal_cli.prediction import fixed_smoothing
 
 Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small"]
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
+_SHAPES = 2  # displacements without a name, at most
 _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 
 
@@ -141,7 +143,7 @@ def _diagnosis(
     whole = first.linear if not begun.start.bad_rows else score_all(begun.every, ()).linear
     return Diagnosis(
         verdict=_verdict(findings, unknown, bool(search.bad_rows), last.linear),
-        problem=replace(search.problem, model=begun.start.problem.model),
+        problem=replace(search.problem, model=begun.start.problem.model, prior=begun.start.problem.prior),
         before=begun.every.fit,
         search=search,
         findings=findings,
@@ -203,11 +205,24 @@ def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], 
 
 
 def _ended(begun: _Begun, options: SearchOptions) -> Search:
-    search = run_search(with_far_causes(begun.start, options.observe), options)
+    start = with_far_causes(with_all_in_one(begun.start, begun.first), options.observe)
+    search = run_search(start, options)
     options.observe(Stage("exchanges"))
     search = restored(swapped(search))
     options.observe(Stage("held-out rows"))
-    return confirmed_only(search)
+    return _with_shapes(confirmed_only(search), options)
+
+
+def _with_shapes(search: Search, options: SearchOptions) -> Search:
+    """The search with displacements without a name, and effects that are found beside them."""
+    while len(search.shapes) < _SHAPES:
+        options.observe(Stage("what has no name"))
+        last, unknown, _ = _left(search, options.parts)
+        after = with_shape(search, last) if unknown or search.near else None
+        if after is None:
+            return search
+        search = confirmed_only(restored(swapped(run_search(after, options))))
+    return search
 
 
 def _calibrated(

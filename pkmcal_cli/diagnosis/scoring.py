@@ -12,6 +12,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.best_fit import BestFit
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, linear_problem, log_evidence
@@ -19,6 +20,7 @@ from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discre
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
 from pkmcal_cli.diagnosis.score import UNUSUAL, Score
+from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
 _LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
@@ -56,6 +58,23 @@ class FarOff:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NamelessShape:
+    """A displacement without a name that is in the fit; `evidence`: log evidence of it; `places`: where it may be as well,
+    with their weights, best first; `best_fit`: what parameters mean beside it.
+    """
+
+    placed: PlacedEffect
+    evidence: float
+    places: tuple[tuple[str, float], ...]
+    best_fit: BestFit
+
+    @property
+    def name(self) -> str:
+        """`unexplained@PLACE`."""
+        return self.placed.name
+
+
+@dataclass(frozen=True, kw_only=True)
 class Search:
     """Where the search has come to: the problem without the rows taken out or left out, its fit, what was accepted."""
 
@@ -75,12 +94,13 @@ class Search:
     tests: float = 0.0
     far_off: Mapping[str, FarOff] = field(default_factory=dict)  # by name, among the accepted effects
     untried: tuple[str, ...] = ()  # effects that may be far off, but were too many to try
+    shapes: tuple[NamelessShape, ...] = ()  # that stand for what has no name
 
     @property
     def selected(self) -> tuple[str, ...]:
         """Parameters that are identified: the declared and those of accepted effects, but for what is known of them."""
         extra = {name for h in self.accepted for name in h.unknown}
-        every = set(self.declared) | extra
+        every = set(self.declared) | extra | {name for shape in self.shapes for name in shape.placed.parameters}
         return tuple(n for n in self.problem.model.names if n in every)
 
     @property

@@ -37,17 +37,23 @@ def _better(search: Search, removed: Sequence[Hypothesis], last: Scored, kinds: 
     """The best alternative to some accepted effects, if it has more evidence and explains more."""
     linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
     best = best_alternative(linear, scale, kinds)
-    columns = linear.of([n for h in removed for n in h.parameters])
-    free = np.hstack([columns, linear.whitened(discrepancy_columns(search.problem, search.fit, removed))])
-    statistic, plain = _evidence(linear, scale, columns)
-    accepted_evidence = max(plain, _evidence(linear, scale, free)[1]) - len(removed) * float(
-        np.log(len(search.candidates.hypotheses))
-    )
+    statistic, _ = _evidence(linear, scale, linear.of([n for h in removed for n in h.parameters]))
+    accepted_evidence = evidence_of_effects(search, removed, linear, scale)
     if best is None or best.statistic < statistic or best.evidence <= accepted_evidence + _BETTER:
         return None
     names = tuple(h.name for h in removed)
     words = f"{best.words}: a better explanation than {' and '.join(names)}"
     return Unknown(best.depends_on, float(np.exp(accepted_evidence - best.evidence)), best.rms, words, names)
+
+
+def evidence_of_effects(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> float:
+    """Log evidence of accepted effects, with a shape of their own if that has more; `linear`: without them."""
+    if not removed:
+        return 0.0
+    columns = linear.of([n for h in removed for n in h.parameters])
+    free = np.hstack([columns, linear.whitened(discrepancy_columns(search.problem, search.fit, removed))])
+    best = max(_evidence(linear, scale, columns)[1], _evidence(linear, scale, free)[1])
+    return best - len(removed) * float(np.log(len(search.candidates.hypotheses)))
 
 
 def _evidence(linear: Linear, scale: Scale, columns: Array) -> tuple[float, float]:

@@ -1,0 +1,159 @@
+"""Where the catalogue ends: a displacement without a name, where it explains the table and no set of effects does.
+
+It competes with what was accepted by evidence, all together and each alone, and with a smooth field over the pose,
+steps and oscillations in time. At the site of a named effect that explains nearly as much it is this effect's own shape
+and has its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.prior import Prior, joined, prior_of_ranges
+from pkmcal_cli.diagnosis.alternatives import best_alternative, fields, in_time
+from pkmcal_cli.diagnosis.best_fit import best_fit
+from pkmcal_cli.diagnosis.free_shapes import FittedShape, fitted_shapes, places
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
+from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search, linear_without, nulled, recalibrated, score_all
+from pkmcal_cli.diagnosis.unmodelled import evidence_of_effects
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.effects.unexplained import place_and_axis
+from pkmcal_cli.model.effect_sites import PlacedEffect
+from pkmcal_cli.model.parts import ModelParameter
+
+_BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
+_SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
+_OWN = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
+_CREDIBLE = 0.95
+
+
+def with_shape(search: Search, last: Scored) -> Search | None:
+    """The search with one displacement without a name, and without effects that it explains; None where none is needed.
+
+    `last`: scored at the end of the search.
+    """
+    ways = []
+    for removed in _removals(search):
+        linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
+        found = _found(search, removed, linear, scale)
+        if found and _stands_out(search, found[0], linear, scale):
+            gain = found[0].evidence - evidence_of_effects(search, removed, linear, scale)
+            ways.append((gain, removed, found))
+    gain, removed, found = max(ways, key=lambda way: way[0], default=(0.0, (), []))
+    if gain <= _BETTER:
+        return None
+    linear = linear_without(search, removed, _alike(search, found[0])).prewhitened(last.linear.memory)
+    return None if _is_named(search, found[0], linear) else _accepted(search, gain, removed, found)
+
+
+def with_all_in_one(search: Search, first: Scored) -> Search:
+    """The search with one displacement without a name that explains the whole table by itself, if one does.
+
+    That is before effects are looked for: many together would imitate it. `first`: scored with nothing accepted.
+    """
+    linear, scale = first.linear, first.scale
+    if search.accepted or chance_of_noise(linear) > _SURE:
+        return search
+    found = _found(search, (), linear, scale)
+    named = float(first.log_bayes.max(initial=0.0))
+    if not found or found[0].evidence < named + _BETTER or _is_named(search, found[0], linear):
+        return search
+    if not _stands_out(search, found[0], linear, scale):
+        return search
+    after = _accepted(search, found[0].evidence, (), found)
+    return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
+
+
+def _found(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> list[FittedShape]:
+    """Shapes at places that have none, where no accepted effect is but removed ones; best first."""
+    values, _ = nulled(search, removed)
+    kinds = places(search.problem, values, search.fit.after.start)
+    taken = {s.placed.at for s in search.shapes}
+    own = [h for h in search.accepted if h not in removed]
+    free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in own)]
+    return fitted_shapes(linear, scale, free)
+
+
+def _of_site(shape: PlacedEffect, hypothesis: Hypothesis) -> bool:
+    """Whether an effect is at the site of a shape, and depends on what it depends on alone."""
+    effect, (at, axis) = catalogue().get(hypothesis.effect), place_and_axis(shape.at)
+    if effect is None or effect.enters != shape.effect.enters or at not in {p.at for p in hypothesis.placed}:
+        return False
+    return "time" in effect.needs if axis == "time" else not effect.needs
+
+
+def _alike(search: Search, shape: FittedShape) -> list[Hypothesis]:
+    """Effects at its site alone."""
+    return [h for h in search.candidates.hypotheses if not h.members and _of_site(shape.placed, h)]
+
+
+def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
+    """What a shape may replace: nothing, all accepted effects, each."""
+    yield ()
+    if search.near:
+        yield search.near
+    if len(search.near) > 1:
+        yield from ((h,) for h in search.near)
+
+
+def _is_named(search: Search, shape: FittedShape, linear: Linear) -> bool:
+    """Whether a named effect at its site explains nearly all that a shape does."""
+    explained = [linear.explained(linear.of(h.parameters))[0] for h in _alike(search, shape)]
+    return max(explained, default=0.0) > _OWN * shape.statistic
+
+
+def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale) -> bool:
+    """Whether nothing that acts on all readings explains more: a field over the pose, a step or oscillation in time."""
+    kinds = [f for f in (*fields(search.problem), *in_time(search.problem)) if f is not None]
+    best = best_alternative(linear, scale, kinds) if kinds else None
+    return best is None or shape.evidence > best.evidence
+
+
+def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], found: list[FittedShape]) -> Search | None:
+    """The search fitted with the best of some shapes; None where no fit has it."""
+    shape = found[0].placed
+    parameters = tuple(_weight(name, shape.effect.keyword) for name in shape.parameters)
+    model = search.problem.model.with_effects((shape,), parameters)
+    candidates = search.candidates
+    start = None if candidates.start is None else np.append(candidates.start, np.zeros(len(parameters)))
+    kept = tuple(h for h in search.accepted if h not in removed)
+    values = np.append(search.fit.values, np.zeros(len(parameters)))
+    problem = replace(search.problem, model=model)
+    fitted = replace(search, accepted=kept, shapes=()).selected
+    own = best_fit(problem, values, fitted, shape.parameters)
+    others = tuple(h for h in candidates.hypotheses if not any(_of_site(shape, p) for p in h.placed))
+    weight = np.exp(np.array([f.evidence - found[0].evidence for f in found]))
+    weight /= weight.sum()
+    last = int(np.searchsorted(np.cumsum(weight), _CREDIBLE)) + 1
+    rivals = tuple((f.placed.at, float(w)) for f, w in zip(found[:last], weight, strict=False))
+    after = replace(
+        search,
+        candidates=replace(candidates, model=model, start=start, hypotheses=others),
+        problem=replace(problem, prior=_joined(problem.prior, prior_of_ranges(model, shape.parameters))),
+        accepted=kept,
+        refused=frozenset(),
+        shapes=(*search.shapes, NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=own)),
+    )
+    try:
+        after = recalibrated(after)
+    except (RowsFailed, np.linalg.LinAlgError):
+        return None
+    return after if after.fit.usable and after.fit.chi2 < search.fit.chi2 + 2 * _BETTER * len(removed) else None
+
+
+def _joined(one: Prior | None, other: Prior) -> Prior:
+    return other if one is None else joined(one, other)
+
+
+def _weight(name: str, kind: str) -> ModelParameter:
+    """A weight of a shape: of unit variance before anything is measured."""
+    bounds = (-np.inf, np.inf)
+    return ModelParameter(
+        name=name, nominal=0.0, range=2.0, bounds=bounds, unit="", dimension="number", identify=False, kind=kind
+    )
