@@ -23,9 +23,10 @@ from pkmcal_cli.calibration.intervals import (
     profile_intervals,
     with_held,
 )
-from pkmcal_cli.calibration.prior import prior_of_ranges
+from pkmcal_cli.calibration.prior import joined, prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
+from pkmcal_cli.calibration.selected_shapes import with_free_shapes
 from pkmcal_cli.calibration.starts import Agreement, identify_from
 from pkmcal_cli.calibration.steady_ropes import steady_fit
 
@@ -112,7 +113,13 @@ def refit(options: FitOptions, problem: Problem, selected: tuple[str, ...], star
 
 
 def _with_prior(problem: Problem, selected: tuple[str, ...], options: FitOptions) -> Problem:
-    return replace(problem, prior=prior_of_ranges(problem.model, selected)) if options.prior == "ranges" else problem
+    """The problem with what is known besides: ranges where they are a prior; shapes without a name always have one."""
+    problem, weights = with_free_shapes(problem, selected)
+    others = tuple(n for n in selected if n not in weights)
+    if options.prior != "ranges" or not others:
+        return problem
+    ranges = prior_of_ranges(problem.model, others)
+    return replace(problem, prior=ranges if problem.prior is None else joined(problem.prior, ranges))
 
 
 def _with_loss(problem: Problem, first: Fit, options: FitOptions) -> RobustFit:

@@ -187,7 +187,7 @@ def _weightless_effects(machine: Machine) -> list[Fault]:
             "no-gravity", f"`{name}` does nothing: no gravity acts", ("effects", name), hint, at_key=True, warning=True
         )
         for name in machine.effects
-        if weightless(machine, catalogue()[name.partition("@")[0]])
+        if (effect := catalogue().get(name.partition("@")[0])) is not None and weightless(machine, effect)
     ]
 
 

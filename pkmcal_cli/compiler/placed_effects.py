@@ -9,9 +9,12 @@ from typing import Final
 
 from pkmcal_cli.base.errors import BadInput, Fault, did_you_mean
 from pkmcal_cli.effects import ABSENT, KINDS, Effect, catalogue
+from pkmcal_cli.effects.unexplained import ENTRIES as SHAPE_ENTRIES
+from pkmcal_cli.effects.unexplained import UNEXPLAINED, Unexplained, place_and_axis, unexplained
 from pkmcal_cli.language.channels import kind_of_sensor
-from pkmcal_cli.language.effect_entries import EffectNumber, unit_at
+from pkmcal_cli.language.effect_entries import EffectNumber, Entries, unit_at
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.shape_entries import shape_of
 from pkmcal_cli.model.effect_sites import (
     ALL,
     EffectSite,
@@ -27,6 +30,7 @@ from pkmcal_cli.model.parts import ModelParameter
 from pkmcal_cli.units.file_units import UNITS
 
 _FRAME: Final = "frame"
+_KNOWN = 1e-6  # standard uncertainty of a weight that is exact
 _AWAY = 20.0  # sizes of the machine: how far away an instrument may stand
 Placed = tuple[tuple[PlacedEffect, ...], tuple[ModelParameter, ...]]
 
@@ -42,6 +46,12 @@ def declared_effects(machine: Machine, model: Model) -> Placed:
     faults = []
     for name, entries in machine.effects.items():
         keyword, _, at = name.partition("@")
+        if keyword == UNEXPLAINED:
+            shape = _placed_shape(machine, sites, at, entries)
+            faults += [shape] if isinstance(shape, Fault) else []
+            effects += [] if isinstance(shape, Fault) else [shape]
+            parameters += () if isinstance(shape, Fault) else weights_of(shape)
+            continue
         effect = catalogue()[keyword]
         known = _places_for(machine, model, effect, at)
         if at not in known:
@@ -59,6 +69,41 @@ def declared_effects(machine: Machine, model: Model) -> Placed:
             effects.append(placed)
             parameters += [replace(p, per_session=sensor.frame != "fitted") for p in own_parameters]
     return tuple(effects), tuple(parameters)
+
+
+def _placed_shape(machine: Machine, sites: EffectSites, at: str, entries: Entries) -> PlacedEffect | Fault:
+    """A displacement without a name where the file puts it, or why it cannot be there."""
+    place, axis = place_and_axis(at)
+    known = {name: entry for entry in SHAPE_ENTRIES for name in sites.get(entry, {})}
+    if place not in known or (axis == "time" and known[place] != "command"):
+        what = f"`{UNEXPLAINED}` cannot be placed at `{at}`"
+        hint = did_you_mean(place, known, f"use one of {', '.join(known)}")
+        return machine.source.fault("unknown-name", what, ("effects", f"{UNEXPLAINED}@{at}"), hint, at_key=True)
+    return placed_shape(unexplained(known[place], shape_of(entries), axis), at, sites[known[place]][place])
+
+
+def placed_shape(effect: Unexplained, at: str, sites: tuple[EffectSite, ...]) -> PlacedEffect:
+    """A displacement without a name at a place."""
+    return PlacedEffect(effect, at, sites, tuple(f"{UNEXPLAINED}@{at}.{p.name}" for p in effect.parameters), {})
+
+
+def weights_of(placed: PlacedEffect) -> tuple[ModelParameter, ...]:
+    """The weights of a shape: as they are known, held, or of unit variance."""
+    assert isinstance(placed.effect, Unexplained)
+    shape = placed.effect.shape
+    return tuple(
+        ModelParameter(
+            name=name,
+            nominal=float(weight),
+            range=2.0 * max(float(std), _KNOWN),
+            bounds=(-math.inf, math.inf),
+            unit="",
+            dimension="number",
+            identify=False,
+            kind=UNEXPLAINED,
+        )
+        for name, weight, std in zip(placed.parameters, shape.weights, shape.known_std, strict=True)
+    )
 
 
 def _places_for(machine: Machine, model: Model, effect: Effect, at: str) -> Mapping[str, tuple[EffectSite, ...]]:

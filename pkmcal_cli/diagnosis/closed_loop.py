@@ -30,6 +30,7 @@ from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose, named
 from pkmcal_cli.diagnosis.search_options import SearchOptions
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import frozen
 
 ROTATIONS = 5
@@ -119,8 +120,9 @@ def improve(
     whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=of_all)
     clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
+    candidates = replace(candidates, model=model, start=begun_at(whole, len(model.names)))
+    model = with_shapes_of(model, whole)
     clean = replace(clean, model=model)
-    candidates = replace(candidates, model=model, start=whole.search.candidates.start)
     validation = None if validation is None else replace(validation, model=model)
     options, parts = SearchOptions(alpha=alpha, seed=seed, observe=observe), _parts(clean, validation)
     first = [
@@ -128,16 +130,17 @@ def improve(
         for k, (train, report) in enumerate(parts)
     ]
     before = errors_of(first)
-    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared, candidates.begin()))
+    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared, _start(clean, (), whole)))
     broken: Exception | None = None
     order = sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE)  # these need no effect
+    order += [shape.hypothesis for shape in whole.search.shapes]
     try:
         for k, hypothesis in enumerate(order):
             observe(Stage("effect", k, len(order)))
             progress = _tried(progress, hypothesis, clean, whole, seed)
     except Exception as error:  # what was done before it stands, and is told first
         broken = error
-    fit, clean, budget = _at_last(clean, progress.last, loss)
+    fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(
         whole=whole,
         rotations=len(first),
@@ -222,15 +225,17 @@ def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, 
 def _rotation(
     candidates: Candidates, train: Problem, report: Problem, selected: tuple[str, ...], options: SearchOptions
 ) -> OuterFold:
-    start = candidates.begin()
-    sets = named(candidates, train, selected, options)
+    start = replace(candidates, model=train.model, start=None).begin()
+    start[: len(candidates.model.names)] = candidates.begin()
+    sets = named(candidates, replace(train, model=candidates.model), selected, options)
     return OuterFold(train, report, sets, identify(train, selected, start), start)
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:
     accepted = (*fold.accepted, hypothesis)
     start = _start(fold.train, accepted, whole)
-    return replace(fold, fit=_fit_with(fold.train, accepted, whole), accepted=accepted, start=start)
+    train = _beside(fold.train, accepted, whole)
+    return replace(fold, train=train, fit=_fit_with(train, accepted, whole), accepted=accepted, start=start)
 
 
 def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Array:
@@ -238,10 +243,31 @@ def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -
     return replace(whole.search.candidates, model=problem.model).begin(accepted)
 
 
+def _beside(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Problem:
+    """The problem with the priors of displacements without a name."""
+    for shape in (s for s in whole.search.shapes if s.hypothesis in accepted):
+        problem = shape.beside(problem)
+    return problem
+
+
+def begun_at(whole: Diagnosis, count: int) -> Array | None:
+    """Where fits begin (P,), of the parameters before those of displacements without a name."""
+    start = whole.search.candidates.start
+    return None if start is None else start[:count]
+
+
+def with_shapes_of(model: Model, whole: Diagnosis) -> Model:
+    """A model with the displacements without a name that a diagnosis found; at 0."""
+    names = {n for s in whole.search.shapes for n in s.placed.parameters}
+    parameters = tuple(p for p in whole.search.problem.model.parameters if p.name in names)
+    return model.with_effects(tuple(s.placed for s in whole.search.shapes), parameters)
+
+
 def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
     """A calibration with effects. Raises RowsFailed."""
     for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
         problem = of_any_size(problem, hypothesis)
+    problem = _beside(problem, accepted, whole)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)
     return identify(problem, names, _start(problem, accepted, whole))
@@ -254,7 +280,7 @@ def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnos
     """
     fit = _fit_with(problem, accepted, whole)
     effects = {n for h in accepted if h.effect != RELEASE for n in h.parameters}
-    near = linearise(problem.without(fit.failed), fit.last)
+    near = linearise(_beside(problem, accepted, whole).without(fit.failed), fit.last)
     kept = list(fit.selected)
     while True:
         index = [fit.selected.index(n) for n in kept]
@@ -263,5 +289,6 @@ def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnos
         removable = [n for n in kept if n in effects and share[n] > 0]
         if not removable:
             start = _start(problem, accepted, whole)
+            problem = _beside(problem, accepted, whole)
             return fit if len(kept) == len(fit.selected) else identify(problem, tuple(kept), start)
         kept.remove(max(removable, key=lambda n: share[n]))

@@ -12,6 +12,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.compiler.placed_effects import placed_shape
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.unit_columns import UnitColumn, unit_columns
 from pkmcal_cli.effects.unexplained import (
@@ -91,7 +92,7 @@ def _bare(problem: Problem) -> list[PlacedEffect]:
     if np.isfinite(problem.rows.columns.get("time", np.nan)).all():
         axes.append(("time", OVER_TIME))
     return [
-        PlacedEffect(unexplained(entry, any_shape, axis), name + suffix, sites, (), {})
+        placed_shape(unexplained(entry, any_shape, axis), name + suffix, sites)
         for entry in ENTRIES
         for axis, suffix in axes
         if axis == "travel" or entry == "command"
@@ -154,9 +155,8 @@ def _with_spread(
     bare = place.bare.effect
     assert isinstance(bare, Unexplained)
     effect = unexplained(bare.enters, replace(unit, spread=float(np.sqrt(size))), bare.axis)
-    names = tuple(f"{effect.keyword}@{place.bare.at}.{p.name}" for p in effect.parameters)
     return FittedShape(
-        placed=replace(place.bare, effect=effect, parameters=names),
+        placed=placed_shape(effect, place.bare.at, place.bare.sites),
         evidence=float(evidence[k]) - price,
         statistic=float((size * gradient**2 / (1 + size * values)).sum()) * scale.variance,
         curve=unit.factor @ weights,

@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.calibration.prior import Prior, joined, prior_of_ranges
+from pkmcal_cli.compiler.placed_effects import weights_of
 from pkmcal_cli.diagnosis.alternatives import best_alternative, fields, in_time
 from pkmcal_cli.diagnosis.best_fit import best_fit
+from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.free_shapes import FittedShape, fitted_shapes, places
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
@@ -25,7 +26,6 @@ from pkmcal_cli.diagnosis.unmodelled import evidence_of_effects
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import place_and_axis
 from pkmcal_cli.model.effect_sites import PlacedEffect
-from pkmcal_cli.model.parts import ModelParameter
 
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
@@ -74,7 +74,7 @@ def _found(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale:
     """Shapes at places that have none, where no accepted effect is but removed ones; best first."""
     values, _ = nulled(search, removed)
     kinds = places(search.problem, values, search.fit.after.start)
-    taken = {s.placed.at for s in search.shapes}
+    taken = {shape.placed.at for shape in search.shapes}
     own = [h for h in search.accepted if h not in removed]
     free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in own)]
     return fitted_shapes(linear, scale, free)
@@ -118,7 +118,7 @@ def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale
 def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], found: list[FittedShape]) -> Search | None:
     """The search fitted with the best of some shapes; None where no fit has it."""
     shape = found[0].placed
-    parameters = tuple(_weight(name, shape.effect.keyword) for name in shape.parameters)
+    parameters = weights_of(shape)
     model = search.problem.model.with_effects((shape,), parameters)
     candidates = search.candidates
     start = None if candidates.start is None else np.append(candidates.start, np.zeros(len(parameters)))
@@ -129,31 +129,19 @@ def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], found:
     own = best_fit(problem, values, fitted, shape.parameters)
     others = tuple(h for h in candidates.hypotheses if not any(_of_site(shape, p) for p in h.placed))
     weight = np.exp(np.array([f.evidence - found[0].evidence for f in found]))
-    weight /= weight.sum()
-    last = int(np.searchsorted(np.cumsum(weight), _CREDIBLE)) + 1
-    rivals = tuple((f.placed.at, float(w)) for f, w in zip(found[:last], weight, strict=False))
+    last = int(np.searchsorted(np.cumsum(weight / weight.sum()), _CREDIBLE)) + 1
+    rivals = tuple((f.placed.at, float(w)) for f, w in zip(found[:last], weight / weight.sum(), strict=False))
+    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=own)
     after = replace(
         search,
         candidates=replace(candidates, model=model, start=start, hypotheses=others),
-        problem=replace(problem, prior=_joined(problem.prior, prior_of_ranges(model, shape.parameters))),
+        problem=new.beside(problem),
         accepted=kept,
         refused=frozenset(),
-        shapes=(*search.shapes, NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=own)),
+        shapes=(*search.shapes, new),
     )
     try:
         after = recalibrated(after)
     except (RowsFailed, np.linalg.LinAlgError):
         return None
-    return after if after.fit.usable and after.fit.chi2 < search.fit.chi2 + 2 * _BETTER * len(removed) else None
-
-
-def _joined(one: Prior | None, other: Prior) -> Prior:
-    return other if one is None else joined(one, other)
-
-
-def _weight(name: str, kind: str) -> ModelParameter:
-    """A weight of a shape: of unit variance before anything is measured."""
-    bounds = (-np.inf, np.inf)
-    return ModelParameter(
-        name=name, nominal=0.0, range=2.0, bounds=bounds, unit="", dimension="number", identify=False, kind=kind
-    )
+    return after if after.fit.usable and not held_out_gain(after, new.hypothesis).contradicts else None

@@ -33,6 +33,7 @@ from pkmcal_cli.diagnosis.robust_weights import ROUNDS, weighed
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
+from pkmcal_cli.diagnosis.shape_findings import ShapeFinding, nameless_at, shape_findings
 from pkmcal_cli.diagnosis.unknown import TESTS, Unknown, unknown_effects
 from pkmcal_cli.diagnosis.unmodelled import unmodelled_alternatives
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
@@ -53,6 +54,7 @@ class Diagnosis:
     before: Fit
     search: Search
     findings: tuple[Finding, ...]
+    shapes: tuple[ShapeFinding, ...]  # displacements without a name; the first of what is unknown
     unknown: tuple[Unknown, ...]
     noise: tuple[NoiseGrowth, ...]  # by which rows were counted
     first: Scored  # all hypotheses, with nothing accepted
@@ -83,6 +85,8 @@ class Diagnosis:
 
     def not_told_from(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
         """An accepted effect, first, and those that explain all rows as well."""
+        if shape := next((s for s in self.shapes if s.hypothesis == hypothesis), None):
+            return tuple(nameless_at(at) for at, _ in shape.places)
         rivals = [r.hypothesis for f in self.findings if f.hypothesis == hypothesis for r in f.rivals]
         return (hypothesis, *(r for r in rivals if r != hypothesis))
 
@@ -139,6 +143,8 @@ def _diagnosis(
     candidates = search.candidates
     options.observe(Stage("what is left"))
     last, unknown, growth = _left(search, parts)
+    shapes = shape_findings(search, last)
+    unknown = (*(s.unknown for s in shapes), *unknown)
     findings = findings_of(search, last, bool(unknown), options)
     whole = first.linear if not begun.start.bad_rows else score_all(begun.every, ()).linear
     return Diagnosis(
@@ -147,6 +153,7 @@ def _diagnosis(
         before=begun.every.fit,
         search=search,
         findings=findings,
+        shapes=shapes,
         unknown=unknown,
         noise=() if unknown else growth,
         first=first,
@@ -169,7 +176,8 @@ def named(
     """
     search = _ended(_begun(candidates, problem, selected, options), options)
     rivals = {h: [r.hypothesis for r in rivals_of(search, h)] for h in search.accepted}
-    return tuple((h, *(r for r in others if r != h)) for h, others in rivals.items())
+    sets = tuple((h, *(r for r in others if r != h)) for h, others in rivals.items())
+    return (*sets, *(tuple(nameless_at(at) for at, _ in shape.places) for shape in search.shapes))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.prior import Prior, joined
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.best_fit import BestFit
 from pkmcal_cli.diagnosis.groups import group_columns
@@ -59,8 +60,9 @@ class FarOff:
 
 @dataclass(frozen=True, kw_only=True)
 class NamelessShape:
-    """A displacement without a name that is in the fit; `evidence`: log evidence of it; `places`: where it may be as well,
-    with their weights, best first; `best_fit`: what parameters mean beside it.
+    """A displacement without a name that is in the fit; `evidence`: its log evidence, over that of what it replaced.
+
+    places: where it may be, itself first, with weights; `best_fit`: what it hides in parameters.
     """
 
     placed: PlacedEffect
@@ -69,9 +71,20 @@ class NamelessShape:
     best_fit: BestFit
 
     @property
-    def name(self) -> str:
-        """`unexplained@PLACE`."""
-        return self.placed.name
+    def hypothesis(self) -> Hypothesis:
+        """`unexplained@PLACE`, with the weights of its shape."""
+        return Hypothesis(effect=self.placed.effect.keyword, at=self.placed.at, parameters=self.placed.parameters)
+
+    @property
+    def prior(self) -> Prior:
+        """Weights of unit variance."""
+        return Prior(self.placed.parameters, np.eye(len(self.placed.parameters)), np.zeros(len(self.placed.parameters)))
+
+    def beside(self, problem: Problem) -> Problem:
+        """A problem of a model that has it, with its prior."""
+        if problem.prior is not None and set(self.prior.names) <= set(problem.prior.names):
+            return problem
+        return replace(problem, prior=self.prior if problem.prior is None else joined(problem.prior, self.prior))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,7 @@ __all__ = [
     "Inputs",
     "Option",
     "catalogue",
+    "effect_named",
 ]
 
 
@@ -41,3 +42,12 @@ __all__ = [
 def catalogue() -> dict[str, Effect]:
     """All effects by keyword, in alphabetic order."""
     return members(__name__, __path__, Effect)
+
+
+def effect_named(keyword: str) -> Effect | None:
+    """An effect of the catalogue, or a displacement without a name; None for other words."""
+    from pkmcal_cli.effects.unexplained import UNEXPLAINED, FreeShape, unexplained
+
+    if keyword == UNEXPLAINED:
+        return unexplained("command", FreeShape(knots=(0.0, 1.0, 2.0), spread=1.0, width=1.0))
+    return catalogue().get(keyword)

@@ -8,7 +8,6 @@ covariance there. Beyond the knots the shape falls back to 0 and its uncertainty
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -58,7 +57,7 @@ class FreeShape:
         from scipy.linalg import eigh
 
         if self.covariance is None:
-            return np.linalg.cholesky(self.prior), np.ones(len(self.knots))
+            return np.asarray(np.linalg.cholesky(self.prior)), np.ones(len(self.knots))
         variances, vectors = eigh(self.covariance, self.prior)  # vectors^T prior vectors = 1
         return self.prior @ vectors, np.sqrt(np.clip(variances, 0.0, 1.0))
 
@@ -77,7 +76,8 @@ class FreeShape:
         """Weights (K,) of what is known of the shape."""
         import numpy as np
 
-        return np.zeros(len(self.knots)) if self.values is None else np.linalg.solve(self.factor, self.values)
+        values = np.zeros(len(self.knots)) if self.values is None else self.values
+        return np.asarray(np.linalg.solve(self.factor, values))
 
     def basis(self, x: Any) -> Any:
         """The shape (N, K) at x (N,), real or complex, of unit weights."""
@@ -157,8 +157,3 @@ def even_knots(low: float, high: float, spacing: float, most: int) -> tuple[floa
 def place_and_axis(at: str) -> tuple[str, Axis]:
     """The drive or guide, and the axis of a shape there."""
     return (at.removesuffix(OVER_TIME), "time") if at.endswith(OVER_TIME) else (at, "travel")
-
-
-def keys() -> Sequence[str]:
-    """What a machine file says of it."""
-    return ("knots", "values", "cov", "spread", "width")

@@ -11,10 +11,12 @@ from pydantic import AfterValidator, Field
 
 from pkmcal_cli.base.errors import FaultList, did_you_mean
 from pkmcal_cli.effects import Effect, EffectParameter, Option, catalogue
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.binding import Binder, Slip
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.parts import NONE, ParameterValue
 from pkmcal_cli.language.quantities import F, WrittenNumber, WrittenValue, fault
+from pkmcal_cli.language.shape_entries import resolved_shape
 from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import SMALLEST
@@ -52,6 +54,12 @@ class EffectNumber(Entity, Generic[F]):
     interval: tuple[ParameterValue[F], ParameterValue[F]] | None = Field(
         default=None, description="Interval [from, to]"
     )
+    numbers: tuple[ParameterValue[F], ...] | None = Field(
+        default=None, description="Numbers, one for each knot of a shape without a name"
+    )
+    matrix: tuple[tuple[ParameterValue[F], ...], ...] | None = Field(
+        default=None, description="Covariance of the values at the knots, by rows"
+    )
     identify: bool | None = Field(
         default=None, description="false: held fixed in a fit unless selected; default: true, unless its value is known"
     )
@@ -59,8 +67,12 @@ class EffectNumber(Entity, Generic[F]):
 
     @classmethod
     def expanded(cls, raw: Any) -> Any:
-        """The map that a bare value stands for: a list is an interval."""
-        return {"interval": tuple(raw)} if isinstance(raw, list | tuple) else super().expanded(raw)
+        """The map that a bare value stands for: a list is an interval, or numbers, or rows of a matrix."""
+        if not isinstance(raw, list | tuple):
+            return super().expanded(raw)
+        if raw and all(isinstance(row, list | tuple) for row in raw):
+            return {"matrix": tuple(tuple(row) for row in raw)}
+        return {"interval" if len(raw) == 2 else "numbers": tuple(raw)}
 
 
 Entries = dict[str, EffectNumber]
@@ -82,9 +94,12 @@ class EffectResolver:
         out = {}
         for name, entries in effects.items():
             keyword, _, at = name.partition("@")
+            if keyword == UNEXPLAINED:
+                out[name] = resolved_shape(self, name, entries)
+                continue
             effect = catalogue().get(keyword)
             if effect is None:
-                hint = did_you_mean(keyword, catalogue(), "list the effects with `pkmcal effects`")
+                hint = did_you_mean(keyword, (*catalogue(), UNEXPLAINED), "list the effects with `pkmcal effects`")
                 self._fault("unknown-name", f"unknown effect `{keyword}`", ("effects", name), hint, True)
                 continue
             out[name] = self._resolved(effect, at, name, entries)
@@ -160,6 +175,14 @@ class EffectResolver:
         except Slip as slip:
             self._fault(slip.code, slip.what, path, slip.hint)
             return 0.0
+
+    def bound(self, written: WrittenNumber, unit: Unit, path: Path) -> float:
+        """A number in SI, of the dimension of a unit; bare ones in the file's."""
+        return self._bound(written, unit, path, True)
+
+    def fault(self, code: str, what: str, path: Path, hint: str | None, at_key: bool = False) -> None:
+        """A fault at a place of the file."""
+        self._fault(code, what, path, hint, at_key)
 
     def _fault(self, code: str, what: str, path: Path, hint: str | None, at_key: bool = False) -> None:
         self.faults.add(self.source.fault(code, what, path, hint, at_key=at_key))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.effect_entries import Entries
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine
@@ -162,8 +163,13 @@ def _own(machine: Machine) -> dict[str, Sensor]:
     }
 
 
+_SHAPE = ("knots", "spread", "width")  # what the weights of a shape without a name mean
+
+
 def _effect(name: str, entries: Entries, machine: Machine) -> Any:
     """An effect's parameters; its constants too, since they say what the parameters mean."""
+    if name.startswith(f"{UNEXPLAINED}@"):
+        return {key: [f"{v:.6g}" for v in entries[key].numbers or (entries[key].value,)] for key in _SHAPE}
     effect = catalogue()[name.partition("@")[0]]
     constants = {o.name: entries[o.name] for o in effect.options if o.name in entries}
     return {

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from pkmcal_cli.effects import catalogue
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity
@@ -67,10 +68,10 @@ def machine_schema(overlay: bool = False) -> Schema:
 
 def _name_effects(schema: Schema) -> None:
     """Effects are named by the catalogue; their constants may be intervals."""
-    keywords = "|".join(catalogue())
+    keywords = "|".join((*catalogue(), UNEXPLAINED))
     schema["properties"]["effects"]["propertyNames"] = {"pattern": f"^({keywords})@.+$"}
     forms = schema["definitions"]["EffectNumber"]["anyOf"]
-    forms.append(deepcopy(forms[1]["properties"]["interval"]))
+    forms += [deepcopy(forms[1]["properties"][name]) for name in ("interval", "numbers", "matrix")]
 
 
 def _name_sensors(schema: Schema) -> None:

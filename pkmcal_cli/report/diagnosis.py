@@ -26,6 +26,7 @@ from pkmcal_cli.report.diagnosis_values import DiagnosisValues
 from pkmcal_cli.report.noise_text import growth_text
 from pkmcal_cli.report.number_format import detectable_size, handy, readable
 from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
+from pkmcal_cli.report.shape_text import ShapeText
 
 _SHOWN, _SEPARATED, _STDIN = 12, 4, "<stdin>"
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
@@ -66,7 +67,10 @@ class DiagnosisReport(DiagnosisValues):
         for finding in self.diagnosis.findings:
             to.say()
             to.say(self._sentence(finding))
-        for unknown in self.diagnosis.unknown:
+        for shape in self.diagnosis.shapes:
+            to.say()
+            to.say(ShapeText(self.machine, self.shaped_model, shape, self.error_unit).sentence())
+        for unknown in self.diagnosis.unknown[len(self.diagnosis.shapes) :]:
             to.say()
             to.say(self._unknown_sentence(unknown))
         if self.diagnosis.verdict in ("clean", "sigma_too_small"):
@@ -87,7 +91,7 @@ class DiagnosisReport(DiagnosisValues):
             if any(f.beyond for f in diagnosis.findings)
             else f"found {count(len(diagnosis.findings), 'effect')} that the model lacks{self._far_off()}",
             "ambiguous": "the model lacks an effect; several effects explain the residuals equally well",
-            "unknown": f"unknown; depends on {depends}, and matches no effect of the catalogue",
+            "unknown": f"unknown; depends on {depends}, and matches no effect of the catalogue{self._nameless()}",
             "measurement_fault": "the measurement is at fault",
         }
         scale = f"{ratio:.3g} times {'larger than ' if ratio >= _LARGER else ''}the stated noise"
@@ -97,6 +101,11 @@ class DiagnosisReport(DiagnosisValues):
             f"The residuals after calibration are {scale}: {rms_text} rms "
             f"(sigma {sigma_text}{self._doubt_of_sigma()}, {chance})."
         )
+
+    def _nameless(self) -> str:
+        """Displacements without a name that stand for what is unknown."""
+        names = [shape.hypothesis.name for shape in self.diagnosis.shapes]
+        return f"; {listed(names, 3)} describes it" if names else ""
 
     def _far_off(self) -> str:
         """Which effects are far larger than what is usual."""

@@ -15,6 +15,7 @@ from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.report.detectable_sizes import sizes_json
 from pkmcal_cli.report.diagnosis_values import DiagnosisValues
 from pkmcal_cli.report.number_format import finite
+from pkmcal_cli.report.shape_text import ShapeText
 
 
 class DiagnosisJson(DiagnosisValues):
@@ -39,6 +40,9 @@ class DiagnosisJson(DiagnosisValues):
             ],
             **self.failed.json(),
             "unknown": [self._unknown_json(u) for u in diagnosis.unknown],
+            "unexplained": [
+                ShapeText(self.machine, self.shaped_model, s, self.error_unit).json() for s in diagnosis.shapes
+            ],
             "not_testable": [{"effect": name, "needs": needs} for name, needs in diagnosis.not_testable],
             "detectable": [sizes_json(self.model, d) for d in diagnosis.detectable if d.tested],
             "invisible": [self._invisible_json(i) for i in diagnosis.invisible],

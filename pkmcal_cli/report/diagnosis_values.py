@@ -36,6 +36,11 @@ class DiagnosisValues:
     def field(self) -> FieldMap | None:
         return field_map(self.diagnosis)
 
+    @property
+    def shaped_model(self) -> Model:
+        """The model with displacements without a name."""
+        return self.diagnosis.search.problem.model
+
     @cached_property
     def failed(self) -> FailedRows:
         return FailedRows(self.diagnosis.failed, partial(place_of, self.measured), len(self.measured))

@@ -15,7 +15,7 @@ from pkmcal_cli.diagnosis.closed_loop import Improvement, Step
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.report_rows import Errors
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
-from pkmcal_cli.effects import catalogue
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, scalar
@@ -27,6 +27,7 @@ from pkmcal_cli.report.joint_uncertainty import correlations
 from pkmcal_cli.report.number_format import finite, handy, readable, uncertain
 from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
+from pkmcal_cli.report.shape_text import ShapeText, shape_lines
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -116,8 +117,8 @@ class ImprovementReport:
             self._show_errors(to)
             to.say()
         for hypothesis in improvement.accepted:
-            sizes = ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
-            to.say(f"{'released' if hypothesis.effect == RELEASE else 'added'}: {sizes} (fitted to all rows)")
+            verb = "released" if hypothesis.effect == RELEASE else "added"
+            to.say(f"{verb}: {self._sizes(hypothesis)} (fitted to all rows)")
             if rivals := self._rivals(hypothesis):
                 to.say(f"  cannot be separated from {rivals}; `pkmcal diagnose` names the points that separate them")
         for step in improvement.steps:
@@ -131,6 +132,14 @@ class ImprovementReport:
             if errors.failed:
                 to.warn(f"warning: {name} the improvement, {count(errors.failed, 'report row')} cannot be predicted")
         to.say(f"stopped: {self._stop()}")
+
+    def _sizes(self, hypothesis: Hypothesis) -> str:
+        """The numbers of an accepted effect; of a curve where it is highest and lowest."""
+        for shape in self.improvement.whole.shapes:
+            if shape.hypothesis == hypothesis:
+                text = ShapeText(self.machine, self.model, shape, self.diagnosis.error_unit)
+                return f"{hypothesis.name} {text.size()}"
+        return ", ".join(f"{n} {self.estimate_text(n)}" for n in hypothesis.parameters)
 
     def _show_steps(self, to: Reporter) -> None:
         kind = next(iter(self.improvement.before.report))
@@ -235,9 +244,12 @@ class ImprovementReport:
         if rivals := self._rivals(hypothesis):
             remark += f"; cannot be separated from {rivals}"
         lines = [
-            f"  # {catalogue()[hypothesis.effect].title}: {remark}{validity(self.model, improvement.problem.rows)}",
+            f"  # {_title(hypothesis)}: {remark}{validity(self.model, improvement.problem.rows)}",
             f"  {effect_key(part)}:",
         ]
+        if hypothesis.effect == UNEXPLAINED:
+            shape = next(s for s in improvement.whole.search.shapes if s.hypothesis == hypothesis)
+            return lines + shape_lines(self.machine, self.model, shape, improvement.fit, improvement.budget)
         for name in part.parameters:
             value, std = self._estimate(name)
             unit = self._unit(name)
