@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.effects.unexplained import FreeShape, place_and_axis
+from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 from pkmcal_cli.yaml_source.tree import Path
@@ -55,18 +56,17 @@ def _in_si(
     resolver: EffectResolver, key: str, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path
 ) -> EffectNumber | None:
     """One entry with SI numbers; None, with a fault, where it has another form than its key asks for."""
-    from pkmcal_cli.language.effect_entries import EffectNumber
-
     given = entry.interval or entry.numbers
     if key == "cov":
         rows = entry.matrix
         if rows is None:
             resolver.fault("value", "`cov` must be a list of rows", path, "write [[4, 1], [1, 4]], a row for each knot")
             return None
-        return EffectNumber(
+        return _with(
+            entry,
             matrix=tuple(
                 tuple(resolver.bound(x, unit, (*path, i, j)) for j, x in enumerate(r)) for i, r in enumerate(rows)
-            )
+            ),
         )
     if key in ("knots", "values"):
         if given is None:
@@ -74,14 +74,22 @@ def _in_si(
                 "value", f"`{key}` must be a list of numbers", path, f"write, for example, {key}: [0, 10, 20]"
             )
             return None
-        return EffectNumber(numbers=tuple(resolver.bound(x, unit, (*path, i)) for i, x in enumerate(given)))
+        return _with(
+            entry, interval=None, numbers=tuple(resolver.bound(x, unit, (*path, i)) for i, x in enumerate(given))
+        )
     value = resolver.bound(entry.value, unit, path)
     if given is not None or entry.matrix is not None or not value >= SMALLEST:
         resolver.fault(
             "value", f"`{key}` must be a positive number", path, f"write, for example, {key}: 20 {unit.text}"
         )
         return None
-    return EffectNumber(value=value)
+    return _with(entry, value=value)
+
+
+def _with(entry: EffectNumber[WrittenNumber], **numbers: Any) -> EffectNumber:
+    """The entry as it is at the next stage of reading."""
+    made: EffectNumber = with_values(entry, numbers)
+    return made
 
 
 def _check(resolver: EffectResolver, name: str, entries: Entries) -> None:

@@ -15,6 +15,7 @@ from pkmcal_cli.diagnosis.closed_loop import Improvement, Step
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.report_rows import Errors
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
+from pkmcal_cli.effects import effect_named
 from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.language.machine import Machine
@@ -306,6 +307,12 @@ class ImprovementReport:
 
 def _parts(errors: Errors) -> tuple[dict[str, ErrorFigures], ...]:
     return errors.fit, errors.choose, errors.report
+
+
+def _title(hypothesis: Hypothesis) -> str:
+    """What an effect is called."""
+    effect = effect_named(hypothesis.effect)
+    return hypothesis.effect if effect is None else effect.title
 
 
 def _added(step: Step) -> str:
