@@ -5,6 +5,7 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.model.model import Model
 
 _WORDS = ("auto", "all")
@@ -16,8 +17,8 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
     A comma-separated list of names and patterns (`l*`); `auto`: all but those declared `identify: false`; `all`: every
     declared parameter, and numbers of effects as `auto`. `auto,R_low` adds to auto; a leading minus removes
     (`auto,-gamma`). One that is `fixed: true` is never chosen. A number of an effect that is `identify: false`
-    is freed by its own name only; where some numbers of an effect are named, the others are left alone. Raises
-    UsageError.
+    is freed by its own name only; where some numbers of an effect are named, the others are left alone. Weights of a
+    shape without a name go together: `unexplained@q1` frees them. Raises UsageError.
     """
     chosen: set[str] = set()
     asked: set[str] = set()  # by names and patterns
@@ -65,6 +66,10 @@ def _matching(model: Model, pattern: str, remove: bool) -> set[str] | None:
     free = [p for p in model.parameters if not p.fixed]
     if pattern in _WORDS:
         return {p.name for p in free if p.identify or (pattern == "all" and p.name not in held)}
+    shapes = {e.name: set(e.parameters) for e in model.effects if e.effect.keyword == UNEXPLAINED}
+    of_shapes = [own for name, own in shapes.items() if fnmatchcase(name, pattern.removesuffix(".*")) or own & {pattern}]
+    if "@" in pattern and of_shapes:
+        return set().union(*of_shapes)
     by_name = {p.name for p in free if pattern in (p.name, p.shared_name)}
     by_pattern = {p.name for p in free if any(fnmatchcase(n, pattern) for n in (p.name, p.shared_name))}
     exact = [n for p in model.parameters if p.fixed for n in (p.name, p.shared_name)]

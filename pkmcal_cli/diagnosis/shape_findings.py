@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
@@ -16,7 +15,6 @@ from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search
 from pkmcal_cli.diagnosis.unknown import Unknown
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import UNEXPLAINED, FreeShape, Unexplained, place_and_axis
-from pkmcal_cli.prediction.inputs import SiteInputs
 
 _SHOWN = 1e-3  # share of a parameter's standard uncertainty below which nothing is hidden in it
 
@@ -125,19 +123,3 @@ def _could_be(search: Search, nameless: NamelessShape, place: str) -> list[tuple
         if at == place and every[keyword].enters == nameless.placed.effect.enters
     }
     return list(lacking.items())
-
-
-def outside_knots(problem: Problem) -> list[tuple[str, int]]:
-    """Shapes of a model that some rows are outside of, by name, and how many rows."""
-    out = []
-    for placed in problem.model.effects:
-        if isinstance(placed.effect, Unexplained):
-            low, high = placed.effect.shape.knots[0], placed.effect.shape.knots[-1]
-            margin = 1e-9 * (high - low)
-            x = np.stack(
-                [placed.effect.at(SiteInputs(s, problem.model, problem.rows, placed, None)) for s in placed.sites]
-            )
-            beyond = ((x < low - margin) | (x > high + margin)).any(axis=0)
-            if beyond.any():
-                out.append((placed.name, int(beyond.sum())))
-    return out

@@ -26,6 +26,7 @@ ENTRIES: tuple[Entry, ...] = ("command", "guide")
 OVER_TIME = ":time"
 """After the name of a drive: the shape is one over time."""
 _JITTER = 1e-8  # of the variance at the knots, against rounding
+_LEVEL = 0.5  # variance of the level of a shape, in squares of its spread: data rarely tell it from parameters
 Axis = Literal["travel", "time"]
 
 
@@ -90,7 +91,7 @@ class FreeShape:
         import numpy as np
 
         basis = self.basis(x)
-        return np.asarray(np.maximum(self.spread**2 - (basis**2).sum(axis=1), 0.0))
+        return np.asarray(np.maximum((1.0 + _LEVEL) * self.spread**2 - (basis**2).sum(axis=1), 0.0))
 
     def _correlation(self, x: Any) -> Any:
         """Correlation (N, K) of the shape at x (N,) with that at the knots."""
@@ -98,7 +99,7 @@ class FreeShape:
 
         distance = np.asarray(x)[:, None] - np.array(self.knots)
         scaled = np.sqrt(3.0) / self.width * np.where(distance.real < 0, -distance, distance)
-        return (1.0 + scaled) * np.exp(-scaled)
+        return _LEVEL + (1.0 + scaled) * np.exp(-scaled)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.tool_point import tool_point_of
 from pkmcal_cli.model.model import Model
@@ -28,3 +30,9 @@ def limitations(machine: Machine, model: Model) -> list[dict[str, Any]]:
         kind = "actuators" if not model.topology.drives else "actuators that hold a position"
         found.append((kind, _POSING, "`simulate` shows the machine as it stands, under its loads"))
     return [{"lacking": lacking, "rules_out": list(out), "remedy": remedy} for lacking, out, remedy in found]
+
+
+def outside_text(rows: Mapping[str, int]) -> list[str]:
+    """Warnings of rows outside the knots of shapes without a name, by the name of these."""
+    what = "the shape is not known there: it falls back to its level, as uncertain as its spread"
+    return [f"warning: {name}: {count(n, 'row')} outside its knots; {what}" for name, n in rows.items() if n]

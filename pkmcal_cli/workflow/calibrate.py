@@ -28,9 +28,11 @@ from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import Place, failed_rows, place_of
 from pkmcal_cli.prediction import Prediction
+from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.figures import figure_unit
+from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -95,6 +97,8 @@ def run_calibration(request: CalibrationRequest) -> int:
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
+    for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
+        to.warn(text)
     s = _determined(s, to)
     options = s.request.fit_options
     if hints:  # no start mends a wrong column

@@ -16,6 +16,7 @@ from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
+from pkmcal_cli.prediction.unknown_shapes import between_knots
 from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.units.measurands import Measurand
 
@@ -60,6 +61,7 @@ class ErrorMap:
         prediction = predict(self.model, self.values, rows, Request(parameters=self.names), start)
         assert prediction.jacobian is not None
         variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)
+        variance = variance + between_knots(self.model, self.values, rows, start)
         u = np.sqrt(np.maximum(variance, 0.0))
         self._count(u, places)
         return list(u.T)

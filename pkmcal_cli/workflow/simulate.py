@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -19,13 +18,15 @@ from pkmcal_cli.csv_files.writer import TableWriter, open_writer
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_channels
-from pkmcal_cli.loading.poses import Place, Poses, PoseSource
+from pkmcal_cli.loading.poses import Poses, PoseSource
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Method, Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.touching import touching
+from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.failed_rows import skipped
+from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.loads import Loads, limited
 from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.report.provenance import provenance, provenance_lines
@@ -33,11 +34,11 @@ from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.simulated_noise import Noise
+from pkmcal_cli.workflow.simulated_rows import Tally
 from pkmcal_cli.workflow.table import SimulatedTable
 from pkmcal_cli.workflow.touched_poses import no_touch, readings_at_touch, touches_text
 
 _SHOWN = 20  # failed rows told one by one
-_LISTED = 1000  # failed rows in the JSON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,35 +58,6 @@ class SimulationRequest:
     as_json: bool
     quiet: bool
     force: bool
-
-
-@dataclass(kw_only=True)
-class _Tally:
-    """What has been simulated so far."""
-
-    seen: int = 0
-    rows: int = 0
-    n_failed: int = 0
-    touched: int = 0
-    failed: list[tuple[Place, str]] = field(default_factory=list)
-    by_reason: Counter[str] = field(default_factory=Counter)
-    low: Array | None = None
-    high: Array | None = None
-
-    def add(self, values: Array) -> None:
-        """Count rows and widen the extent of the channels."""
-        self.rows += len(values)
-        if len(values):
-            low, high = np.nanmin(values, axis=0, initial=np.inf), np.nanmax(values, axis=0, initial=-np.inf)
-            self.low = low if self.low is None else np.minimum(self.low, low)
-            self.high = high if self.high is None else np.maximum(self.high, high)
-
-    def fail(self, block: Poses, reasons: dict[int, str]) -> None:
-        """Count rows without a solution; list the first ones."""
-        self.n_failed += len(reasons)
-        self.by_reason.update(reasons.values())
-        room = _LISTED - len(self.failed)
-        self.failed += [(block.place(k), reasons[k]) for k in sorted(reasons)[: max(room, 0)]]
 
 
 def run_simulation(request: SimulationRequest) -> int:
@@ -185,7 +157,7 @@ class _Work:
     table: SimulatedTable
     errors: ErrorMap | None
     loads: Loads
-    tally: _Tally = field(default_factory=_Tally)
+    tally: Tally = field(default_factory=Tally)
 
     @property
     def columns(self) -> list[tuple[str, str | None]]:
@@ -212,6 +184,7 @@ class _Work:
         self.loads.add(self.values, driven.take(reachable), prediction, lambda k: block.place(int(reachable[k])))
         good = np.nonzero(prediction.solved)[0]
         rows = reachable[good]
+        tally.outside.update(outside_knots(self.model, block.rows.take(rows)))
         readings = prediction.values[good] + self.noise.of_channels(disturbed[rows], prediction.values[good])
         known = known_channels(self.model)
         readings[:, known] = readings_at_touch(self.model, touched[rows])[:, known]
@@ -268,6 +241,8 @@ def _tell(to: Reporter, work: _Work, by_row: bool) -> None:
     if by_row and tally.n_failed:
         to.fail(f"not in the table (no solution): {count(tally.n_failed, 'row')}")
     work.loads.show(to)
+    for text in outside_text(tally.outside):
+        to.warn(text)
     if work.errors is not None:
         to.say(work.errors.text)
 

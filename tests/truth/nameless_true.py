@@ -45,7 +45,9 @@ LAWS: dict[str, Law] = {f.__name__: f for f in (bump, step, tanh, waves)}
 def displaced(p: Planted, c: Context, u: Array) -> Array:
     """The displacement (N,) in m at places u of the travel."""
     law = p.keyword.removeprefix("odd_")
-    return np.asarray(p.get("h") * LAWS[law](u, np.random.default_rng([c.seed, 7, *p.keyword.encode(), *p.at.encode()])))
+    return np.asarray(
+        p.get("h") * LAWS[law](u, np.random.default_rng([c.seed, 7, *p.keyword.encode(), *p.at.encode()]))
+    )
 
 
 def nameless(p: Planted, c: Context, shift: Shift) -> Shift:

@@ -1,0 +1,68 @@
+"""What shapes without a name do between and beyond their knots, which nothing has measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.effects.effect import EffectParameter
+from pkmcal_cli.effects.unexplained import Unexplained
+from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.parts import ModelParameter
+from pkmcal_cli.prediction.inputs import SiteInputs
+from pkmcal_cli.prediction.pipeline import predict
+from pkmcal_cli.prediction.rows import Request, Rows, WarmStart
+
+
+def between_knots(model: Model, values: Array, rows: Rows, start: WarmStart | None) -> Array:
+    """Variance (N, C) of the readings, SI, by what the values at the knots of shapes do not know of.
+
+    Each site of a shape counts by itself; the others of its guide are elsewhere on it.
+    """
+    shaped = [(e, s) for e in model.effects if isinstance(e.effect, Unexplained) for s in e.sites]
+    if not shaped:
+        return np.zeros((len(rows), len(model.channels)))
+    names = tuple(f"level {k}" for k in range(len(shaped)))
+    levels = tuple(_level(e, site, name) for (e, site), name in zip(shaped, names, strict=True))
+    parameters = tuple(
+        ModelParameter(name=n, nominal=0.0, range=1.0, bounds=(-np.inf, np.inf), unit="", dimension="", identify=True)
+        for n in names
+    )
+    wide = model.with_effects(levels, parameters)
+    by_level = predict(wide, np.append(values, np.zeros(len(names))), rows, Request(parameters=names), start).jacobian
+    assert by_level is not None
+    missing = np.stack([_missing(e, SiteInputs(s, model, rows, e, None)) for e, s in shaped], axis=1)  # (N, S)
+    return np.asarray(np.einsum("ncs,ns->nc", by_level**2, missing))
+
+
+def outside_knots(model: Model, rows: Rows) -> dict[str, int]:
+    """Shapes that some rows are outside of, by name, and how many rows: there a shape is not known."""
+    out = {}
+    for placed in model.effects:
+        if isinstance(placed.effect, Unexplained):
+            effect, (low, *_, high) = placed.effect, placed.effect.shape.knots
+            margin = 1e-9 * (high - low)
+            x = np.stack([effect.at(SiteInputs(site, model, rows, placed, None)) for site in placed.sites])
+            beyond = ((x < low - margin) | (x > high + margin)).any(axis=0)
+            if beyond.any():
+                out[placed.name] = int(beyond.sum())
+    return out
+
+
+def _missing(placed: PlacedEffect, inputs: SiteInputs) -> Array:
+    assert isinstance(placed.effect, Unexplained)
+    return placed.effect.shape.missing_variance(placed.effect.at(inputs))
+
+
+def _level(placed: PlacedEffect, site: EffectSite, name: str) -> PlacedEffect:
+    """The same displacement at one site, by as much everywhere."""
+    effect = replace(
+        placed.effect,
+        keyword="level",
+        parameters=(EffectParameter(name="size", unit="1", range=1.0, text=""),),
+        formula=lambda at, size: size,
+    )
+    return replace(placed, effect=effect, sites=(site,), parameters=(name,))
