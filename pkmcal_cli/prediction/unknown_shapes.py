@@ -25,7 +25,7 @@ def between_knots(model: Model, values: Array, rows: Rows, start: WarmStart | No
     shaped = [(e, s) for e in model.effects if isinstance(e.effect, Unexplained) for s in e.sites]
     if not shaped:
         return np.zeros((len(rows), len(model.channels)))
-    names = tuple(f"level {k}" for k in range(len(shaped)))
+    names = tuple(f"level {k}.size" for k in range(len(shaped)))
     levels = tuple(_level(e, site, name) for (e, site), name in zip(shaped, names, strict=True))
     parameters = tuple(
         ModelParameter(name=n, nominal=0.0, range=1.0, bounds=(-np.inf, np.inf), unit="", dimension="", identify=True)
