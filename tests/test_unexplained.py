@@ -118,13 +118,15 @@ def test_rows_outside_the_knots_are_counted_and_uncertain(tmp_path: Path) -> Non
     x = rows.readings[:, a]
     assert outside_knots(model, rows) == {"unexplained@q2": int(((x < -1.1) | (x > -0.7)).sum())}
     assert not outside_knots(plain, rows) and not between_knots(plain, plain.nominal, rows, None).any()
-    moved = rows.readings.copy()
-    moved[:, a] += 1e-6
-    slope = (predict(plain, plain.nominal, Rows.at(moved)).values - predict(plain, plain.nominal, rows).values) / 1e-6
-    shape = FreeShape(knots=(-1.1, -1.0, -0.9, -0.8, -0.7), spread=20e-6, width=0.15)
-    expected = slope**2 * shape.missing_variance(x)[:, None]
-    # the shape itself strains the machine and turns the slope a little
-    assert np.allclose(between_knots(model, model.nominal, rows, None), expected, rtol=2e-3, atol=1e-16)
+    shape = FreeShape(
+        knots=(-1.1, -1.0, -0.9, -0.8, -0.7), spread=20e-6, width=0.15, values=1e-6 * np.array([10, -5, 20, 0, 10])
+    )
+    there, further = rows.readings.copy(), rows.readings.copy()  # of a machine whose drive reads what the shape adds
+    there[:, a] += shape.basis(x) @ shape.weights
+    further[:, a] = there[:, a] + 1e-6
+    readings = [predict(plain, plain.nominal, Rows.at(each)).values for each in (there, further)]
+    expected = ((readings[1] - readings[0]) / 1e-6) ** 2 * shape.missing_variance(x)[:, None]
+    assert np.allclose(between_knots(model, model.nominal, rows, None), expected, rtol=1e-4, atol=1e-17)
 
 
 @pytest.mark.parametrize(
