@@ -34,14 +34,20 @@ from pkmcal_cli.units.measurands import Measurand
 
 @dataclass(frozen=True)
 class ObservedQuantity:
-    """A quantity of the structure: a coordinate of a point or an orientation, the reading or the force of a drive.
+    """A quantity of the structure: a coordinate of a point or an orientation, the reading of a drive, or a load.
 
-    Forces are derivatives of the energy, see `prediction.forces`; `read_quantities` reads the others.
+    Loads are the force of a drive, the tension of a rope and the strain energy, which follow from the energy, see
+    `prediction.forces`; `read_quantities` reads the others.
     """
 
-    measurand: Measurand  # POSITION, ORIENTATION, DRIVE or FORCE
-    index: int  # point, rotation or drive
-    component: int = 0
+    measurand: Measurand  # POSITION, ORIENTATION, DRIVE, FORCE, TENSION or ENERGY
+    index: int  # point, rotation or drive; of a tension: group
+    component: int = 0  # of a tension: element
+
+    @property
+    def is_load(self) -> bool:
+        """Whether it follows from the energy."""
+        return self.measurand in (Measurand.FORCE, Measurand.TENSION, Measurand.ENERGY)
 
 
 @dataclass(frozen=True)

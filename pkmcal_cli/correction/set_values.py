@@ -1,0 +1,182 @@
+"""The elasto-geometrical inverse: set values at which the predicted tool point is where it shall be.
+
+Newton's method on the set values with exact derivatives of the equilibrium; what redundant drives leave free is a small
+quadratic programme in every step (`redundancy`). All rows together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.internal_force import InternalForces
+from pkmcal_cli.correction.redundancy import BOUNDED, Choice, Redundancy, binding_names
+from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
+from pkmcal_cli.model.limits import limit_excess
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.units.unit_text import parse_unit
+
+_STEPS, _HALVINGS = 40, 8
+_EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
+_SETTLED = 1e-7  # of a drive's force scale: the forces change no more
+_THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds the tool point there
+_EXCEEDED = 1e-7  # of a limit
+_LONGEST = 0.1  # of the machine's size, or rad: a step
+OUT_OF_REACH = "out of reach: no set values for this pose of the tool point"
+_NOT_SETTLED = "no set values found: the tool point does not settle"
+_ELSEWHERE = "a prediction from these set values leads elsewhere: the pose is ambiguous"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aim:
+    """What is wanted: poses (N, 6) of the tool point at coordinates `held`, under the circumstances of `rows` (N).
+
+    The readings of the rows are the set values of the nominal machine.
+    """
+
+    poses: Array
+    held: tuple[str, ...]
+    rows: Rows
+
+    @property
+    def wanted(self) -> Array:
+        """Coordinates (N, h) that are held."""
+        return self.poses[:, [DIRECTIONS.index(name) for name in self.held]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """Rows with corrected set values; the machine before, at those of the nominal machine, and after.
+
+    internal: of the forces after; failed: why rows have no set values, by their numbers.
+    """
+
+    rows: Rows
+    before: StrainedPose
+    after: StrainedPose
+    internal: InternalForces
+    failed: dict[int, str]
+
+
+def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correction:
+    """Set values that bring the tool point of a machine with parameter values (P,) to where it is wanted."""
+    tool = LoadedTool(model, aim.held)
+    before = tool.at(values, aim.rows, aim.wanted)
+    strainless = drive_positions(model, aim.poses, values, aim.held, rows=aim.rows, derivatives=True)
+    assert strainless.by_pose is not None
+    internal = InternalForces.of(model, values, strainless.by_pose)
+    redundancy = Redundancy(
+        tool=tool if choice not in BOUNDED else LoadedTool(model.with_taut_ropes(), aim.held), values=values,
+        choice=choice, internal=internal, wanted=_declared(model, aim, choice), set_values=aim.rows.readings,
+    )  # fmt: skip
+    begin = aim.rows.readings.copy()
+    if choice != "nominal":
+        known = np.nonzero(strainless.reached)[0]
+        begin[np.ix_(known, redundancy.drives)] = strainless.readings[np.ix_(known, redundancy.drives)]
+    search = _Search(redundancy, aim, replace(aim.rows, readings=begin))
+    search.run()
+    after = tool.at(values, search.rows, aim.wanted)
+    failed = {k: OUT_OF_REACH for k in np.nonzero(~strainless.reached)[0].tolist()} | search.failed
+    failed = _checked(tool, aim, after, failed) | _beyond(model, search.rows, failed)
+    return Correction(rows=search.rows, before=before, after=after, internal=internal, failed=dict(sorted(failed.items())))
+
+
+def _declared(model: Model, aim: Aim, choice: Choice) -> Array:
+    """Internal forces (N, A) of the machine as its file declares it, at the set values of the nominal machine."""
+    if choice != "preload":
+        return np.zeros(aim.rows.readings.shape)
+    nominal = drive_positions(model, aim.poses, None, aim.held, derivatives=True)
+    assert nominal.by_pose is not None
+    there = LoadedTool(model, aim.held).at(model.nominal, aim.rows, aim.wanted)
+    return InternalForces.of(model, model.nominal, nominal.by_pose).part(np.nan_to_num(there.force))
+
+
+def _checked(tool: LoadedTool, aim: Aim, after: StrainedPose, failed: dict[int, str]) -> dict[int, str]:
+    """Reasons of rows that a prediction from scratch does not confirm, besides those that are known."""
+    error = np.abs(after.tool - aim.wanted) / tool.sizes
+    there = np.nan_to_num(error, nan=np.inf).max(axis=1, initial=0.0) < _THERE
+    lost = {int(k): _ELSEWHERE for k in np.nonzero(~there & after.prediction.solved)[0]}
+    lost |= {int(k): after.prediction.reason(int(k)) for k in np.nonzero(~after.prediction.solved)[0]}
+    return lost | failed
+
+
+def _beyond(model: Model, rows: Rows, failed: dict[int, str]) -> dict[int, str]:
+    """The same for set values beyond limits of travel, whatever the redundancy is used for."""
+    out = dict(failed)
+    for a, actuator in enumerate(model.actuators):
+        excess = limit_excess(rows.readings[:, a], actuator.limits)
+        unit = parse_unit(actuator.unit)
+        low, high = (unit.format(v, 6) for v in actuator.limits)
+        for k in np.nonzero(excess > 0)[0].tolist():
+            at = unit.format(float(rows.readings[k, a]), 6)
+            out.setdefault(k, f"travel limit of `{actuator.name}` ({low} to {high}): it would have to go to {at}")
+    return out
+
+
+class _Search:
+    """Newton's method for all rows: set values that move until the tool point is there and the forces have settled."""
+
+    def __init__(self, redundancy: Redundancy, aim: Aim, rows: Rows) -> None:
+        self.redundancy, self.aim, self.rows = redundancy, aim, rows
+        self.failed: dict[int, str] = {}
+        self.moving = np.ones(len(rows), dtype=bool)
+        self.step = np.zeros((len(rows), len(redundancy.drives)))
+        self.halved = np.zeros(len(rows), dtype=np.intp)
+
+    def run(self) -> None:
+        """Search until no row moves; rows that do not end are `failed`."""
+        now: StrainedPose | None = None
+        for _ in range(_STEPS):
+            start = None if now is None else now.prediction.start
+            now = self.redundancy.tool.at(
+                self.redundancy.values, self.rows, self.aim.wanted, "readings", start, compare=False
+            )
+            self._advance(now)
+            if not self.moving.any():
+                return
+        self.failed |= {int(k): _NOT_SETTLED for k in np.nonzero(self.moving)[0]}
+
+    def _advance(self, now: StrainedPose) -> None:
+        """One step of all rows that move; back by half where the last one led nowhere."""
+        redundancy, drives = self.redundancy, self.redundancy.drives
+        solved = now.prediction.solved
+        back = self.moving & ~solved
+        self.halved[back] += 1
+        for k in np.nonzero(back & (self.halved > _HALVINGS))[0].tolist():
+            self.failed[k] = now.prediction.reason(k)
+            self.moving[k] = False
+        readings = self.rows.readings.copy()
+        readings[np.ix_(np.nonzero(back)[0], drives)] -= 0.5 * self.step[back]
+        self.step[back] *= 0.5
+        error = now.tool - self.aim.wanted
+        step, optimum = redundancy.step(now, self.rows.readings, error)
+        step = self._limited(step)
+        changed = np.abs((now.by_force[:, :, drives] @ step[..., None])[..., 0] / redundancy.internal.scale)
+        there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
+        settled = there & (np.nan_to_num(changed, nan=np.inf).max(axis=1) < _SETTLED)
+        go = np.nonzero(self.moving & solved & ~settled)[0]
+        self.halved[go], self.step[go] = 0, step[go]
+        readings[np.ix_(go, drives)] += step[go]
+        ended = np.nonzero(self.moving & solved & settled)[0]
+        self._end(now, ended, optimum.excess, optimum.binding)
+        self.rows = replace(self.rows, readings=readings)
+
+    def _end(self, now: StrainedPose, ended: NDArray[np.intp], excess: Array, binding: NDArray[np.bool_]) -> None:
+        """Rows that have settled; those that no set values keep within limits have failed."""
+        self.moving[ended] = False
+        names: tuple[str, ...] = ()
+        for k in ended[excess[ended] > _EXCEEDED].tolist():
+            names = names or self.redundancy.names(now, self.rows.readings)
+            limits = ", ".join(binding_names(names, binding[k]))
+            self.failed[k] = f"not within limits: {limits}"
+
+    def _limited(self, step: Array) -> Array:
+        """Steps (N, D), none too long."""
+        longest = np.abs(step / self.redundancy.spans).max(axis=1, initial=0.0)
+        return np.asarray(step * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300))[:, None])
