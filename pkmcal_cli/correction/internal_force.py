@@ -28,7 +28,8 @@ class InternalForces:
         """At parameter values (P,); by_pose (N, A, f): of the readings of released drives by the tool's coordinates."""
         scale = force_scales(model)
         moved = np.nan_to_num(by_pose) * (scale * conjugate_gains(model, values))[:, None]
-        whole = np.linalg.qr(moved / np.abs(moved).max(axis=(1, 2), initial=1e-300, keepdims=True), mode="complete")[0]
+        size = np.abs(moved).max(axis=(1, 2), initial=0.0, keepdims=True)
+        whole = np.linalg.qr(moved / np.where(size > 0, size, 1.0), mode="complete")[0]
         return cls(np.asarray(whole[:, :, by_pose.shape[2] :]), scale)
 
     def amounts(self, forces: Array) -> Array:

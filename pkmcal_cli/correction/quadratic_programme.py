@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.equilibrium.newton import solve_rows
 
 _PRICE = 1e5  # of exceeding a bound by one: more than what any bound in use is worth
 _STEPS = 60
@@ -50,7 +51,7 @@ def solve(programme: Programme) -> Optimum:
     rows, count, width = programme.matrix.shape
     if not count:
         flat = curvature + _FLAT * np.eye(width)
-        y = -np.linalg.solve(flat, slope[..., None])[..., 0]
+        y = np.nan_to_num(-solve_rows(flat, slope[..., None])[..., 0])
         return Optimum(y=y, excess=np.zeros(rows), binding=np.zeros((rows, 0), dtype=bool))
     square = _FLAT * np.tile(np.eye(width + 1), (rows, 1, 1))
     square[:, :width, :width] += curvature
@@ -87,7 +88,7 @@ class _Run:
 
         def direction(product: Array) -> tuple[Array, Array, Array]:
             right = -dual - _times(np.swapaxes(a, 1, 2), (z * primal - product) / s)
-            dx = np.linalg.solve(system, right[..., None])[..., 0]
+            dx = np.nan_to_num(solve_rows(system, right[..., None])[..., 0])
             ds = -primal - _times(a, dx)
             return dx, ds, (-product - z * ds) / s
 

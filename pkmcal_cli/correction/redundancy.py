@@ -75,7 +75,8 @@ class Redundancy:
     def _in_forces(self, now: StrainedPose, free: Array) -> Array:
         """The same directions, of which a unit changes the forces by one scale, each other ones."""
         changed = np.nan_to_num(now.by_force[:, :, self.drives] / self.internal.scale[:, None]) @ free
-        size = np.abs(changed).max(axis=(1, 2), initial=1e-300, keepdims=True)
+        size = np.abs(changed).max(axis=(1, 2), initial=0.0, keepdims=True)
+        size[size == 0.0] = 1.0
         upper = np.linalg.qr(changed / size, mode="r")  # (N, r, r)
         weak = np.abs(np.einsum("nkk->nk", upper)) < 1e-9  # motions that no force resists
         upper = upper + np.einsum("nk,kl->nkl", weak, np.eye(upper.shape[1]))

@@ -27,6 +27,7 @@ _EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
 _SETTLED = 1e-7  # of a drive's force scale: the forces change no more
 _THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds the tool point there
 _EXCEEDED = 1e-7  # of a limit
+_GROWN = 0.9  # a step that leaves more of the error than so was too long
 _LONGEST = 0.1  # of the machine's size, or rad: a step
 OUT_OF_REACH = "out of reach: no set values for this pose of the tool point"
 _NOT_SETTLED = "no set values found: the tool point does not settle"
@@ -72,7 +73,7 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
     assert strainless.by_pose is not None
     internal = InternalForces.of(model, values, strainless.by_pose)
     redundancy = Redundancy(
-        tool=tool if choice not in BOUNDED else LoadedTool(model.with_taut_ropes(), aim.held), values=values,
+        tool=LoadedTool(model, aim.held, taut=True) if model.exact.ropes else tool, values=values,
         choice=choice, internal=internal, wanted=_declared(model, aim, choice), set_values=aim.rows.readings,
     )  # fmt: skip
     begin = aim.rows.readings.copy()
@@ -81,6 +82,9 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
         begin[np.ix_(known, redundancy.drives)] = strainless.readings[np.ix_(known, redundancy.drives)]
     search = _Search(redundancy, aim, replace(aim.rows, readings=begin))
     search.run()
+    if model.exact.ropes and choice not in BOUNDED:  # now with ropes that go slack
+        search = _Search(replace(redundancy, tool=tool), aim, search.rows)
+        search.run()
     after = tool.at(values, search.rows, aim.wanted)
     failed = {k: OUT_OF_REACH for k in np.nonzero(~strainless.reached)[0].tolist()} | search.failed
     failed = _checked(tool, aim, after, failed) | _beyond(model, search.rows, failed)
@@ -128,6 +132,7 @@ class _Search:
         self.moving = np.ones(len(rows), dtype=bool)
         self.step = np.zeros((len(rows), len(redundancy.drives)))
         self.halved = np.zeros(len(rows), dtype=np.intp)
+        self.away = np.full(len(rows), np.inf)  # how far the tool point was from where it shall be
 
     def run(self) -> None:
         """Search until no row moves; rows that do not end are `failed`."""
@@ -145,23 +150,24 @@ class _Search:
     def _advance(self, now: StrainedPose) -> None:
         """One step of all rows that move; back by half where the last one led nowhere."""
         redundancy, drives = self.redundancy, self.redundancy.drives
-        solved = now.prediction.solved
+        error = now.tool - self.aim.wanted
+        away = np.nan_to_num(np.abs(error) / redundancy.tool.sizes, nan=np.inf).max(axis=1)
+        solved = now.prediction.solved & ((away < _GROWN * self.away) | (away < _THERE))
         back = self.moving & ~solved
         self.halved[back] += 1
         for k in np.nonzero(back & (self.halved > _HALVINGS))[0].tolist():
-            self.failed[k] = now.prediction.reason(k)
+            self.failed[k] = _NOT_SETTLED if now.prediction.solved[k] else now.prediction.reason(k)
             self.moving[k] = False
         readings = self.rows.readings.copy()
         readings[np.ix_(np.nonzero(back)[0], drives)] -= 0.5 * self.step[back]
         self.step[back] *= 0.5
-        error = now.tool - self.aim.wanted
         step, optimum = redundancy.step(now, self.rows.readings, error)
         step = self._limited(step)
         changed = np.abs((now.by_force[:, :, drives] @ step[..., None])[..., 0] / redundancy.internal.scale)
         there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
         settled = there & (np.nan_to_num(changed, nan=np.inf).max(axis=1) < _SETTLED)
         go = np.nonzero(self.moving & solved & ~settled)[0]
-        self.halved[go], self.step[go] = 0, step[go]
+        self.halved[go], self.step[go], self.away[go] = 0, step[go], away[go]
         readings[np.ix_(go, drives)] += step[go]
         ended = np.nonzero(self.moving & solved & settled)[0]
         self._end(now, ended, optimum.excess, optimum.binding)
@@ -174,7 +180,7 @@ class _Search:
         for k in ended[excess[ended] > _EXCEEDED].tolist():
             names = names or self.redundancy.names(now, self.rows.readings)
             limits = ", ".join(binding_names(names, binding[k]))
-            self.failed[k] = f"not within limits: {limits}"
+            self.failed[k] = f"no set values within all limits; in the way: {limits}"
 
     def _limited(self, step: Array) -> Array:
         """Steps (N, D), none too long."""

@@ -17,7 +17,6 @@ from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.turns import nearer_way_round
 
 _ROTATION = ("rx", "ry", "rz")
-_ENERGY = "energy.energy"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +40,16 @@ class StrainedPose:
 
 @dataclass(frozen=True)
 class LoadedTool:
-    """A machine whose tool point is watched at coordinates `held`, with all its loads."""
+    """A machine whose tool point is watched at coordinates `held`, with all its loads; `taut`: its ropes push too."""
 
     machine: Model
     held: tuple[str, ...]
+    taut: bool = False
 
     @cached_property
     def model(self) -> Model:
         """The machine with channels of all that is watched."""
-        return with_loads(self.machine, energy=True)
+        return with_loads(self.machine, self.taut)
 
     @cached_property
     def ropes(self) -> tuple[tuple[int, int, str], ...]:

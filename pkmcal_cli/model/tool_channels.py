@@ -48,13 +48,16 @@ def ropes_of(model: Model) -> tuple[tuple[int, int, str], ...]:
     return tuple((g, e, name) for g, group in groups for e, name in enumerate(group.names) if group.rope[e])
 
 
-def with_loads(model: Model, energy: bool = False) -> Model:
-    """The same channels, then the force of every drive, the tension of every rope and, if asked for, strain energy."""
-    tool = tcp_model(model)
+def with_loads(model: Model, taut: bool = False) -> Model:
+    """The same channels, then the force of every drive, the tension of every rope, and the strain energy.
+
+    `taut`: ropes push too.
+    """
+    tool, ropes = tcp_model(model.with_taut_ropes() if taut else model), ropes_of(model)
     observed = [ObservedQuantity(Measurand.FORCE, a) for a in range(len(model.actuators))]
-    observed += [ObservedQuantity(Measurand.TENSION, g, e) for g, e, _ in ropes_of(model)]
-    observed += [ObservedQuantity(Measurand.ENERGY, 0)] if energy else []
-    names = [a.name for a in model.actuators] + [name for *_, name in ropes_of(model)] + ["energy"] * energy
+    observed += [ObservedQuantity(Measurand.TENSION, g, e) for g, e, _ in ropes]
+    observed += [ObservedQuantity(Measurand.ENERGY, 0)]
+    names = [*(a.name for a in model.actuators), *(name for *_, name in ropes), "energy"]
     channels = [
         Channel(
             name=f"{q.measurand.label}.{name}", measurand=q.measurand, index=q.index, component=q.component,
