@@ -15,11 +15,12 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.internal_force import InternalForces
 from pkmcal_cli.correction.redundancy import BOUNDED, Choice, Redundancy, binding_names
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
+from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
 from pkmcal_cli.units.unit_text import parse_unit
 
 _STEPS, _HALVINGS = 40, 8
@@ -29,8 +30,6 @@ _THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds 
 _EXCEEDED = 1e-7  # of a limit
 _GROWN = 0.9  # a step that leaves more of the error than so was too long
 _LONGEST = 0.1  # of the machine's size, or rad: a step
-OUT_OF_REACH = "out of reach: no set values for this pose of the tool point"
-_NOT_SETTLED = "no set values found: the tool point does not settle"
 _ELSEWHERE = "a prediction from these set values leads elsewhere: the pose is ambiguous"
 
 
@@ -51,44 +50,44 @@ class Aim:
         return self.poses[:, [DIRECTIONS.index(name) for name in self.held]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Correction:
-    """Rows with corrected set values; the machine before, at those of the nominal machine, and after.
+    def take(self, rows: Index) -> Aim:
+        """Some of them."""
+        return Aim(poses=self.poses[rows], held=self.held, rows=self.rows.take(rows))
 
-    internal: of the forces after; failed: why rows have no set values, by their numbers.
-    """
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """Rows with set values; after: the machine there; internal: of its forces; failed: why rows have none, by number."""
 
     rows: Rows
-    before: StrainedPose
     after: StrainedPose
     internal: InternalForces
     failed: dict[int, str]
 
 
-def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correction:
-    """Set values that bring the tool point of a machine with parameter values (P,) to where it is wanted."""
-    tool = LoadedTool(model, aim.held)
-    before = tool.at(values, aim.rows, aim.wanted)
-    strainless = drive_positions(model, aim.poses, values, aim.held, rows=aim.rows, derivatives=True)
+def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions, choice: Choice) -> Found:
+    """Set values that bring the tool point of a machine with parameter values (P,) to where it is wanted.
+
+    strainless: of the same machine at the poses, with derivatives; all are reached.
+    """
     assert strainless.by_pose is not None
+    tool, ropes = LoadedTool(model, aim.held), model.exact.ropes
     internal = InternalForces.of(model, values, strainless.by_pose)
     redundancy = Redundancy(
-        tool=LoadedTool(model, aim.held, taut=True) if model.exact.ropes else tool, values=values,
-        choice=choice, internal=internal, wanted=_declared(model, aim, choice), set_values=aim.rows.readings,
+        tool=LoadedTool(model, aim.held, taut=True) if ropes else tool, values=values, choice=choice, internal=internal,
+        wanted=_declared(model, aim, choice), set_values=aim.rows.readings,
     )  # fmt: skip
-    begin = aim.rows.readings.copy()
+    begin, drives = aim.rows.readings.copy(), redundancy.drives
     if choice != "nominal":
-        known = np.nonzero(strainless.reached)[0]
-        begin[np.ix_(known, redundancy.drives)] = strainless.readings[np.ix_(known, redundancy.drives)]
+        begin[:, drives] = strainless.readings[:, drives]
     search = _Search(redundancy, aim, replace(aim.rows, readings=begin))
     search.run()
-    if model.exact.ropes and choice not in BOUNDED:  # now with ropes that go slack
+    if ropes and choice not in BOUNDED:  # now with ropes that go slack
         search = _Search(replace(redundancy, tool=tool), aim, search.rows)
         search.run()
     after = tool.at(values, search.rows, aim.wanted)
-    failed = {k: OUT_OF_REACH for k in np.nonzero(~strainless.reached)[0].tolist()} | search.failed
-    failed = _checked(tool, aim, after, failed) | _beyond(model, search.rows, failed)
-    return Correction(rows=search.rows, before=before, after=after, internal=internal, failed=dict(sorted(failed.items())))
+    failed = _beyond(model, search.rows, _checked(tool, aim, after, search.failed))
+    return Found(rows=search.rows, after=after, internal=internal, failed=failed)
 
 
 def _declared(model: Model, aim: Aim, choice: Choice) -> Array:
@@ -123,6 +122,14 @@ def _beyond(model: Model, rows: Rows, failed: dict[int, str]) -> dict[int, str]:
     return out
 
 
+def _unsettled(now: StrainedPose, row: int) -> str:
+    """Why a row does not come to its end."""
+    slack = now.prediction.slack.get(row)
+    if slack:
+        return f"no set values found: slack ropes ({', '.join(slack)}) do not hold the tool point there"
+    return "no set values found: the tool point does not settle"
+
+
 class _Search:
     """Newton's method for all rows: set values that move until the tool point is there and the forces have settled."""
 
@@ -145,7 +152,8 @@ class _Search:
             self._advance(now)
             if not self.moving.any():
                 return
-        self.failed |= {int(k): _NOT_SETTLED for k in np.nonzero(self.moving)[0]}
+        assert now is not None
+        self.failed |= {int(k): _unsettled(now, int(k)) for k in np.nonzero(self.moving)[0]}
 
     def _advance(self, now: StrainedPose) -> None:
         """One step of all rows that move; back by half where the last one led nowhere."""
@@ -156,7 +164,7 @@ class _Search:
         back = self.moving & ~solved
         self.halved[back] += 1
         for k in np.nonzero(back & (self.halved > _HALVINGS))[0].tolist():
-            self.failed[k] = _NOT_SETTLED if now.prediction.solved[k] else now.prediction.reason(k)
+            self.failed[k] = _unsettled(now, k) if now.prediction.solved[k] else now.prediction.reason(k)
             self.moving[k] = False
         readings = self.rows.readings.copy()
         readings[np.ix_(np.nonzero(back)[0], drives)] -= 0.5 * self.step[back]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,13 @@ class StrainedPose:
     by_force: Array
     by_tension: Array
     by_energy: Array
+
+    def without(self, rows: Index) -> StrainedPose:
+        """The same with nan in some rows."""
+        kept = {name: getattr(self, name).copy() for name in ("tool", "force", "tension", "energy")}
+        for numbers in kept.values():
+            numbers[rows] = np.nan
+        return replace(self, **kept)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from pkmcal_cli.equilibrium.released_drives import released_readings
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
-from pkmcal_cli.mechanism.topology import DriveKind
+from pkmcal_cli.mechanism.topology import DriveKind, Index
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint
 from pkmcal_cli.prediction import Rows, row_chunks
@@ -42,6 +42,11 @@ class DrivePositions:
     def reached(self) -> NDArray[np.bool_]:
         """Rows with numbers."""
         return np.asarray(self.status == RowStatus.SOLVED)
+
+    def take(self, rows: Index) -> DrivePositions:
+        """Some rows."""
+        by_pose = None if self.by_pose is None else self.by_pose[rows]
+        return DrivePositions(self.readings[rows], self.poses[rows], self.status[rows], by_pose)
 
 
 def drive_positions(

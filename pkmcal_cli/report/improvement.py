@@ -21,6 +21,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
 from pkmcal_cli.report.joint_uncertainty import correlations
@@ -277,7 +278,9 @@ class ImprovementReport:
             shown = None if std is None else std / unit.scale
             identified = std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, identified, reason))
-        return dump_parameters(entries, correlations(self.model, self.improvement.budget), provenance, fingerprint)
+        made = self.improvement
+        seen = evidence_of(made.problem, fit, made.after.report)
+        return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen)
 
     def _unit(self, parameter: str) -> Unit:
         return parse_unit(self.model.parameters[self.model.names.index(parameter)].unit or "1")
