@@ -19,14 +19,19 @@ MEASURED, UNEXPLAINED = "measured", "unexplained"
 class Evidence:
     """Ranges (low, high) of what was set and logged, by the column's name; what residuals have beyond noise, by kind.
 
-    SI. unexplained: standard deviation of one coordinate or reading, "position", "orientation" ...; empty where the
-    residuals agree with the stated noise. units: in which a file shows the ranges. times_noise: residuals over noise.
+    SI. unexplained: standard deviation of one coordinate or reading, "position", "orientation" ...; units: in which a
+    file shows the ranges; times_noise: residuals over noise, 1 where they agree.
     """
 
     measured: Mapping[str, tuple[float, float]]
     unexplained: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     times_noise: float = 1.0
+
+    @property
+    def missing(self) -> bool:
+        """Whether more was left than chance explains."""
+        return self.times_noise > 1.0
 
     def lines(self) -> list[str]:
         """As sections of a parameter file."""
@@ -37,7 +42,7 @@ class Evidence:
             named = "" if unit.text == "1" else f", unit: {unit.text}"
             out.append(f"  {name}: {{low: {low!r}, high: {high!r}{named}}}")
         if self.unexplained:
-            out.append(f"{UNEXPLAINED}: # left beyond noise, standard deviation of one coordinate; an effect is missing")
+            out.append(f"{UNEXPLAINED}: # left beyond noise, standard deviation of one coordinate; times_noise 1: no more than chance")
             out.append(f"  times_noise: {self.times_noise:.4g}")
             for kind, value in self.unexplained.items():
                 unit = parse_unit(_SHOWN.get(kind, "um"))
@@ -55,11 +60,11 @@ def read_evidence(root: SourceNode) -> Evidence | None:
         return None
     ranges: dict[str, tuple[float, float]] = {}
     for name, entry in _map(measured).items():
-        low, high = (_number(entry, end, name) for end in ("low", "high"))
+        low, high = (_number(entry, end) for end in ("low", "high"))
         if low is not None and high is not None:
             ranges[name] = (low, high)
     plain = {} if left is None else _map(left)
-    stds = {kind: _number(entry, "std", kind) for kind, entry in plain.items() if isinstance(entry, dict)}
+    stds = {kind: _number(entry, "std") for kind, entry in plain.items() if isinstance(entry, dict)}
     times = plain.get("times_noise", 1.0)
     return Evidence(
         ranges,
@@ -73,7 +78,7 @@ def _map(node: SourceNode) -> dict[str, object]:
     return {str(k): v for k, v in plain.items()} if isinstance(plain, dict) else {}
 
 
-def _number(entry: object, key: str, _name: str) -> float | None:
+def _number(entry: object, key: str) -> float | None:
     """A number of an entry in SI."""
     if not isinstance(entry, dict) or isinstance(entry.get(key), bool) or not isinstance(entry.get(key), int | float):
         return None

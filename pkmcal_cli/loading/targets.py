@@ -61,8 +61,12 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
     columns = {**found.rows.columns, **{name: np.full(len(found), value) for name, value in at.items()}}
     rest, words = reference_conditions(loaded.model, columns)
     columns |= {name: np.full(len(found), value) for name, value in rest.items()}
+    poses = found.poses.copy()
+    kept = [DIRECTIONS.index(c) for c in found.held if c not in found.coordinates]
+    poses[:, kept] = loaded.model.tool.reference[kept]
     return replace(
         found,
+        poses=poses,
         rows=replace(found.rows, columns=columns),
         covariates=tuple(dict.fromkeys([*found.covariates, *at, *rest])),
         notes=(*found.notes, *([words] if words else [])),

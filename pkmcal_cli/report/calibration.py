@@ -271,8 +271,9 @@ class CalibrationReport:
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified, r.note) for r in self.rows]
+        fitted = isinstance(self.held_out, str)
         errors = self.after if isinstance(self.held_out, str) else self.held_out.after
-        seen = evidence_of(self.problem, self.fit, errors)
+        seen = evidence_of(self.problem, self.fit, errors, fitted)
         joint = correlations(self.model, self.budget)
         return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen)
 

@@ -160,7 +160,7 @@ class CorrectionReport:
             text = "the corrected set values turn a drive round; approach from the side in the table"
             to.warn(f"warning: side of approach not settled: {len(turned)} of {total}: {text}")
         evidence = self.start.evidence
-        if evidence is not None and evidence.unexplained:
+        if evidence is not None and evidence.missing and evidence.unexplained:
             left = ", ".join(_text(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
             what = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
             to.warn(f"{what}; {left} are in the uncertainties for it (`pkmcal diagnose` looks for the cause)")

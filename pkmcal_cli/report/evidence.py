@@ -15,8 +15,8 @@ from pkmcal_cli.loading.evidence import Evidence
 _LOGGED = {"T": "degC", "payload": "kg"}
 
 
-def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures]) -> Evidence:
-    """Of the rows that were used; errors: by kind, of rows held out if there were any."""
+def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], fitted: bool) -> Evidence:
+    """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out."""
     used = problem.measured.any(axis=1)
     rows, drives = problem.rows.readings[used], problem.model.actuators
     columns = {a.name: (rows[:, k], a.unit) for k, a in enumerate(drives)}
@@ -26,12 +26,13 @@ def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures]) 
             columns[name] = (np.asarray(column)[used], _LOGGED.get(kind, ""))
     known = {n: (c[np.isfinite(c)], u) for n, (c, u) in columns.items()}
     ranges = {n: (float(c.min()), float(c.max())) for n, (c, _) in known.items() if len(c)}
-    left = _unexplained(problem, errors) if fit.excess > 1 else {}
+    share = len(fit.selected) / max(int(problem.measured.sum()), 1)  # a fit takes up as much of the noise
+    left = _unexplained(problem, errors, 1.0 - share if fitted else 1.0 + share)
     return Evidence(ranges, left, {n: u for n, (_, u) in columns.items()}, float(np.sqrt(fit.excess)))
 
 
-def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures]) -> dict[str, float]:
-    """Standard deviation, beyond noise, of one coordinate or length of each kind."""
+def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float) -> dict[str, float]:
+    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: what noise makes of it."""
     out = {}
     for kind, columns in kinds_of(problem.model).items():
         figures = errors.get(kind)
@@ -39,7 +40,7 @@ def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures]) -> dict[s
             continue
         on = problem.measured[:, columns]
         count = len(columns) if problem.model.channels[columns[0]].measurand.of_pose else 1
-        variance = figures.rms**2 / count - _noise(problem.sigma[:, columns][on])
+        variance = figures.rms**2 / count - of_noise * _noise(problem.sigma[:, columns][on])
         if variance > 0:
             out[kind] = float(np.sqrt(variance))
     return out

@@ -279,7 +279,7 @@ class ImprovementReport:
             identified = std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, identified, reason))
         made = self.improvement
-        seen = evidence_of(made.problem, fit, made.after.report)
+        seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
         return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen)
 
     def _unit(self, parameter: str) -> Unit:

@@ -73,8 +73,9 @@ class Needs:
         if session is not None:
             required[session.index] = "give the session in every row"
         blank = set()
-        if not by_actuators and require == "poses":
+        if not by_actuators:
             poses = [b for b in self.bound if b.column.role == "actuator" and b.column.name in placing]
+            poses = poses if require == "poses" else []
             blank = {b.index for b in (*poses, *self.targets()) if not self._filled(b)}
         return by_actuators, required, blank
 
