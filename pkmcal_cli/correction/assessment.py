@@ -46,19 +46,19 @@ def _remarks(weak: bool, outside: tuple[str, ...], turned: bool) -> list[str]:
 def assessed(
     model: Model, values: Array, made: Correction, known: KnownTo | None, measured: Mapping[str, tuple[float, float]]
 ) -> Assessment:
-    """The assessment at parameter values (P,); `known`: None where nobody knows how sure these are; measured: ranges."""
+    """The assessment at parameter values (P,); `known`: None where nobody knows how well; measured: ranges."""
     before = after = None
     if known is not None:
         tool = LoadedTool(model, made.aim.held)
         before = spread(tool, values, made.aim, made.before, made.aim.rows, known)
         after = spread(tool, values, made.aim, made.after, made.rows, known)
     weak = np.zeros(len(made.rows), dtype=bool) if after is None else after.weak > _MOST
-    return Assessment(
-        correction=made, before=before, after=after, weak=weak, outside=_outside(model, made, measured)
-    )
+    return Assessment(correction=made, before=before, after=after, weak=weak, outside=_outside(model, made, measured))
 
 
-def _outside(model: Model, made: Correction, measured: Mapping[str, tuple[float, float]]) -> tuple[tuple[str, ...], ...]:
+def _outside(
+    model: Model, made: Correction, measured: Mapping[str, tuple[float, float]]
+) -> tuple[tuple[str, ...], ...]:
     """Which columns of each row are outside of what was measured; of sides, those that no row was approached from."""
     columns = {a.name: made.rows.readings[:, k] for k, a in enumerate(model.actuators)}
     columns = {n: c for n, c in columns.items() if n in measured}

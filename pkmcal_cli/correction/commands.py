@@ -1,4 +1,4 @@
-"""From targets to commands: within reach, from the side that the commands themselves approach from, with what was before.
+"""From targets to commands: within reach, and from the side from which the commands themselves approach.
 
 Backlash follows the direction of the last motion, and this follows the commands: where corrections turn a drive round,
 the search is repeated with the sides of its own result.
@@ -32,8 +32,8 @@ class Correction:
     """Of the targets `kept` (n,) that are within reach: rows with commands; the machine before and after.
 
     aim: with the set values of the nominal machine, at which the machine is `before`, nan where there are none;
-    internal: of the forces after; failed: why targets have no commands, by their numbers among all; turned (n,): whether
-    a row is approached from another side than that for which it was corrected.
+    internal: of the forces after; failed: why targets have no commands, by their numbers among all; turned (n,):
+    whether a row is approached from another side than that for which it was corrected.
     """
 
     kept: Index

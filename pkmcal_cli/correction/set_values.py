@@ -49,7 +49,6 @@ class Aim:
         """Coordinates (N, h) that are held."""
         return self.poses[:, [DIRECTIONS.index(name) for name in self.held]]
 
-
     def take(self, rows: Index) -> Aim:
         """Some of them."""
         return Aim(poses=self.poses[rows], held=self.held, rows=self.rows.take(rows))
@@ -57,7 +56,7 @@ class Aim:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """Rows with set values; after: the machine there; internal: of its forces; failed: why rows have none, by number."""
+    """Rows with set values; after: the machine there; internal: of its forces; failed: why rows have none."""
 
     rows: Rows
     after: StrainedPose

@@ -187,7 +187,7 @@ def _strain_position(
         direct += strain_gradient(system, coefficients, state, (index, e, m))
     if group.group.rigid[e, m]:
         return position
-    own = _own_stiffness(group.group, e, m)
+    own = own_stiffness(group.group, e, m)
     tension, stiffness = coefficients[:, drive.force_coefficient] * system.loaded, coefficients[:, own]
     if group.group.element.per_length:  # the natural length L of l = L (1 + tension / ES)
         natural = position / (1.0 + tension / stiffness)
@@ -203,7 +203,7 @@ def _strain_position(
     return np.asarray(position - tension / stiffness)
 
 
-def _own_stiffness(group: Group, e: int, m: int) -> int:
+def own_stiffness(group: Group, e: int, m: int) -> int:
     """Coefficient of the stiffness number of one strain that has one of its own."""
     return int(group.stiffness.start) + e * len(group.element.patterns) + m
 
@@ -214,7 +214,7 @@ def forced_energy(system: System, coefficients: Array, strains: tuple[Array, ...
     group = system.groups[index].group
     if group.rigid[e, m] or not system.loaded:
         return np.zeros(len(coefficients))
-    tension, stiffness = coefficients[:, drive.force_coefficient], coefficients[:, _own_stiffness(group, e, m)]
+    tension, stiffness = coefficients[:, drive.force_coefficient], coefficients[:, own_stiffness(group, e, m)]
     energy = 0.5 * tension**2 / stiffness
     if group.element.per_length:
         length = strains[index][:, e, m] + coefficients[:, drive.coefficient]

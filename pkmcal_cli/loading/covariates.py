@@ -58,6 +58,14 @@ def reference_conditions(model: Model, given: Collection[str]) -> tuple[dict[str
     return {name: value for name, value, _ in rest.values()}, _words(rest)
 
 
+def without_effect(model: Model, given: Collection[str]) -> list[str]:
+    """Which of some columns no declared effect depends on."""
+    needs = {need for e in model.effects if e.sites for need in e.effect.needs}
+    needed = {"direction": "dir", **{need: column for need, (column, _, _) in _REST.items()}}
+    acting = {needed[need] for need in needs if need in needed}
+    return [name for name in given if name.partition(".")[0] not in acting]
+
+
 def resting(model: Model) -> str:
     """What is to be said of effects at rest; "" without any."""
     return _words(_resting(model))

@@ -42,7 +42,9 @@ class Evidence:
             named = "" if unit.text == "1" else f", unit: {unit.text}"
             out.append(f"  {name}: {{low: {low!r}, high: {high!r}{named}}}")
         if self.unexplained:
-            out.append(f"{UNEXPLAINED}: # left beyond noise, standard deviation of one coordinate; times_noise 1: no more than chance")
+            out.append(
+                f"{UNEXPLAINED}: # left beyond noise, of one coordinate; times_noise 1: no more than chance leaves"
+            )
             out.append(f"  times_noise: {self.times_noise:.4g}")
             for kind, value in self.unexplained.items():
                 unit = parse_unit(_SHOWN.get(kind, "um"))

@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.tool_point import ToolPoint
-from pkmcal_cli.loading.covariates import reference_conditions, with_covariates
+from pkmcal_cli.loading.covariates import reference_conditions, with_covariates, without_effect
 from pkmcal_cli.loading.grid import parse_grid
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import Place, place_of
@@ -52,7 +52,7 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         raise UsageError("give either a table of targets or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"')
     motion = tool_motion(loaded)
     if not motion.freedoms:
-        what, hint = unusable_set(loaded, [])
+        what, _ = unusable_set(loaded, [])
         raise BadInput.single(what, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
     found = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
     if twice := [name for name in at if name in found.rows.columns]:
@@ -69,8 +69,14 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         poses=poses,
         rows=replace(found.rows, columns=columns),
         covariates=tuple(dict.fromkeys([*found.covariates, *at, *rest])),
-        notes=(*found.notes, *([words] if words else [])),
+        notes=(*found.notes, *([words] if words else []), *_idle(loaded, at)),
     )
+
+
+def _idle(loaded: LoadedMachine, at: Mapping[str, float]) -> list[str]:
+    """What is to be said of circumstances that change nothing."""
+    names = without_effect(loaded.model, at)
+    return [f"--at: `{name}` changes nothing: no effect of the machine file depends on it" for name in names]
 
 
 def _of_grid(loaded: LoadedMachine, text: str) -> Targets:

@@ -17,7 +17,7 @@ from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gra
 from pkmcal_cli.equilibrium.energy import strain_energy
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, without_stress
 from pkmcal_cli.equilibrium.newton import solve_rows
-from pkmcal_cli.equilibrium.readings import ObservedQuantity, forced_energy
+from pkmcal_cli.equilibrium.readings import ObservedQuantity, forced_energy, own_stiffness
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import DriveKind
 from pkmcal_cli.model.model import Model
@@ -87,6 +87,8 @@ def load_derivatives(model: Model, solution: Solution, quantities: Sequence[Obse
         signs = np.array([sign for _, sign in along.values()])
         by = coefficient_force_derivatives(model, solution, [c for c, _ in along.values()])
         out[:, list(along)] = signs[:, None] * by
+        for k in along:
+            _from_conjugate(model, solution, quantities[k], out[:, k])
     for k, q in enumerate(quantities):
         drive = model.topology.drives[q.index] if q.measurand is Measurand.FORCE else None
         if drive is not None and drive.force_controlled:
@@ -102,6 +104,30 @@ def _conjugate(model: Model, quantity: ObservedQuantity) -> tuple[int, float]:
         group = model.topology.groups[quantity.index]
         return group.rest.start + quantity.component * len(group.element.strains), -1.0
     return force_coefficient(model, quantity.index) if quantity.measurand is Measurand.FORCE else (-1, 0.0)
+
+
+def _from_conjugate(model: Model, solution: Solution, quantity: ObservedQuantity, out: Array) -> None:
+    """From the derivatives (N, S) of what is conjugate to a natural length L to those of the tension T, in place.
+
+    With stiffness ES / L they differ: the Lagrangian falls with L by T + (T - T0)^2 / (2 ES), T0 the prestress.
+    """
+    sign, target = 1.0, (quantity.index, quantity.component, 0)
+    if quantity.measurand is Measurand.FORCE:
+        drive = model.topology.drives[quantity.index]
+        if drive.kind is not DriveKind.STRAIN:
+            return
+        sign, target = drive.force_sign, (drive.target[0], drive.target[1], drive.target[2])
+    g, e, m = target
+    group = model.topology.groups[g]
+    if not group.element.per_length or group.rigid[e, m]:
+        return
+    stiffness, prestress = own_stiffness(group, e, m), group.prestress.start + e * group.shape[1] + m
+    balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False, taut=solution.taut)
+    strain = balanced.stresses[g][:, e, m] - solution.coefficients[:, prestress] * solution.system.loaded
+    strain = strain / solution.coefficients[:, stiffness]
+    out[:, stiffness] += sign * strain**2 / 2
+    out[:, prestress] += sign * strain
+    out /= (1.0 + strain)[:, None]
 
 
 def coefficient_force_derivatives(model: Model, solution: Solution, along: Sequence[int]) -> Array:

@@ -122,7 +122,13 @@ class CorrectionReport:
             if self._columns(kind):
                 errors = [self._error(result, kind, after) for after in (False, True)]
                 spreads = [self._spread(s, kind) for s in (result.before, result.after)]
-                figures = [_rms(errors[0]), _largest(errors[0]), _rms(errors[1]), _rms(spreads[1]), _largest(spreads[1])]
+                figures = [
+                    _rms(errors[0]),
+                    _largest(errors[0]),
+                    _rms(errors[1]),
+                    _rms(spreads[1]),
+                    _largest(spreads[1]),
+                ]
                 rows.append((kind, *(_text(f, parse_unit(unit)) for f in figures)))
         head = ("error", "rms before", "max before", "rms after", "u (rms)", "u (max)")
         to.table("Predicted error of the tool point; u: standard uncertainty after", head, rows)
@@ -160,10 +166,11 @@ class CorrectionReport:
             text = "the corrected set values turn a drive round; approach from the side in the table"
             to.warn(f"warning: side of approach not settled: {len(turned)} of {total}: {text}")
         evidence = self.start.evidence
-        if evidence is not None and evidence.missing and evidence.unexplained:
+        if evidence is not None and evidence.missing:
             left = ", ".join(_text(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
             what = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
-            to.warn(f"{what}; {left} are in the uncertainties for it (`pkmcal diagnose` looks for the cause)")
+            within = f"the uncertainties contain {left} for it" if left else "the uncertainties do not contain it"
+            to.warn(f"{what}; {within} (`pkmcal diagnose` looks for the cause)")
         if evidence is None and self.start.inputs:
             to.notes(["the parameter file does not say what was measured (`calibrate -o` writes it now)"])
 
@@ -210,7 +217,9 @@ class CorrectionReport:
                 }
                 scale = parse_unit(unit).scale
                 figures = {n: {"rms": _rms(v), "max": _largest(v)} for n, v in numbers.items()}
-                out[kind] = {n: {k: finite(x / scale) for k, x in f.items()} for n, f in figures.items()} | {"unit": unit}
+                out[kind] = {n: {k: finite(x / scale) for k, x in f.items()} for n, f in figures.items()} | {
+                    "unit": unit
+                }
         return out
 
     def _drives_json(self, result: Assessment) -> list[dict[str, Any]]:
@@ -220,7 +229,10 @@ class CorrectionReport:
         parts = {"before": made.before.force, "after": made.after.force, "load": made.after.force - internal}
         return [
             {"name": actuator.name}
-            | {n: finite(_largest(self._good(np.abs(f[:, a])))) for n, f in (parts | {"internal": internal, "u": u}).items()}
+            | {
+                n: finite(_largest(self._good(np.abs(f[:, a]))))
+                for n, f in (parts | {"internal": internal, "u": u}).items()
+            }
             | {"limit": finite(actuator.force_limit), "unit": self._unit(a).text}
             for a, actuator in enumerate(self.model.actuators)
         ]

@@ -32,7 +32,7 @@ def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], 
 
 
 def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float) -> dict[str, float]:
-    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: what noise makes of it."""
+    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes."""
     out = {}
     for kind, columns in kinds_of(problem.model).items():
         figures = errors.get(kind)

@@ -31,8 +31,7 @@ from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
-_NOT_TOLD = "the data cannot separate it from other parameters"
-_NONE = "no effect was accepted."
+_NOT_TOLD, _NONE = "the data cannot separate it from other parameters", "no effect was accepted."
 _NOTHING = {
     "clean": "the residuals agree with the stated noise",
     "sigma_too_small": "no effect found, although the residuals exceed the stated noise",
@@ -267,7 +266,7 @@ class ImprovementReport:
 
     def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
         """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
-        fit = self.improvement.fit
+        made, fit = self.improvement, self.improvement.fit
         effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
         entries, reasons = [], reasons_against(fit)
         for p in self.model.parameters:
@@ -275,10 +274,8 @@ class ImprovementReport:
                 continue
             value, std = self._estimate(p.name)
             unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
-            shown = None if std is None else std / unit.scale
-            identified = std is not None and not is_weak(reason)
-            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, identified, reason))
-        made = self.improvement
+            shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
+            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
         seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
         return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen)
 

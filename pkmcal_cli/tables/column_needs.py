@@ -20,7 +20,7 @@ from pkmcal_cli.tables.touches import known_readings
 from pkmcal_cli.units.file_units import Unit
 
 Require = Literal["actuators", "poses", "targets", "measured"]
-"""What rows must have: actuator readings; these or TCP coordinates; TCP coordinates; readings and anywhere a channel."""
+"""What rows must have: actuator readings; these or TCP coordinates; those alone; readings and anywhere a channel."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,8 @@ class CorrectionRequest:
     @property
     def choice(self) -> Choice:
         """What the redundancy is used for. Raises UsageError."""
-        for choice in get_args(Choice):
+        choices: tuple[Choice, ...] = get_args(Choice)
+        for choice in choices:
             if self.redundant == choice:
                 return choice
         hint = did_you_mean(self.redundant, get_args(Choice), f"use one of {', '.join(get_args(Choice))}")

@@ -21,8 +21,8 @@ ENERGY = "strain_energy_J"
 class PosedTable:
     """Columns that say where a machine's drives are and under which circumstances.
 
-    `given`: forces of force-controlled drives come from the poses' table; `joined`: rows name others; `covariates`: time,
-    temperatures, directions ... that the table has, and sessions.
+    `given`: forces of force-controlled drives come from the poses' table; `joined`: rows name others; `covariates`:
+    time, temperatures, directions ... that the table has, and sessions.
     """
 
     def __init__(
