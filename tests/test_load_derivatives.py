@@ -58,4 +58,5 @@ def test_loads_follow_readings_and_parameters(name: str, tight: float) -> None:
         h = step * np.eye(len(values))[place]
         change = (at(0 * readings, h) - at(0 * readings, -h)) / (2 * step)
         size = np.abs(found.jacobian[..., k]).max(axis=0) + np.abs(found.values).max(axis=0) * 1e-8 / step
+        size[forces] += 1e-2 / step  # rounding of the pose, where 1e8 N/m hold it, is 1e-7 N
         assert (np.abs(change - found.jacobian[..., k]) < 1e-5 * size).all(), parameter

@@ -61,6 +61,8 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
     columns = {**found.rows.columns, **{name: np.full(len(found), value) for name, value in at.items()}}
     rest, words = reference_conditions(loaded.model, columns)
     columns |= {name: np.full(len(found), value) for name, value in rest.items()}
+    if settled := _settled(loaded, columns):
+        columns["time"], rest["time"] = np.zeros(len(found)), 0.0
     poses = found.poses.copy()
     kept = [DIRECTIONS.index(c) for c in found.held if c not in found.coordinates]
     poses[:, kept] = loaded.model.tool.reference[kept]
@@ -69,8 +71,17 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         poses=poses,
         rows=replace(found.rows, columns=columns),
         covariates=tuple(dict.fromkeys([*found.covariates, *at, *rest])),
-        notes=(*found.notes, *([words] if words else []), *_idle(loaded, at)),
+        notes=(*found.notes, *filter(None, [words, settled]), *_idle(loaded, at)),
     )
+
+
+def _settled(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
+    """What is to be said where parts lag behind temperatures that never change, and nobody gives the time."""
+    lagging = any(p.name == "lag" for e in loaded.model.effects if e.sites for p in e.effect.parameters)
+    felt = [column for name, column in columns.items() if name.partition(".")[0] == "T"]
+    if not lagging or "time" in columns or any(np.ptp(column) > 0 for column in felt):
+        return ""
+    return "no column `time`: all parts have settled at their temperatures"
 
 
 def _idle(loaded: LoadedMachine, at: Mapping[str, float]) -> list[str]:
