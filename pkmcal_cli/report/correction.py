@@ -28,6 +28,7 @@ _SHOWN = 20  # targets without set values that are told one by one
 _KINDS = (("position", "um"), ("orientation", "urad"))
 _NOTHING = "-"
 _ROUNDING = 1e-4  # of a micrometre or newton: nothing
+_NO_ERROR, _NO_ENERGY = 1e-6, 1e-12  # um, urad, N and J that are rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +150,7 @@ class CorrectionReport:
         head = ("drive", "before", "after", "load", "internal", "u", "limit")
         to.table("Largest forces of the drives; after = load + internal", head, rows)
         energy = [_mean(self._good(p.energy)) for p in (made.before, made.after)]
+        energy = [0.0 if e < _NO_ENERGY else e for e in energy]
         to.say(f"strain energy (mean): {energy[0]:.3g} J before, {energy[1]:.3g} J after")
 
     def _unit(self, actuator: int) -> Unit:
@@ -217,9 +219,8 @@ class CorrectionReport:
                 }
                 scale = parse_unit(unit).scale
                 figures = {n: {"rms": _rms(v), "max": _largest(v)} for n, v in numbers.items()}
-                out[kind] = {n: {k: finite(x / scale) for k, x in f.items()} for n, f in figures.items()} | {
-                    "unit": unit
-                }
+                out[kind] = {n: {k: _exact(x / scale) for k, x in f.items()} for n, f in figures.items()}
+                out[kind]["unit"] = unit
         return out
 
     def _drives_json(self, result: Assessment) -> list[dict[str, Any]]:
@@ -227,19 +228,23 @@ class CorrectionReport:
         internal = made.internal.part(np.nan_to_num(made.after.force))
         u = np.full(internal.shape, np.nan) if result.after is None else result.after.force
         parts = {"before": made.before.force, "after": made.after.force, "load": made.after.force - internal}
+        parts |= {"internal": internal, "u": u}
         return [
             {"name": actuator.name}
-            | {
-                n: finite(_largest(self._good(np.abs(f[:, a]))))
-                for n, f in (parts | {"internal": internal, "u": u}).items()
-            }
+            | {n: _exact(_largest(self._good(np.abs(f[:, a])))) for n, f in parts.items()}
             | {"limit": finite(actuator.force_limit), "unit": self._unit(a).text}
             for a, actuator in enumerate(self.model.actuators)
         ]
 
     def _energy_json(self, result: Assessment) -> dict[str, Any]:
         made = result.correction
-        return {n: finite(_mean(self._good(p.energy))) for n, p in (("before", made.before), ("after", made.after))}
+        energies = {"before": made.before.energy, "after": made.after.energy}
+        return {n: _exact(_mean(self._good(e)), _NO_ENERGY) for n, e in energies.items()}
+
+
+def _exact(value: float, least: float = _NO_ERROR) -> float | None:
+    """A number for JSON; 0 where it is rounding."""
+    return finite(value if abs(value) > least or np.isnan(value) else 0.0)
 
 
 def _unexplained_json(left: dict[str, float] | Any) -> dict[str, Any]:
