@@ -249,7 +249,8 @@ def rope_text(t_min: float = LEAST, limit: float = MOST) -> str:
     return (
         "units: {length: mm, angle: deg, force: N}\nspace: spatial\ngravity: [0, 0, -9.81]\nranges: {length: 2}\n"
         f"parameters:\n{numbers}{lengths}ground:\n{ground}nodes: {{tcp: {{at: [1500, 1500, 1000], mass: {PAYLOAD}}}}}\n"
-        f"ropes:\n{ropes}actuators:\n{drives}sensors: {{t: {{at: tcp, reads: [x, y, z], sigma: 0.02, frame: machine}}}}\n"
+        f"ropes:\n{ropes}actuators:\n{drives}"
+        "sensors: {t: {at: tcp, reads: [x, y, z], sigma: 0.02, frame: machine}}\n"
     )
 
 

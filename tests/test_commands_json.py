@@ -31,7 +31,8 @@ NAMED = {
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
-    "errors": "KIND", "outside": "COLUMN", "unexplained": "KIND", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
+    "errors": "KIND", "outside": "COLUMN", "unexplained": "KIND",
+    "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip
@@ -168,7 +169,18 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 
 
 LONG = dict.fromkeys(("diagnose", "improve"), pytest.mark.slow)
-SHOWN = ["check", "simulate", "correct", "sensitivity", "observability", "calibrate", "diagnose", "effects", "improve", "plan"]
+SHOWN = [
+    "check",
+    "simulate",
+    "correct",
+    "sensitivity",
+    "observability",
+    "calibrate",
+    "diagnose",
+    "effects",
+    "improve",
+    "plan",
+]
 
 
 @pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])

@@ -1,4 +1,4 @@
-"""Corrected commands on independent simulators: the tool point is where it was wanted, and little is strained for it."""
+"""Corrected commands on independent simulators: the tool point is where it was wanted, at the least energy."""
 
 from __future__ import annotations
 

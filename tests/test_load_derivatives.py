@@ -1,4 +1,4 @@
-"""Derivatives of drive forces, rope tensions and strain energy by drive readings and parameters: central differences."""
+"""Derivatives of drive forces, tensions and strain energy by drive readings and parameters: central differences."""
 
 from __future__ import annotations
 

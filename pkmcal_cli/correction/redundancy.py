@@ -111,9 +111,7 @@ class Redundancy:
 
     def _bounds(self, now: StrainedPose, readings: Array) -> Bounds:
         """Limits of travel, of force and of tension that a step has to keep, each in its own size."""
-        if self.choice not in BOUNDED:
-            return Bounds(np.zeros((len(readings), 0, len(self.drives))), np.zeros((len(readings), 0)), ())
-        parts = [*self._travel(readings), *self._force(now), *self._tension(now)]
+        parts = [*self._travel(readings), *self._force(now), *self._tension(now)] if self.choice in BOUNDED else []
         if not parts:
             return Bounds(np.zeros((len(readings), 0, len(self.drives))), np.zeros((len(readings), 0)), ())
         matrix, bound, names = zip(*parts, strict=True)

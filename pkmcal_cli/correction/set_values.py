@@ -25,7 +25,8 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 _STEPS, _HALVINGS = 40, 8
 _EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
-_SETTLED = 1e-7  # of a drive's force scale: the forces change no more
+_SETTLED = 1e-7  # of a drive's force scale, or of its force: it changes no more
+_ROUNDING = 1e-14  # of the machine's size, or rad: a step that is none
 _THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds the tool point there
 _EXCEEDED = 1e-7  # of a limit
 _GROWN = 0.9  # a step that leaves more of the error than so was too long
@@ -139,6 +140,7 @@ class _Search:
         self.step = np.zeros((len(rows), len(redundancy.drives)))
         self.halved = np.zeros(len(rows), dtype=np.intp)
         self.away = np.full(len(rows), np.inf)  # how far the tool point was from where it shall be
+        self.beyond: dict[int, NDArray[np.bool_]] = {}  # bounds in the way of rows that cannot keep all
 
     def run(self) -> None:
         """Search until no row moves; rows that do not end are `failed`."""
@@ -150,9 +152,9 @@ class _Search:
             )
             self._advance(now)
             if not self.moving.any():
-                return
+                break
         assert now is not None
-        self.failed |= {int(k): _unsettled(now, int(k)) for k in np.nonzero(self.moving)[0]}
+        self._end(now)
 
     def _advance(self, now: StrainedPose) -> None:
         """One step of all rows that move; back by half where the last one led nowhere."""
@@ -170,23 +172,32 @@ class _Search:
         self.step[back] *= 0.5
         step, optimum = redundancy.step(now, self.rows.readings, error)
         step = self._limited(step)
-        changed = np.abs((now.by_force[:, :, drives] @ step[..., None])[..., 0] / redundancy.internal.scale)
-        there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
-        settled = there & (np.nan_to_num(changed, nan=np.inf).max(axis=1) < _SETTLED)
+        settled = solved & self._settled(now, error, step)
         go = np.nonzero(self.moving & solved & ~settled)[0]
         self.halved[go], self.step[go], self.away[go] = 0, step[go], away[go]
         readings[np.ix_(go, drives)] += step[go]
-        ended = np.nonzero(self.moving & solved & settled)[0]
-        self._end(now, ended, optimum.excess, optimum.binding)
+        self.moving &= ~settled
+        self.beyond = {
+            k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & now.prediction.solved)[0].tolist()
+        } | {k: on for k, on in self.beyond.items() if not now.prediction.solved[k]}
         self.rows = replace(self.rows, readings=readings)
 
-    def _end(self, now: StrainedPose, ended: NDArray[np.intp], excess: Array, binding: NDArray[np.bool_]) -> None:
-        """Rows that have settled; those that no set values keep within limits have failed."""
-        self.moving[ended] = False
-        names: tuple[str, ...] = ()
-        for k in ended[excess[ended] > _EXCEEDED].tolist():
-            names = names or self.redundancy.names(now, self.rows.readings)
-            limits = ", ".join(binding_names(names, binding[k]))
+    def _settled(self, now: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
+        """Rows (N,) whose tool point is there, and whose forces a further step (N, D) changes by rounding at most."""
+        redundancy = self.redundancy
+        there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
+        changed = np.abs((now.by_force[:, :, redundancy.drives] @ step[..., None])[..., 0])
+        still = (changed < _SETTLED * np.maximum(redundancy.internal.scale, np.abs(now.force))).all(axis=1)
+        rounding = (np.abs(step / redundancy.spans) < _ROUNDING).all(axis=1)
+        return np.asarray(there & (still | rounding))
+
+    def _end(self, now: StrainedPose) -> None:
+        """Why rows have no set values: no limits that are kept, or no end."""
+        names = self.redundancy.names(now, self.rows.readings)
+        for k in np.nonzero(self.moving)[0].tolist():
+            self.failed[k] = _unsettled(now, k)
+        for k, binding in self.beyond.items():
+            limits = ", ".join(binding_names(names, binding))
             self.failed[k] = f"no set values within all limits; in the way: {limits}"
 
     def _limited(self, step: Array) -> Array:

@@ -208,7 +208,7 @@ class CorrectionReport:
         }
 
     def _errors_json(self, result: Assessment) -> dict[str, Any]:
-        out = {}
+        out: dict[str, dict[str, Any]] = {}
         for kind, unit in _KINDS:
             if self._columns(kind):
                 numbers = {
