@@ -34,12 +34,12 @@ class Table:
     sha256: str
 
 
-def read_table(source: Path | str) -> Table:
-    """A whole table, numbers everywhere but in the columns of labels. Raises BadInput with all faults."""
+def read_table(source: Path | str, texts: Sequence[str] = ("remarks",)) -> Table:
+    """A whole table, numbers everywhere but in the columns of labels and `texts`. Raises BadInput with all faults."""
     with open_table(source) as reader:
         log = FaultLog(reader.name, reader.format.separator)
         check_header(reader, log, [cell.name for cell in reader.header])
-        kinds: list[Kind] = ["text" if cell.name in TEXT_COLUMNS else "number" for cell in reader.header]
+        kinds: list[Kind] = ["text" if cell.name in (*TEXT_COLUMNS, *texts) else "number" for cell in reader.header]
         chunks = list(reader.chunks(ColumnRules(tuple(kinds)), log))
         if not chunks and not log.total:
             log.add(no_rows(reader))

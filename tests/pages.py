@@ -10,7 +10,9 @@ from pathlib import Path
 
 from tests.command import ROOT, Done, run
 
-SHOWING = (ROOT / "README.md", ROOT / "docs" / "machine-language.md", ROOT / "docs" / "ranges-and-sigma.md")
+SHOWING = (
+    ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("machine-language", "ranges-and-sigma", "correct"))
+)  # fmt: skip
 """Pages with commands and what they print."""
 
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

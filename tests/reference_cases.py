@@ -12,7 +12,7 @@ from tests.command import ROOT, clean, run
 from tests.shipped import TABLES, machine_of
 
 OUTPUTS = ROOT / "tests" / "reference"
-QUICK = ("check", "effects", "sensitivity", "observability", "simulate", "calibrate", "plan")
+QUICK = ("check", "effects", "sensitivity", "observability", "simulate", "correct", "calibrate", "plan")
 LONG = ("diagnose", "improve")
 IN_EVERY_RUN = ("biglide", "scissors-shopfloor")
 """Tables whose diagnosis and improvement are compared in every run; those of the others are slow."""
@@ -41,8 +41,8 @@ class Case:
         """What the command prints with `--json`, without the provenance; files go into a folder."""
         machine, table = (str(f.relative_to(ROOT)) for f in (machine_of(self.table), self.table))
         arguments = [self.command, machine, *(() if self.command == "effects" else (table,)), "--json", "--quiet"]
-        if self.command in ("simulate", "improve"):
-            arguments += ["-o", str(folder / f"{self.table.stem}{'.csv' if self.command == 'simulate' else '.yaml'}")]
+        if self.command in ("simulate", "correct", "improve"):
+            arguments += ["-o", str(folder / f"{self.table.stem}{'.yaml' if self.command == 'improve' else '.csv'}")]
         with contextlib.chdir(ROOT):
             done = clean(run(*arguments))
         text = done.out.replace(f"{folder}/", "")

@@ -31,6 +31,7 @@ NAMED = {
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
+    "errors": "KIND", "outside": "COLUMN", "unexplained": "KIND",
     "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME",
@@ -119,6 +120,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
     for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
         (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
     assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", folder / "p.yaml", "-q", "--force").code == 0
+    assert run("calibrate", SCISSORS, SHOPFLOOR, "-o", folder / "shop.params.yaml", "-q", "--force").code == 0
     write_ropes(folder)
     pin, belts, partly = MACHINES / "delta4.yaml", MACHINES / "belt-router", ("--grid", "x=300:300:1,y=250:2500:2")
     return {
@@ -129,6 +131,11 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [TRIGLIDE, "far.csv", "-o", "out.csv"],
             [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
             ["ropes.yaml", "lengths.csv", "-o", "slack.csv"],
+        ],
+        "correct": [
+            [TRIGLIDE, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],
+            ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],
+            [SCISSORS, "--grid", "x=0:0:1,y=0:320:2", "-p", "shop.params.yaml", "-o", "shop.commands.csv"],
         ],
         "sensitivity": [[TRIGLIDE, *partly]],
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
@@ -162,7 +169,18 @@ sensors: {probe: {at: cart, reads: [z], sigma: 1 um, frame: machine}}
 
 
 LONG = dict.fromkeys(("diagnose", "improve"), pytest.mark.slow)
-SHOWN = ["check", "simulate", "sensitivity", "observability", "calibrate", "diagnose", "effects", "improve", "plan"]
+SHOWN = [
+    "check",
+    "simulate",
+    "correct",
+    "sensitivity",
+    "observability",
+    "calibrate",
+    "diagnose",
+    "effects",
+    "improve",
+    "plan",
+]
 
 
 @pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])

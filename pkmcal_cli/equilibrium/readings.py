@@ -34,14 +34,20 @@ from pkmcal_cli.units.measurands import Measurand
 
 @dataclass(frozen=True)
 class ObservedQuantity:
-    """A quantity of the structure: a coordinate of a point or an orientation, the reading or the force of a drive.
+    """A quantity of the structure: a coordinate of a point or an orientation, the reading of a drive, or a load.
 
-    Forces are derivatives of the energy, see `prediction.forces`; `read_quantities` reads the others.
+    Loads are the force of a drive, the tension of a rope and the strain energy, which follow from the energy, see
+    `prediction.forces`; `read_quantities` reads the others.
     """
 
-    measurand: Measurand  # POSITION, ORIENTATION, DRIVE or FORCE
-    index: int  # point, rotation or drive
-    component: int = 0
+    measurand: Measurand  # POSITION, ORIENTATION, DRIVE, FORCE, TENSION or ENERGY
+    index: int  # point, rotation or drive; of a tension: group
+    component: int = 0  # of a tension: element
+
+    @property
+    def is_load(self) -> bool:
+        """Whether it follows from the energy."""
+        return self.measurand in (Measurand.FORCE, Measurand.TENSION, Measurand.ENERGY)
 
 
 @dataclass(frozen=True)
@@ -181,7 +187,7 @@ def _strain_position(
         direct += strain_gradient(system, coefficients, state, (index, e, m))
     if group.group.rigid[e, m]:
         return position
-    own = _own_stiffness(group.group, e, m)
+    own = own_stiffness(group.group, e, m)
     tension, stiffness = coefficients[:, drive.force_coefficient] * system.loaded, coefficients[:, own]
     if group.group.element.per_length:  # the natural length L of l = L (1 + tension / ES)
         natural = position / (1.0 + tension / stiffness)
@@ -197,7 +203,7 @@ def _strain_position(
     return np.asarray(position - tension / stiffness)
 
 
-def _own_stiffness(group: Group, e: int, m: int) -> int:
+def own_stiffness(group: Group, e: int, m: int) -> int:
     """Coefficient of the stiffness number of one strain that has one of its own."""
     return int(group.stiffness.start) + e * len(group.element.patterns) + m
 
@@ -208,7 +214,7 @@ def forced_energy(system: System, coefficients: Array, strains: tuple[Array, ...
     group = system.groups[index].group
     if group.rigid[e, m] or not system.loaded:
         return np.zeros(len(coefficients))
-    tension, stiffness = coefficients[:, drive.force_coefficient], coefficients[:, _own_stiffness(group, e, m)]
+    tension, stiffness = coefficients[:, drive.force_coefficient], coefficients[:, own_stiffness(group, e, m)]
     energy = 0.5 * tension**2 / stiffness
     if group.element.per_length:
         length = strains[index][:, e, m] + coefficients[:, drive.coefficient]

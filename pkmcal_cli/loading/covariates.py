@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,9 +51,27 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     return replace(rows, columns={**named.columns, **columns})
 
 
+def reference_conditions(model: Model, given: Collection[str]) -> tuple[dict[str, float], str]:
+    """Columns, SI, that declared effects need besides those that are given, and what is to be said of them."""
+    bare = {name.partition(".")[0] for name in given}
+    rest = {need: r for need, r in _resting(model).items() if r[0] not in bare}
+    return {name: value for name, value, _ in rest.values()}, _words(rest)
+
+
+def without_effect(model: Model, given: Collection[str]) -> list[str]:
+    """Which of some columns no declared effect depends on."""
+    needs = {need for e in model.effects if e.sites for need in e.effect.needs}
+    needed = {"direction": "dir", **{need: column for need, (column, _, _) in _REST.items()}}
+    acting = {needed[need] for need in needs if need in needed}
+    return [name for name in given if name.partition(".")[0] not in acting]
+
+
 def resting(model: Model) -> str:
     """What is to be said of effects at rest; "" without any."""
-    rest = _resting(model)
+    return _words(_resting(model))
+
+
+def _words(rest: Mapping[str, tuple[str, float, str]]) -> str:
     texts = ", ".join(words for _, _, words in rest.values())
     return f"effects that depend on {', '.join(rest)} are evaluated at reference conditions: {texts}" if rest else ""
 

@@ -16,6 +16,7 @@ from pkmcal_cli.compiler.assemble import BadConfiguration
 from pkmcal_cli.compiler.faults import configuration_fault, mechanism_faults, structure_faults
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.model.model import Model
 
 if TYPE_CHECKING:
@@ -88,13 +89,14 @@ def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:
 class Start:
     """Parameter values (P,), SI, of a file or nominal; its sha256 by name; what is to be said of it.
 
-    covariance: names and matrix (p, p), SI, where the file tells them.
+    covariance: names and matrix (p, p), SI, and evidence, where the file tells them.
     """
 
     values: Array
     inputs: dict[str, str]
     warnings: tuple[str, ...] = ()
     covariance: tuple[tuple[str, ...], Array] | None = None
+    evidence: Evidence | None = None
 
 
 def load_parameters(model: Model, path: str | None) -> Start:
@@ -115,7 +117,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
     )
     if not read.of_machine:
         warnings.append(f"note: {path}: no fingerprint: cannot check which machine these values belong to")
-    return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance)
+    return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance, read.evidence)
 
 
 def _bad_status(path: str, status: str, accepted: tuple[str, ...]) -> str:

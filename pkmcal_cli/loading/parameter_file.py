@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pkmcal_cli.base.errors import BadInput, FaultList, did_you_mean
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
+from pkmcal_cli.loading.evidence import MEASURED, UNEXPLAINED, Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
 from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit, parse_value
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from pkmcal_cli.model.parts import ModelParameter
 
 
-_SECTIONS = ("provenance", FINGERPRINT, "parameters", "correlations")
+_SECTIONS = ("provenance", FINGERPRINT, "parameters", MEASURED, UNEXPLAINED, "correlations")
 _ENTRY = ("value", "std", "unit", "identified", "note")
 
 
@@ -42,6 +43,7 @@ class ParameterFile:
     others: tuple[str, ...] = ()
     of_machine: bool = True
     accepted: tuple[str, ...] = ()  # what was odd about the fit, and was accepted
+    evidence: Evidence | None = None
 
 
 def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fingerprint) -> ParameterFile:
@@ -73,6 +75,7 @@ def read_parameters(path: str, parameters: Sequence[ModelParameter], machine: Fi
         covariance=_covariance(source.root.child("correlations"), known),
         others=others,
         of_machine=of_machine,
+        evidence=read_evidence(source.root),
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.language.fingerprint import Fingerprint
+from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.units.unit_text import Unit
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def dump_parameters(
     correlations: Correlations | None,
     provenance: Mapping[str, Any],
     fingerprint: Fingerprint,
+    evidence: Evidence | None = None,
 ) -> str:
     """The text of a parameter file; `fingerprint`: of the machine that the values belong to."""
     import yaml
@@ -78,6 +80,7 @@ def dump_parameters(
         note = f", note: {json.dumps(e.note, ensure_ascii=False)}" if e.note else ""
         entry = f"value: {_real(e.value)}, std: {std}{unit}, identified: {identified}{note}"
         lines.append(f"  {scalar(e.name)}: {{{entry}}}")
+    lines += [] if evidence is None else evidence.lines()
     if correlations is not None:
         lines.append("correlations: # of all that is uncertain; std of what is held: half its range, as it turned out")
         lines.append(f"  names: [{', '.join(scalar(n) for n in correlations.names)}]")

@@ -15,16 +15,13 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.even_points import even_points
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
-from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, without_stress
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, newton, solve_rows
-from pkmcal_cli.equilibrium.readings import ObservedQuantity, read_quantities
+from pkmcal_cli.equilibrium.released_drives import released_readings
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.mechanism.topology import Index
-from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 0.15  # largest step, in sizes of the machine or rad
 _ITERATIONS = 40
@@ -117,18 +114,9 @@ class Freedoms:
 
     def _misfit(self, coefficients: Array, state: State, numbers: SystemNumbers) -> tuple[Array, Array]:
         """Misfit (n, D) of closed states, and its derivative by all coefficients (n, D, S)."""
-        seen = tuple(ObservedQuantity(Measurand.DRIVE, int(a)) for a in self.drives)
-        every = np.zeros(self.drives.max() + 1, dtype=np.intp)
-        every[self.drives] = self.gains
-        readings = read_quantities(self.system, coefficients, state, seen, every, numbers)
-        scale = typical_stiffness(self.system, numbers)
-        tangent = balance(self.system, numbers, state, scale).tangent
-        assert tangent is not None and readings.unknowns is not None and readings.coefficients is not None
-        adjoint = solve_rows(np.swapaxes(tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
-        adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
-        slopes = readings.coefficients - adjoint_derivative(self.system, numbers, state, adjoint, scale)
+        values, slopes = released_readings(self.system, coefficients, state, numbers, self.drives, self.gains)
         per_size = coefficients[:, self.gains] / self.size  # commanded positions are the zeros of these readings
-        misfit = readings.values * per_size
+        misfit = values * per_size
         misfit -= np.where(np.isfinite(self.turn), self.turn, 0.0) * np.round(misfit / self.turn)
         return misfit, slopes * per_size[:, :, None]
 

@@ -1,4 +1,4 @@
-"""All coordinates of the tool point as channels, whatever the machine's sensors read."""
+"""All coordinates of the tool point as channels, whatever the machine's sensors read, and loads beside them."""
 
 from __future__ import annotations
 
@@ -40,3 +40,31 @@ def tcp_model(model: Model) -> Model:
     observed = tuple(ObservedQuantity(c.measurand, c.index, c.component) for c in channels)
     direct = tuple((k, k) for k in range(len(channels)))
     return replace(model, channels=tuple(channels), observed=observed, direct=direct, sensors=(), correlated=())
+
+
+def ropes_of(model: Model) -> tuple[tuple[int, int, str], ...]:
+    """Group, element and name of every rope."""
+    groups = enumerate(model.topology.groups)
+    return tuple((g, e, name) for g, group in groups for e, name in enumerate(group.names) if group.rope[e])
+
+
+def with_loads(model: Model, taut: bool = False) -> Model:
+    """The same channels, then the force of every drive, the tension of every rope, and the strain energy.
+
+    `taut`: ropes push too.
+    """
+    tool, ropes = tcp_model(model.with_taut_ropes() if taut else model), ropes_of(model)
+    observed = [ObservedQuantity(Measurand.FORCE, a) for a in range(len(model.actuators))]
+    observed += [ObservedQuantity(Measurand.TENSION, g, e) for g, e, _ in ropes]
+    observed += [ObservedQuantity(Measurand.ENERGY, 0)]
+    names = [*(a.name for a in model.actuators), *(name for *_, name in ropes), "energy"]
+    channels = [
+        Channel(
+            name=f"{q.measurand.label}.{name}", measurand=q.measurand, index=q.index, component=q.component,
+            sigma=np.nan, unit="1", dimension="none",
+        )
+        for name, q in zip(names, observed, strict=True)
+    ]  # fmt: skip
+    every = (*tool.channels, *channels)
+    direct = tuple((k, k) for k in range(len(every)))
+    return replace(tool, channels=every, observed=(*tool.observed, *observed), direct=direct)

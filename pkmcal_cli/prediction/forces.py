@@ -1,4 +1,4 @@
-"""Forces of drives at a solution, and their derivatives.
+"""Forces of drives, tensions and strain energy at a solution, and their derivatives.
 
 A drive's force is the derivative of the Lagrangian with respect to the coefficient of its position (minus that with
 respect to a natural length), so the force's derivatives come from a complex step in that coefficient.
@@ -6,19 +6,23 @@ respect to a natural length), so the force's derivatives come from a complex ste
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gradient
 from pkmcal_cli.equilibrium.energy import strain_energy
-from pkmcal_cli.equilibrium.kinematics import State, place_prescribed
+from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, without_stress
 from pkmcal_cli.equilibrium.newton import solve_rows
-from pkmcal_cli.equilibrium.readings import forced_energy
+from pkmcal_cli.equilibrium.readings import ObservedQuantity, forced_energy, own_stiffness
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import DriveKind
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.solving import Solution
+from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-30
 
@@ -60,31 +64,115 @@ def force_coefficient(model: Model, actuator: int) -> tuple[int, float]:
     return drive.coefficient, -drive.force_sign if drive.kind is DriveKind.STRAIN else 1.0
 
 
-def force_derivative(model: Model, solution: Solution, actuator: int) -> Array:
-    """Derivative (N, S) of a drive's force by all coefficients; nan where failed."""
-    coefficient, sign = force_coefficient(model, actuator)
-    if coefficient >= 0:
-        return sign * coefficient_force_derivative(model, solution, coefficient)
-    drive = model.topology.drives[actuator]
-    out = np.zeros(solution.coefficients.shape)
-    out[:, drive.force_coefficient] = drive.force_sign
+def load_values(model: Model, solution: Solution, quantities: Sequence[ObservedQuantity]) -> Array:
+    """Forces of drives, tensions of ropes and strain energies (N, K)."""
+    forces, energy = drive_forces(model, solution)
+    balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False, taut=solution.taut)
+    out = np.empty((len(energy), len(quantities)))
+    for k, q in enumerate(quantities):
+        if q.measurand is Measurand.FORCE:
+            out[:, k] = forces[:, q.index]
+        elif q.measurand is Measurand.TENSION:
+            out[:, k] = balanced.stresses[q.index][:, q.component, 0]
+        else:
+            out[:, k] = energy
     return out
 
 
-def coefficient_force_derivative(model: Model, solution: Solution, coefficient: int) -> Array:
-    """Total derivative (N, S) by all coefficients of the Lagrangian's derivative by one; nan where failed."""
+def load_derivatives(model: Model, solution: Solution, quantities: Sequence[ObservedQuantity]) -> Array:
+    """Derivatives (N, K, S) of the same by all coefficients; nan where failed."""
+    out = np.zeros((len(solution.coefficients), len(quantities), solution.coefficients.shape[1]))
+    along = {k: c for k, q in enumerate(quantities) if (c := _conjugate(model, q))[0] >= 0}
+    if along:
+        signs = np.array([sign for _, sign in along.values()])
+        by = coefficient_force_derivatives(model, solution, [c for c, _ in along.values()])
+        out[:, list(along)] = signs[:, None] * by
+        for k in along:
+            _from_conjugate(model, solution, quantities[k], out[:, k])
+    for k, q in enumerate(quantities):
+        drive = model.topology.drives[q.index] if q.measurand is Measurand.FORCE else None
+        if drive is not None and drive.force_controlled:
+            out[:, k, drive.force_coefficient] = drive.force_sign
+        elif q.measurand is Measurand.ENERGY:
+            out[:, k] = _energy_derivative(model, solution)
+    return out
+
+
+def _conjugate(model: Model, quantity: ObservedQuantity) -> tuple[int, float]:
+    """The coefficient whose Lagrangian derivative is a load, and its sign; -1 where there is none."""
+    if quantity.measurand is Measurand.TENSION:
+        group = model.topology.groups[quantity.index]
+        return group.rest.start + quantity.component * len(group.element.strains), -1.0
+    return force_coefficient(model, quantity.index) if quantity.measurand is Measurand.FORCE else (-1, 0.0)
+
+
+def _from_conjugate(model: Model, solution: Solution, quantity: ObservedQuantity, out: Array) -> None:
+    """From the derivatives (N, S) of what is conjugate to a natural length L to those of the tension T, in place.
+
+    With stiffness ES / L they differ: the Lagrangian falls with L by T + (T - T0)^2 / (2 ES), T0 the prestress.
+    """
+    sign, target = 1.0, (quantity.index, quantity.component, 0)
+    if quantity.measurand is Measurand.FORCE:
+        drive = model.topology.drives[quantity.index]
+        if drive.kind is not DriveKind.STRAIN:
+            return
+        sign, target = drive.force_sign, (drive.target[0], drive.target[1], drive.target[2])
+    g, e, m = target
+    group = model.topology.groups[g]
+    if not group.element.per_length or group.rigid[e, m]:
+        return
+    stiffness, prestress = own_stiffness(group, e, m), group.prestress.start + e * group.shape[1] + m
+    balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False, taut=solution.taut)
+    strain = balanced.stresses[g][:, e, m] - solution.coefficients[:, prestress] * solution.system.loaded
+    strain = strain / solution.coefficients[:, stiffness]
+    out[:, stiffness] += sign * strain**2 / 2
+    out[:, prestress] += sign * strain
+    out /= (1.0 + strain)[:, None]
+
+
+def coefficient_force_derivatives(model: Model, solution: Solution, along: Sequence[int]) -> Array:
+    """Total derivatives (N, K, S) by all coefficients of the Lagrangian's derivatives by some; nan where failed."""
     system, state, taut = solution.system, solution.state, solution.taut
-    stepped = solution.coefficients.astype(complex)
-    stepped[:, coefficient] += 1j * _STEP
-    at = State(*(x.astype(complex) for x in (state.travel, state.rotation, state.multiplier)))
-    at = place_prescribed(model.topology, stepped, at, free=system.free)
-    numbers, scale = system_numbers(system, stepped), typical_stiffness(system, solution.coefficients)
-    direct = lagrangian_gradient(system, numbers, at, taut=taut).imag / _STEP
-    row = balance(system, numbers, at, scale, tangent=False, taut=taut).residual.imag / _STEP
+    scale = typical_stiffness(system, solution.coefficients)
+    direct, rows = [], []
+    for coefficient in along:
+        stepped = solution.coefficients.astype(complex)
+        stepped[:, coefficient] += 1j * _STEP
+        at = State(*(x.astype(complex) for x in (state.travel, state.rotation, state.multiplier)))
+        at = place_prescribed(model.topology, stepped, at, free=system.free)
+        numbers = system_numbers(system, stepped)
+        direct.append(lagrangian_gradient(system, numbers, at, taut=taut).imag / _STEP)
+        rows.append(balance(system, numbers, at, scale, tangent=False, taut=taut).residual.imag / _STEP)
+    out = np.stack(direct, axis=1) - _carried(solution, np.stack(rows, axis=1), scale)
+    out[solution.failed] = np.nan
+    return np.asarray(out)
+
+
+def _energy_derivative(model: Model, solution: Solution) -> Array:
+    """Total derivative (N, S) of the strain energy of what drives in force control do not strain; nan where failed."""
+    system, topology = solution.system, model.topology
+    numbers = replace(
+        solution.numbers,
+        groups=tuple(replace(g, prestress=None) for g in solution.numbers.groups),
+        forces=np.zeros_like(solution.numbers.forces),
+    )
+    free = without_stress(solution.state, system)
+    direct = lagrangian_gradient(system, numbers, free, taut=solution.taut)
+    for group in topology.groups:
+        direct[:, group.prestress] = 0.0
+    scale = typical_stiffness(system, solution.coefficients)
+    by_unknowns = balance(system, numbers, free, scale, tangent=False, taut=solution.taut).residual
+    by_unknowns[:, system.unknowns :] = 0.0
+    out = direct - _carried(solution, by_unknowns[:, None], scale)[:, 0]
+    out[solution.failed] = np.nan
+    return np.asarray(out)
+
+
+def _carried(solution: Solution, by_unknowns: Array, scale: float) -> Array:
+    """What gradients by unknowns (N, K, n + c) hand on to coefficients: l^T g_c (N, K, S) with K^T l = z_u."""
+    system, state, taut = solution.system, solution.state, solution.taut
     tangent = balance(system, solution.numbers, state, scale, taut=taut).tangent
     assert tangent is not None
-    adjoint = np.nan_to_num(solve_rows(np.swapaxes(tangent, 1, 2), row[..., None]))
-    back = adjoint_derivative(system, solution.numbers, state, np.swapaxes(adjoint, 1, 2), scale, taut=taut)[:, 0]
-    out = np.asarray(direct - back)
-    out[solution.failed] = np.nan
-    return out
+    adjoint = solve_rows(np.swapaxes(tangent, 1, 2), np.swapaxes(by_unknowns, 1, 2))
+    adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
+    return adjoint_derivative(system, solution.numbers, state, adjoint, scale, taut=taut)

@@ -11,7 +11,6 @@ from pkmcal_cli.equilibrium.readings import read_quantities
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
-from pkmcal_cli.units.measurands import Measurand
 
 _MOVE = 1e-2  # coordinates are thrown off by this share of the machine's size, so that everything is strained
 
@@ -41,7 +40,7 @@ def _coefficient_influence(model: Model) -> Array:
     numbers = system_numbers(system, coefficients)
     change = np.abs(adjoint_derivative(system, numbers, state, adjoint, 1.0, taut=True)).max(axis=(0, 1))
     gains = np.array([a.gain_coefficient for a in model.actuators], dtype=np.intp)
-    seen = tuple(v for v in (*tcp_model(model).observed, *model.observed) if v.measurand is not Measurand.FORCE)
+    seen = tuple(v for v in (*tcp_model(model).observed, *model.observed) if not v.is_load)
     readings = read_quantities(system, coefficients, state, seen, gains, numbers)
     assert readings.coefficients is not None
     felt = (change > 0) | (np.abs(readings.coefficients).max(axis=(0, 1), initial=0.0) > 0)

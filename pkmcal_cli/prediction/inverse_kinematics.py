@@ -6,7 +6,7 @@ follow, and what the drives' coordinates then are is what they must read. No clo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,11 @@ from pkmcal_cli.base.rotation import Array, log
 from pkmcal_cli.equilibrium.assembly import balance
 from pkmcal_cli.equilibrium.kinematics import State, point_poses, reference_state
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, coefficients_of, follow
+from pkmcal_cli.equilibrium.released_drives import released_readings
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.mechanism.topology import DriveKind
+from pkmcal_cli.equilibrium.system_numbers import system_numbers
+from pkmcal_cli.mechanism.topology import DriveKind, Index
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint
 from pkmcal_cli.prediction import Rows, row_chunks
@@ -26,16 +28,25 @@ from pkmcal_cli.prediction.stages import BaseCoefficients
 
 @dataclass(frozen=True)
 class DrivePositions:
-    """Readings (N, A) and poses (N, 6) of the tool point with what follows, nan where `status` (N,) is not SOLVED."""
+    """Readings (N, A) and poses (N, 6) of the tool point with what follows, nan where `status` (N,) is not SOLVED.
+
+    by_pose (N, A, h): derivatives of the readings by the coordinates that are held; None where not asked for.
+    """
 
     readings: Array
     poses: Array
     status: NDArray[np.int_]
+    by_pose: Array | None = None
 
     @property
     def reached(self) -> NDArray[np.bool_]:
         """Rows with numbers."""
         return np.asarray(self.status == RowStatus.SOLVED)
+
+    def take(self, rows: Index) -> DrivePositions:
+        """Some rows."""
+        by_pose = None if self.by_pose is None else self.by_pose[rows]
+        return DrivePositions(self.readings[rows], self.poses[rows], self.status[rows], by_pose)
 
 
 def drive_positions(
@@ -45,6 +56,7 @@ def drive_positions(
     held: tuple[str, ...] | None = None,
     aimed: AimedPoint | None = None,
     rows: Rows | None = None,
+    derivatives: bool = False,
 ) -> DrivePositions:
     """Drive readings for poses (N, 6) of the tool point, m and rad against the reference configuration; nan: as there.
 
@@ -58,17 +70,20 @@ def drive_positions(
         base = BaseCoefficients.of(model, values).rows(rows)
     else:
         base = model.topology.coefficients.values(model.by_name(values))[None]
-    system = model.holding(model.motion_of(aimed).sets[0] if held is None else held, aimed)
+    held = model.motion_of(aimed).sets[0] if held is None else held
+    system, wanted = model.holding(held, aimed), held if derivatives else ()
     parts = [
-        _chunk(model, system, aimed, poses[some], coefficients_of(base, np.arange(len(poses))[some]))
+        _chunk(model, system, aimed, poses[some], coefficients_of(base, np.arange(len(poses))[some]), wanted)
         for some in row_chunks(system, len(poses))
     ]
-    return DrivePositions(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    joined = DrivePositions(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return joined if derivatives else replace(joined, by_pose=None)
 
 
 def _chunk(
-    model: Model, system: System, aimed: AimedPoint, poses: Array, base: Array
-) -> tuple[Array, Array, NDArray[np.int_]]:
+    model: Model, system: System, aimed: AimedPoint, poses: Array, base: Array, by: tuple[str, ...]
+) -> tuple[Array, Array, NDArray[np.int_], Array]:
+    """The parts of `DrivePositions` of some poses; `by`: coordinates of which derivatives are asked for."""
     topology = model.topology
     begin = _at_poses(model, aimed, model.reference_coefficients, aimed.reference[None])
     target = _at_poses(model, aimed, base, np.where(np.isnan(poses), aimed.reference, poses))
@@ -78,9 +93,25 @@ def _chunk(
     status = np.where(status == RowStatus.SOLVED, status, RowStatus.OUT_OF_REACH)
     readings = _readings(model, system, target, state)
     reached = point_poses(topology, target, state, aimed.point, aimed.rotation)
-    for numbers in (readings, reached):
+    slopes = _slopes(model, system, aimed, target, state, by)
+    for numbers in (readings, reached, slopes):
         numbers[status != RowStatus.SOLVED] = np.nan
-    return readings, reached, status
+    return readings, reached, status, slopes
+
+
+def _slopes(
+    model: Model, system: System, aimed: AimedPoint, coefficients: Array, state: State, by: tuple[str, ...]
+) -> Array:
+    """Derivatives (N, A, h) of readings by coordinates that are held."""
+    drives = np.arange(len(model.actuators))
+    if not by:
+        return np.zeros((len(coefficients), len(drives), 0))
+    groups = [model.topology.aims[g] for g in aimed.aims]
+    places = {name: group.rest.start + k for group in groups for k, name in enumerate(group.element.strains)}
+    gains = np.array([a.gain_coefficient for a in model.actuators], dtype=np.intp)
+    numbers = system_numbers(system, coefficients)
+    slopes = released_readings(system, coefficients, state, numbers, drives, gains)[1]
+    return np.asarray(slopes[:, :, [places[name] for name in by]])
 
 
 def _at_poses(model: Model, aimed: AimedPoint, coefficients: Array, poses: Array) -> Array:

@@ -16,13 +16,12 @@ from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import Readings, read_quantities
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.displacements import Displacements
-from pkmcal_cli.prediction.forces import drive_forces, force_derivative, least_tensions
+from pkmcal_cli.prediction.forces import drive_forces, least_tensions, load_derivatives, load_values
 from pkmcal_cli.prediction.observation import read_sensors
 from pkmcal_cli.prediction.rope_strains import rope_strains
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows
 from pkmcal_cli.prediction.solving import Solution
 from pkmcal_cli.prediction.stages import Chain
-from pkmcal_cli.units.measurands import Measurand
 
 
 def outcome(
@@ -62,25 +61,24 @@ def outcome(
 def _observed(model: Model, solution: Solution, gains: Array, derivatives: bool) -> tuple[Array, Array | None]:
     """All observed (N, V), and their derivatives by coefficients (N, V, S) where these are asked for."""
     system, coefficients = solution.system, solution.coefficients
-    pulls = [k for k, v in enumerate(model.observed) if v.measurand is Measurand.FORCE]
-    seen = tuple(v for v in model.observed if v.measurand is not Measurand.FORCE)
+    loads = [k for k, v in enumerate(model.observed) if v.is_load]
+    seen = tuple(v for v in model.observed if not v.is_load)
     readings = read_quantities(
         system, coefficients, solution.state, seen, gains, solution.numbers if derivatives else None
     )
     slopes = _coefficient_jacobian(solution, readings) if derivatives else None
-    if not pulls:
+    if not loads:
         return readings.values, slopes
-    drives = [model.observed[k].index for k in pulls]
-    others = [k for k in range(len(model.observed)) if k not in pulls]
+    wanted = [model.observed[k] for k in loads]
+    others = [k for k in range(len(model.observed)) if k not in loads]
     values = np.empty((len(coefficients), len(model.observed)))
     values[:, others] = readings.values
-    values[:, pulls] = drive_forces(model, solution)[0][:, drives]
+    values[:, loads] = load_values(model, solution, wanted)
     if slopes is None:
         return values, None
     full = np.empty((len(coefficients), len(model.observed), coefficients.shape[1]))
     full[:, others] = slopes
-    for k, drive in zip(pulls, drives, strict=True):
-        full[:, k] = force_derivative(model, solution, drive)
+    full[:, loads] = load_derivatives(model, solution, wanted)
     return values, full
 
 

@@ -18,7 +18,7 @@ from pkmcal_cli.equilibrium.strains import group_geometry
 from pkmcal_cli.model.effect_sites import EffectSite, PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.displacements import Displacements
-from pkmcal_cli.prediction.forces import coefficient_force_derivative, drive_forces, force_coefficient
+from pkmcal_cli.prediction.forces import coefficient_force_derivatives, drive_forces, force_coefficient
 from pkmcal_cli.prediction.inputs import Reactions
 from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.prediction.solving import Solution
@@ -40,9 +40,11 @@ def reactions(
     if chain is None:
         return Reactions(tuple(sites), values, chords, None, None)
     by_coefficient = np.zeros((len(rows), len(coefficients), solution.coefficients.shape[1]))
-    for r, (coefficient, sign) in enumerate(coefficients):
-        if coefficient >= 0:
-            by_coefficient[:, r] = sign * coefficient_force_derivative(model, solution, coefficient)
+    known = [r for r, (coefficient, _) in enumerate(coefficients) if coefficient >= 0]
+    if known:
+        signs = np.array([coefficients[r][1] for r in known])
+        along = [coefficients[r][0] for r in known]
+        by_coefficient[:, known] = signs[:, None] * coefficient_force_derivatives(model, solution, along)
     jacobian, by_drive = chain.apply(rows, solution.coefficients, by_coefficient, moved)
     return Reactions(tuple(sites), values, chords, jacobian, by_drive)
 

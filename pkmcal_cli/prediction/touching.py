@@ -1,7 +1,7 @@
 """Commands at which sensors read what they are known to read: the control moves until a probe touches.
 
 The TCP moves the shortest way on which the readings change, with all drives together, as the nominal inverse model has
-it. Newton's method: the change of the readings by the drives is exact, that of the drives by the pose by differences.
+it. Newton's method, with exact derivatives of the readings by the drives and of the drives by the pose.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from pkmcal_cli.prediction.rows import Request, Rows
 _STEPS, _RENEWED = 15, 3  # steps of Newton's method, of which the first have new slopes of the drives
 _LENGTH = 100.0  # sizes of the machine that a rotation of 1 rad counts as: translations come first
 _LONGEST = 0.25  # of the machine's size: a step
-_DIFFERENCE = 1e-5  # of the machine's size, or rad
 _NEAR, _EXACT = 1e-9, 1e-12  # m: a touch is reached; no further step is made
 
 
@@ -69,7 +68,7 @@ def _found(model: Model, values: Array, rows: Rows, wanted: Array, shift: Array)
         if step == _STEPS - 1 or not (np.abs(error) > _EXACT).any():
             break
         if step < _RENEWED:
-            slopes = _drives_by_place(model, place, free)
+            slopes = _drives_by_place(model, place)
         assert there.by_drive is not None
         by_place = np.where(known[..., None], there.by_drive[:, columns] @ slopes, 0.0) * size
         place[:, free] += _limited(_least(by_place, error) * size, model.length)
@@ -88,11 +87,8 @@ def _limited(step: Array, length: float) -> Array:
     return np.asarray(step * np.minimum(1.0, _LONGEST * length / np.maximum(size, 1e-300)))
 
 
-def _drives_by_place(model: Model, place: Array, free: list[int]) -> Array:
+def _drives_by_place(model: Model, place: Array) -> Array:
     """Derivatives (n, A, d) of the drives' readings by the free coordinates at places (n, 6)."""
-    out = []
-    for k in free:
-        h = _DIFFERENCE * (model.length if k < 3 else 1.0)
-        ends = [drive_positions(model, place + s * h * np.eye(6)[k]).readings for s in (1, -1)]
-        out.append((ends[0] - ends[1]) / (2 * h))
-    return np.nan_to_num(np.stack(out, axis=2))
+    by_pose = drive_positions(model, place, derivatives=True).by_pose
+    assert by_pose is not None
+    return np.nan_to_num(by_pose)

@@ -35,22 +35,33 @@ def _outputs(sensor: PlacedSensor) -> list[int]:
 def tell_as_read(sensor: PlacedSensor, readings: Array, by: Array | None, measured: Array) -> None:
     """Put the other rotation vector of the same rotation into readings (N, K) and derivatives (N, K, S) in place.
 
-    In rows where the components that were read (of `measured` (N, C)), one or more, are nearer to it. Small components
-    of a small turn can be told in one way only: the turn must be large, or a reading beyond half a turn.
+    In rows where the components that were read (of `measured` (N, C)), one or more, are nearer to it.
     """
     places = np.array([_outputs(sensor).index(k) for k in _ROTATION])
     told = np.full((len(readings), 3), np.nan)
     for channel, k in sensor.rotates:
         told[:, k] = measured[:, channel]
-    known = np.isfinite(told)
-    turned = readings[:, places]
+    readings[:, places], slopes = nearer_way_round(readings[:, places], None if by is None else by[:, places], told)
+    if by is not None and slopes is not None:
+        by[:, places] = slopes
+
+
+def nearer_way_round(turned: Array, slopes: Array | None, told: Array) -> tuple[Array, Array | None]:
+    """Rotation vectors (N, 3) with derivatives (N, 3, S), of the two of each rotation that nearer to what is told.
+
+    told (N, 3): components, nan where unknown. Small components of a small turn can be told in one way only: the turn
+    must be large, or a component beyond half a turn.
+    """
+    known, turned = np.isfinite(told), turned.copy()
     other = other_way_round(turned)
     here, there = (np.where(known, told - v, 0.0) for v in (turned, other))
     large = (np.linalg.norm(turned, axis=1) > _LARGE) | (np.where(known, np.abs(told), 0.0) > np.pi).any(axis=1)
     rows = np.nonzero(((there**2).sum(axis=1) < (here**2).sum(axis=1)) & large)[0]
-    readings[rows[:, None], places] = other[rows]
-    if by is not None:
-        by[rows[:, None], places] = _other_slopes(turned[rows], by[rows[:, None], places])
+    if slopes is not None and len(rows):
+        slopes = slopes.copy()
+        slopes[rows] = _other_slopes(turned[rows], slopes[rows])
+    turned[rows] = other[rows]
+    return turned, slopes
 
 
 def _other_slopes(turned: Array, slopes: Array) -> Array:

@@ -24,6 +24,7 @@ from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
 from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.joint_uncertainty import correlations
@@ -61,6 +62,7 @@ class CalibrationReport:
         self.audit, self.intervals = Audit(problem.model, calibration.robust, place), intervals
         problem = problem.without(fit.failed)
         self.budget, self.ranges = calibration.budget, range_check(problem, fit, calibration.budget)
+        self.problem = problem
         weighed = replace(problem, weight=calibration.robust.problem.weight)
         found = (*implausible_values(problem, self.ranges), *implausible_residuals(weighed, fit))
         self.implausible = (*mistakes, *found) if fit.status == "converged" else ()
@@ -269,7 +271,11 @@ class CalibrationReport:
     def parameter_file(self, provenance: dict[str, Any]) -> str:
         """Text of the parameter file."""
         entries = [ParameterEntry(r.name, r.value, r.std, r.unit, r.identified, r.note) for r in self.rows]
-        return dump_parameters(entries, correlations(self.model, self.budget), provenance, self.model.fingerprint)
+        fitted = isinstance(self.held_out, str)
+        errors = self.after if isinstance(self.held_out, str) else self.held_out.after
+        seen = evidence_of(self.problem, self.fit, errors, fitted)
+        joint = correlations(self.model, self.budget)
+        return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen)
 
 
 def _far(row: ParameterRow) -> bool:

@@ -22,6 +22,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, scalar
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
 from pkmcal_cli.report.joint_uncertainty import correlations
@@ -32,8 +33,7 @@ from pkmcal_cli.report.shape_text import ShapeText, shape_lines
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
-_NOT_TOLD = "the data cannot separate it from other parameters"
-_NONE = "no effect was accepted."
+_NOT_TOLD, _NONE = "the data cannot separate it from other parameters", "no effect was accepted."
 _NOTHING = {
     "clean": "the residuals agree with the stated noise",
     "sigma_too_small": "no effect found, although the residuals exceed the stated noise",
@@ -279,7 +279,7 @@ class ImprovementReport:
 
     def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
         """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
-        fit = self.improvement.fit
+        made, fit = self.improvement, self.improvement.fit
         effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
         entries, reasons = [], reasons_against(fit)
         for p in self.model.parameters:
@@ -287,10 +287,10 @@ class ImprovementReport:
                 continue
             value, std = self._estimate(p.name)
             unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
-            shown = None if std is None else std / unit.scale
-            identified = std is not None and not is_weak(reason)
-            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, identified, reason))
-        return dump_parameters(entries, correlations(self.model, self.improvement.budget), provenance, fingerprint)
+            shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
+            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
+        seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
+        return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen)
 
     def _unit(self, parameter: str) -> Unit:
         return parse_unit(self.model.parameters[self.model.names.index(parameter)].unit or "1")

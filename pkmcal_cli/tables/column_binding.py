@@ -71,6 +71,8 @@ def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog)
         placed = any(actuator.holds for actuator in machine.actuators.values())
         pose = "the actuator columns give the poses" if placed else "no actuator holds a position"
         notes.append(f"{pose}; the TCP coordinates are not used")
+    if require == "targets" and any(b.column.role == "actuator" for b in needs.bound):
+        notes.append("the TCP coordinates are the targets; the actuator columns are not used")
     return Binding(tuple(needs.bound), spare, column_rules, by_actuators, tuple(note for note in notes if note))
 
 

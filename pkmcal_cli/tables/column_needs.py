@@ -19,8 +19,8 @@ from pkmcal_cli.tables.near_names import did_you_mean_column, is_near
 from pkmcal_cli.tables.touches import known_readings
 from pkmcal_cli.units.file_units import Unit
 
-Require = Literal["actuators", "poses", "measured"]
-"""What rows must have: actuator readings; these or TCP coordinates; readings and anywhere a channel."""
+Require = Literal["actuators", "poses", "targets", "measured"]
+"""What rows must have: actuator readings; these or TCP coordinates; those alone; readings and anywhere a channel."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,12 @@ class Needs:
         targets = [b for b in self.targets() if self._filled(b)]
         by_actuators = bool(given) or require != "poses" or not targets or not placing
         required = self._forces()
-        if not by_actuators:
+        if require == "targets":
+            by_actuators = False
+            if not targets:
+                self._no_targets()
+            required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
+        elif not by_actuators:
             required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
         elif require == "poses" and placing and not any((n, "actuator") in self.columns_found for n in placing):
             self._no_pose(placing)
@@ -70,6 +75,7 @@ class Needs:
         blank = set()
         if not by_actuators:
             poses = [b for b in self.bound if b.column.role == "actuator" and b.column.name in placing]
+            poses = poses if require == "poses" else []
             blank = {b.index for b in (*poses, *self.targets()) if not self._filled(b)}
         return by_actuators, required, blank
 
@@ -126,6 +132,11 @@ class Needs:
                 place = self.reader.format.header_line, index
                 flaw = Flaw("csv-missing", what, did_you_mean_column(cell, near), *place)
                 self.log.add(flaw, self.reader.header_source())
+
+    def _no_targets(self) -> None:
+        coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
+        what = f"the table has no targets: none of the TCP coordinates {coordinates}"
+        self._missing(what, *(c for c in self.columns.values() if c.role in ("target", "channel")))
 
     def _no_pose(self, placing: Sequence[str]) -> None:
         drives = [self.columns[name, "actuator"] for name in placing]

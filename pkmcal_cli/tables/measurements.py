@@ -35,8 +35,8 @@ __all__ = [
 def read_measurements(paths: Sequence[Path | str], machine: Machine, require: Require = "measured") -> Measurements:
     """All rows of measurement files (`-`: stdin), each file a session unless it has a column `session`.
 
-    `require` says what the rows must have: "actuators" their readings; "poses" these or TCP coordinates;
-    "measured" readings and at least one column of a channel. Raises BadInput with all faults of all files.
+    `require` says what the rows must have: "actuators" their readings; "poses" these or TCP coordinates; "targets" TCP
+    coordinates; "measured" readings and at least one column of a channel. Raises BadInput with all faults of all files.
     """
     stream = MeasurementStream(paths, machine, require)
     measurements = concatenate(stream)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, Dimension
+from pkmcal_cli.units.dimensions import ANGLE, FORCE, LENGTH, NUMBER, Dimension
 
 
 class Measurand(Enum):
@@ -21,6 +21,8 @@ class Measurand(Enum):
     ANGLE = ("angle", ANGLE, {"periodic"})
     DRIVE = ("drive", None, {"of_drive"})  # reading of a drive that does not hold its position
     FORCE = ("force", FORCE, {"of_drive"})
+    TENSION = ("tension", FORCE, set[str]())  # of a rope; no sensor reads it
+    ENERGY = ("energy", NUMBER, set[str]())  # of all strained members; no sensor reads it
     BENCH = ("bench", None, {"once"})
 
     def __init__(self, label: str, dimension: Dimension | None, traits: set[str]) -> None:

@@ -1,4 +1,4 @@
-"""The table that `simulate` writes: the columns under which `calibrate` finds them again."""
+"""The table that `simulate` writes: the columns under which `calibrate` finds them again; those of poses for others."""
 
 from __future__ import annotations
 
@@ -18,43 +18,52 @@ from pkmcal_cli.units.unit_text import UnitError, parse_unit
 ENERGY = "strain_energy_J"
 
 
-class SimulatedTable:
-    """Columns of a machine's simulated readings.
+class PosedTable:
+    """Columns that say where a machine's drives are and under which circumstances.
 
-    `given`: forces of force-controlled drives come from the poses' table; `asked`: forces of all drives and the
-    energy are wanted; `joined`: rows name others; `covariates`: time, temperatures, directions ... that the poses'
-    table has, and sessions.
+    `given`: forces of force-controlled drives come from the poses' table; `joined`: rows name others; `covariates`:
+    time, temperatures, directions ... that the table has, and sessions.
     """
 
     def __init__(
-        self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str], joined: bool = False
+        self, machine: Machine, model: Model, given: bool, covariates: Sequence[str], joined: bool = False
     ) -> None:
-        self.machine, self.asked, self.covariates = machine, asked, [n for n in covariates if n != "session"]
-        self.sessions = "session" in covariates
+        self.machine, self.model, self.joined = machine, model, joined
+        self.covariates, self.sessions = [n for n in covariates if n != "session"], "session" in covariates
         self.drives = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
-        known = {(c.name, c.role): c for c in columns_of(machine)}
+        self.forces = [a for a in range(len(model.actuators)) if given and a not in self.drives]
+        self.known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
         self.columns += [("session", None)] if self.sessions else []
-        self.joined = joined
         self.columns += [("to", None)] if joined else []
         for name in self.covariates:
-            column = known.get((name, "covariate")) or temperature_column(name, machine)
+            column = self.known.get((name, "covariate")) or temperature_column(name, machine)
             assert column is not None
             self._add(column.header, column.unit)
         for a in self.drives:
-            self._add(known[model.actuators[a].name, "actuator"].header, model.actuators[a].unit)
-        self.read = [k for k, c in enumerate(model.channels) if np.isnan(c.once)]  # not what was measured once
-        for k in self.read:
-            channel = model.channels[k]
-            self._add(known[channel.name, "channel"].header, channel.unit)
-        self.forces = [a for a in range(len(model.actuators)) if asked or (given and a not in self.drives)]
+            self._add(self.known[model.actuators[a].name, "actuator"].header, model.actuators[a].unit)
+
+    def _add_forces(self) -> None:
         self.scales = []
         for a in self.forces:
-            column = known[f"{model.actuators[a].name}.force", "force"]
+            column = self.known[f"{self.model.actuators[a].name}.force", "force"]
             self._add(column.header, column.unit)
             self.scales.append(column.scale)
-        if asked:
-            self.columns.append((ENERGY, None))
+
+    def pose_cells(self, ids: list[str], rows: Rows) -> list[Values]:
+        """Columns of rows, but for forces."""
+        cells: list[Values] = [ids]
+        if self.sessions:
+            cells.append([rows.session_names[k] for k in rows.session])
+        if self.joined:
+            partner = np.full(len(rows), -1) if rows.partner is None else rows.partner
+            cells.append([ids[k] if k >= 0 else "" for k in partner])
+        return [*cells, *(rows.columns[n] for n in self.covariates), *(rows.readings[:, a] for a in self.drives)]
+
+    def force_cells(self, forces: Array) -> list[Values]:
+        """Columns of forces (N, A)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return [forces[:, a] / scale for a, scale in zip(self.forces, self.scales, strict=True)]
 
     def _add(self, header: str, unit: str | None) -> None:
         """A column; a header that names its unit itself keeps it."""
@@ -68,20 +77,29 @@ class SimulatedTable:
             named = False
         self.columns.append((cell.name, cell.unit) if named else (header, unit))
 
+
+class SimulatedTable(PosedTable):
+    """Columns of a machine's simulated readings; `asked`: forces of all drives and the energy are wanted."""
+
+    def __init__(
+        self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str], joined: bool = False
+    ) -> None:
+        super().__init__(machine, model, given, covariates, joined)
+        self.asked = asked
+        self.read = [k for k, c in enumerate(model.channels) if np.isnan(c.once)]  # not what was measured once
+        for k in self.read:
+            channel = model.channels[k]
+            self._add(self.known[channel.name, "channel"].header, channel.unit)
+        self.forces = list(range(len(model.actuators))) if asked else self.forces
+        self._add_forces()
+        if asked:
+            self.columns.append((ENERGY, None))
+
     def cells(self, ids: list[str], rows: Rows, readings: Array, prediction: Prediction) -> list[Values]:
         """Columns of solved rows and their readings (N, C)."""
-        forces = rows.forces
-        cells: list[Values] = [ids]
-        if self.sessions:
-            cells.append([rows.session_names[k] for k in rows.session])
-        if self.joined:
-            partner = np.full(len(rows), -1) if rows.partner is None else rows.partner
-            cells.append([ids[k] if k >= 0 else "" for k in partner])
-        cells += [rows.columns[n] for n in self.covariates]
-        cells += [*(rows.readings[:, a] for a in self.drives), *readings[:, self.read].T]
+        cells, forces = [*self.pose_cells(ids, rows), *readings[:, self.read].T], rows.forces
         if self.asked:
             assert prediction.forces is not None and prediction.energy is not None
             forces = prediction.forces
-        with np.errstate(invalid="ignore", divide="ignore"):
-            cells += [forces[:, a] / scale for a, scale in zip(self.forces, self.scales, strict=True)]
+        cells += self.force_cells(forces)
         return [*cells, prediction.energy] if self.asked and prediction.energy is not None else cells

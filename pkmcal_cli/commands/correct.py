@@ -1,0 +1,42 @@
+"""`pkmcal correct`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, Quiet, as_request
+
+
+def correct(
+    machine: MachineFile,
+    targets: Annotated[
+        str | None, typer.Argument(metavar="TARGETS.csv", help="Wanted TCP coordinates; - is stdin.")
+    ] = None,
+    grid: Grid = None,
+    parameters: Parameters = None,
+    at: Annotated[
+        str | None, typer.Option("--at", metavar='"T=23,payload=40"', help='Circumstances; "T=23 +- 0.5": how sure.')
+    ] = None,
+    redundant: Annotated[
+        str, typer.Option("--redundant", metavar="CHOICE", help="min-force, min-energy, preload or nominal.")
+    ] = "min-force",
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="Table to write; default: stdout.")
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Which set values bring the TCP to these targets?
+
+    Those of the identified geometric and elastic model, under the stated circumstances. Redundant drives carry least
+    force, hold least strain energy, keep the preload, or stay at the set values of the nominal machine.
+
+    Example: pkmcal correct machines/biglide.yaml --grid "x=200:500:4,y=200:350:4" -p params.yaml -o commands.csv
+    """
+    options = locals()
+    from pkmcal_cli.workflow.correct import CorrectionRequest, run_correction
+
+    raise typer.Exit(run_correction(as_request(CorrectionRequest, options)))

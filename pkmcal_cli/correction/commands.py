@@ -1,0 +1,105 @@
+"""From targets to commands: within reach, and from the side from which the commands themselves approach.
+
+Backlash follows the direction of the last motion, and this follows the commands: where corrections turn a drive round,
+the search is repeated with the sides of its own result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.internal_force import InternalForces
+from pkmcal_cli.correction.redundancy import Choice
+from pkmcal_cli.correction.set_values import Aim, Found, set_values
+from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
+from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
+
+OUT_OF_REACH = "out of reach: no set values for this pose of the tool point"
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """Of the targets `kept` (n,) that are within reach: rows with commands; the machine before and after.
+
+    aim: with the set values of the nominal machine, at which the machine is `before`, nan where there are none;
+    internal: of the forces after; failed: why targets have no commands, by their numbers among all; turned (n,):
+    whether a row is approached from another side than that for which it was corrected.
+    """
+
+    kept: Index
+    aim: Aim
+    rows: Rows
+    before: StrainedPose
+    after: StrainedPose
+    internal: InternalForces
+    failed: dict[int, str]
+    turned: NDArray[np.bool_]
+
+    @property
+    def good(self) -> Index:
+        """Numbers of the rows that have commands, among those kept."""
+        return np.array([n for n, k in enumerate(self.kept) if int(k) not in self.failed], dtype=np.intp)
+
+
+def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correction | None:
+    """Commands for the poses of `aim`, whose rows have no readings yet; None where no target is within reach."""
+    strainless = drive_positions(model, aim.poses, values, aim.held, rows=aim.rows, derivatives=True)
+    nominal = drive_positions(model, aim.poses, None, aim.held)
+    kept = np.nonzero(strainless.reached)[0]
+    if not len(kept):
+        return None
+    own, strainless = aim.take(kept), strainless.take(kept)
+    commands = np.where(nominal.reached[kept, None], nominal.readings[kept], strainless.readings)
+    given = replace(own.rows, readings=commands)
+    own = replace(own, rows=_directed(model, given))
+    before = LoadedTool(model, aim.held).at(values, own.rows, own.wanted)
+    before = before.without(np.nonzero(~nominal.reached[kept])[0])
+    found, turned = _from_own_sides(model, values, own, given.columns, strainless, choice)
+    failed = {int(k): OUT_OF_REACH for k in np.setdiff1d(np.arange(len(aim.rows)), kept)}
+    failed |= {int(kept[k]): why for k, why in found.failed.items()}
+    return Correction(
+        kept=kept, aim=own, rows=found.rows, before=before, after=found.after, internal=found.internal,
+        failed=dict(sorted(failed.items())), turned=turned,
+    )  # fmt: skip
+
+
+def depends_on_sides(model: Model) -> bool:
+    """Whether the machine has an effect that depends on the side from which a drive is approached."""
+    return any("direction" in e.effect.needs for e in model.effects if e.sites)
+
+
+def _from_own_sides(
+    model: Model, values: Array, aim: Aim, given: Mapping[str, Array], strainless: DrivePositions, choice: Choice
+) -> tuple[Found, NDArray[np.bool_]]:
+    """Set values, and which rows (n,) they approach from another side; `given`: columns that stay."""
+    found = set_values(model, values, aim, strainless, choice)
+    if not depends_on_sides(model):
+        return found, np.zeros(len(aim.rows), dtype=bool)
+    for left in reversed(range(_ROUNDS)):
+        own = _directed(model, replace(found.rows, columns=given))
+        turned = _differ(found.rows, own)
+        if not (turned.any() and left):
+            break
+        nominal = replace(own, readings=aim.rows.readings)
+        found = set_values(model, values, replace(aim, rows=nominal), strainless, choice)
+    return found, turned
+
+
+def _directed(model: Model, rows: Rows) -> Rows:
+    return with_directions(rows, [a.name for a in model.actuators])
+
+
+def _differ(one: Rows, other: Rows) -> NDArray[np.bool_]:
+    """Rows (n,) with different sides of approach."""
+    names = [name for name in other.columns if name.startswith("dir.")]
+    return np.asarray(np.any([one.columns[n] != other.columns[n] for n in names], axis=0))

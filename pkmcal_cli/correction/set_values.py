@@ -1,0 +1,206 @@
+"""The elasto-geometrical inverse: set values at which the predicted tool point is where it shall be.
+
+Newton's method on the set values with exact derivatives of the equilibrium; what redundant drives leave free is a small
+quadratic programme in every step (`redundancy`). All rows together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.internal_force import InternalForces
+from pkmcal_cli.correction.redundancy import BOUNDED, Choice, Redundancy, binding_names
+from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
+from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.limits import limit_excess
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
+from pkmcal_cli.units.unit_text import parse_unit
+
+_STEPS, _HALVINGS = 40, 8
+_EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
+_SETTLED = 1e-7  # of a drive's force scale, or of its force: it changes no more
+_ROUNDING = 1e-14  # of the machine's size, or rad: a step that is none
+_THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds the tool point there
+_EXCEEDED = 1e-7  # of a limit
+_GROWN = 0.9  # a step that leaves more of the error than so was too long
+_LONGEST = 0.1  # of the machine's size, or rad: a step
+_ELSEWHERE = "a prediction from these set values leads elsewhere: the pose is ambiguous"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aim:
+    """What is wanted: poses (N, 6) of the tool point at coordinates `held`, under the circumstances of `rows` (N).
+
+    The readings of the rows are the set values of the nominal machine.
+    """
+
+    poses: Array
+    held: tuple[str, ...]
+    rows: Rows
+
+    @property
+    def wanted(self) -> Array:
+        """Coordinates (N, h) that are held."""
+        return self.poses[:, [DIRECTIONS.index(name) for name in self.held]]
+
+    def take(self, rows: Index) -> Aim:
+        """Some of them."""
+        return Aim(poses=self.poses[rows], held=self.held, rows=self.rows.take(rows))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """Rows with set values; after: the machine there; internal: of its forces; failed: why rows have none."""
+
+    rows: Rows
+    after: StrainedPose
+    internal: InternalForces
+    failed: dict[int, str]
+
+
+def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions, choice: Choice) -> Found:
+    """Set values that bring the tool point of a machine with parameter values (P,) to where it is wanted.
+
+    strainless: of the same machine at the poses, with derivatives; all are reached.
+    """
+    assert strainless.by_pose is not None
+    tool, ropes = LoadedTool(model, aim.held), model.exact.ropes
+    internal = InternalForces.of(model, values, strainless.by_pose)
+    redundancy = Redundancy(
+        tool=LoadedTool(model, aim.held, taut=True) if ropes else tool, values=values, choice=choice, internal=internal,
+        wanted=_declared(model, aim, choice), set_values=aim.rows.readings,
+    )  # fmt: skip
+    begin, drives = aim.rows.readings.copy(), redundancy.drives
+    if choice != "nominal":
+        begin[:, drives] = strainless.readings[:, drives]
+    search = _Search(redundancy, aim, replace(aim.rows, readings=begin))
+    search.run()
+    if ropes and choice not in BOUNDED:  # now with ropes that go slack
+        search = _Search(replace(redundancy, tool=tool), aim, search.rows)
+        search.run()
+    after = tool.at(values, search.rows, aim.wanted)
+    failed = _beyond(model, search.rows, _checked(tool, aim, after, search.failed))
+    return Found(rows=search.rows, after=after, internal=internal, failed=failed)
+
+
+def _declared(model: Model, aim: Aim, choice: Choice) -> Array:
+    """Internal forces (N, A) of the machine as its file declares it, at the set values of the nominal machine."""
+    if choice != "preload":
+        return np.zeros(aim.rows.readings.shape)
+    nominal = drive_positions(model, aim.poses, None, aim.held, derivatives=True)
+    assert nominal.by_pose is not None
+    there = LoadedTool(model, aim.held).at(model.nominal, aim.rows, aim.wanted)
+    return InternalForces.of(model, model.nominal, nominal.by_pose).part(np.nan_to_num(there.force))
+
+
+def _checked(tool: LoadedTool, aim: Aim, after: StrainedPose, failed: dict[int, str]) -> dict[int, str]:
+    """Reasons of rows that a prediction from scratch does not confirm, besides those that are known."""
+    error = np.abs(after.tool - aim.wanted) / tool.sizes
+    there = np.nan_to_num(error, nan=np.inf).max(axis=1, initial=0.0) < _THERE
+    lost = {int(k): _ELSEWHERE for k in np.nonzero(~there & after.prediction.solved)[0]}
+    lost |= {int(k): after.prediction.reason(int(k)) for k in np.nonzero(~after.prediction.solved)[0]}
+    return lost | failed
+
+
+def _beyond(model: Model, rows: Rows, failed: dict[int, str]) -> dict[int, str]:
+    """The same for set values beyond limits of travel, whatever the redundancy is used for."""
+    out = dict(failed)
+    for a, actuator in enumerate(model.actuators):
+        excess = limit_excess(rows.readings[:, a], actuator.limits)
+        unit = parse_unit(actuator.unit)
+        low, high = (unit.format(v, 6) for v in actuator.limits)
+        for k in np.nonzero(excess > 0)[0].tolist():
+            at = unit.format(float(rows.readings[k, a]), 6)
+            out.setdefault(k, f"travel limit of `{actuator.name}` ({low} to {high}): it would have to go to {at}")
+    return out
+
+
+def _unsettled(now: StrainedPose, row: int) -> str:
+    """Why a row does not come to its end."""
+    slack = now.prediction.slack.get(row)
+    if slack:
+        return f"no set values found: slack ropes ({', '.join(slack)}) do not hold the tool point there"
+    return "no set values found: the tool point does not settle"
+
+
+class _Search:
+    """Newton's method for all rows: set values that move until the tool point is there and the forces have settled."""
+
+    def __init__(self, redundancy: Redundancy, aim: Aim, rows: Rows) -> None:
+        self.redundancy, self.aim, self.rows = redundancy, aim, rows
+        self.failed: dict[int, str] = {}
+        self.moving = np.ones(len(rows), dtype=bool)
+        self.step = np.zeros((len(rows), len(redundancy.drives)))
+        self.halved = np.zeros(len(rows), dtype=np.intp)
+        self.away = np.full(len(rows), np.inf)  # how far the tool point was from where it shall be
+        self.beyond: dict[int, NDArray[np.bool_]] = {}  # bounds in the way of rows that cannot keep all
+
+    def run(self) -> None:
+        """Search until no row moves; rows that do not end are `failed`."""
+        now: StrainedPose | None = None
+        for _ in range(_STEPS):
+            start = None if now is None else now.prediction.start
+            now = self.redundancy.tool.at(
+                self.redundancy.values, self.rows, self.aim.wanted, "readings", start, compare=False
+            )
+            self._advance(now)
+            if not self.moving.any():
+                break
+        assert now is not None
+        self._end(now)
+
+    def _advance(self, now: StrainedPose) -> None:
+        """One step of all rows that move; back by half where the last one led nowhere."""
+        redundancy, drives = self.redundancy, self.redundancy.drives
+        error = now.tool - self.aim.wanted
+        away = np.nan_to_num(np.abs(error) / redundancy.tool.sizes, nan=np.inf).max(axis=1)
+        solved = now.prediction.solved & ((away < _GROWN * self.away) | (away < _THERE))
+        back = self.moving & ~solved
+        self.halved[back] += 1
+        for k in np.nonzero(back & (self.halved > _HALVINGS))[0].tolist():
+            self.failed[k] = _unsettled(now, k) if now.prediction.solved[k] else now.prediction.reason(k)
+            self.moving[k] = False
+        readings = self.rows.readings.copy()
+        readings[np.ix_(np.nonzero(back)[0], drives)] -= 0.5 * self.step[back]
+        self.step[back] *= 0.5
+        step, optimum = redundancy.step(now, self.rows.readings, error)
+        step = self._limited(step)
+        settled = solved & self._settled(now, error, step)
+        go = np.nonzero(self.moving & solved & ~settled)[0]
+        self.halved[go], self.step[go], self.away[go] = 0, step[go], away[go]
+        readings[np.ix_(go, drives)] += step[go]
+        self.moving &= ~settled
+        self.beyond = {
+            k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & now.prediction.solved)[0].tolist()
+        } | {k: on for k, on in self.beyond.items() if not now.prediction.solved[k]}
+        self.rows = replace(self.rows, readings=readings)
+
+    def _settled(self, now: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
+        """Rows (N,) whose tool point is there, and whose forces a further step (N, D) changes by rounding at most."""
+        redundancy = self.redundancy
+        there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
+        changed = np.abs((now.by_force[:, :, redundancy.drives] @ step[..., None])[..., 0])
+        still = (changed < _SETTLED * np.maximum(redundancy.internal.scale, np.abs(now.force))).all(axis=1)
+        rounding = (np.abs(step / redundancy.spans) < _ROUNDING).all(axis=1)
+        return np.asarray(there & (still | rounding))
+
+    def _end(self, now: StrainedPose) -> None:
+        """Why rows have no set values: no limits that are kept, or no end."""
+        names = self.redundancy.names(now, self.rows.readings)
+        for k in np.nonzero(self.moving)[0].tolist():
+            self.failed[k] = _unsettled(now, k)
+        for k, binding in self.beyond.items():
+            limits = ", ".join(binding_names(names, binding))
+            self.failed[k] = f"no set values within all limits; in the way: {limits}"
+
+    def _limited(self, step: Array) -> Array:
+        """Steps (N, D), none too long."""
+        longest = np.abs(step / self.redundancy.spans).max(axis=1, initial=0.0)
+        return np.asarray(step * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300))[:, None])

@@ -1,0 +1,126 @@
+"""Targets of the tool point: poses that are wanted, and under which circumstances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.language.tool_point import ToolPoint
+from pkmcal_cli.loading.covariates import reference_conditions, with_covariates, without_effect
+from pkmcal_cli.loading.grid import parse_grid
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.loading.poses import Place, place_of
+from pkmcal_cli.loading.tool_coordinates import kept_note, required_tool_point, tool_motion, unusable_set
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.tables.measurements import read_measurements
+
+_MOST = 10**6  # targets, which are worked on together
+
+
+@dataclass(frozen=True, kw_only=True)
+class Targets:
+    """Poses (N, 6) of the tool point, held at coordinates `held`; rows (N): circumstances, no drive readings yet.
+
+    coordinates: those that were given; covariates: columns that a table of the rows needs; grid: whether points may be
+    out of reach.
+    """
+
+    poses: Array
+    held: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    rows: Rows
+    place: Callable[[int], Place]
+    tool: ToolPoint
+    covariates: tuple[str, ...]
+    forces: bool
+    grid: bool
+    notes: tuple[str, ...]
+    inputs: Mapping[str, str]
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: Mapping[str, float]) -> Targets:
+    """Targets of a table or of a grid; `at`: columns of all rows, SI. Raises UsageError and BadInput."""
+    if (path is None) == (grid is None):
+        raise UsageError("give either a table of targets or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"')
+    motion = tool_motion(loaded)
+    if not motion.freedoms:
+        what, _ = unusable_set(loaded, [])
+        raise BadInput.single(what, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
+    found = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
+    if twice := [name for name in at if name in found.rows.columns]:
+        what = f"--at: the table has a column `{twice[0]}`"
+        raise UsageError(what, hint="give a circumstance in the table or with `--at`, not in both")
+    columns = {**found.rows.columns, **{name: np.full(len(found), value) for name, value in at.items()}}
+    rest, words = reference_conditions(loaded.model, columns)
+    columns |= {name: np.full(len(found), value) for name, value in rest.items()}
+    if settled := _settled(loaded, columns):
+        columns["time"], rest["time"] = np.zeros(len(found)), 0.0
+    poses = found.poses.copy()
+    kept = [DIRECTIONS.index(c) for c in found.held if c not in found.coordinates]
+    poses[:, kept] = loaded.model.tool.reference[kept]
+    return replace(
+        found,
+        poses=poses,
+        rows=replace(found.rows, columns=columns),
+        covariates=tuple(dict.fromkeys([*found.covariates, *at, *rest])),
+        notes=(*found.notes, *filter(None, [words, settled]), *_idle(loaded, at)),
+    )
+
+
+def _settled(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
+    """What is to be said where parts lag behind temperatures that never change, and nobody gives the time."""
+    lagging = any(p.name == "lag" for e in loaded.model.effects if e.sites for p in e.effect.parameters)
+    felt = [column for name, column in columns.items() if name.partition(".")[0] == "T"]
+    if not lagging or "time" in columns or any(np.ptp(column) > 0 for column in felt):
+        return ""
+    return "no column `time`: all parts have settled at their temperatures"
+
+
+def _idle(loaded: LoadedMachine, at: Mapping[str, float]) -> list[str]:
+    """What is to be said of circumstances that change nothing."""
+    names = without_effect(loaded.model, at)
+    return [f"--at: `{name}` changes nothing: no effect of the machine file depends on it" for name in names]
+
+
+def _of_grid(loaded: LoadedMachine, text: str) -> Targets:
+    points, tool = parse_grid(loaded, text), required_tool_point(loaded)
+    if len(points) > _MOST:
+        raise UsageError(f"--grid: more than {_MOST} poses", hint="use a coarser grid")
+    empty = np.full((len(points), len(loaded.model.actuators)), np.nan)
+    return Targets(
+        poses=points.poses(0, len(points)), held=points.held, coordinates=tuple(a.name for a in points.axes),
+        rows=Rows(empty, empty), place=lambda row: Place(None, row + 1, ""), tool=tool, covariates=(), forces=False,
+        grid=True, notes=(tool.text, *points.notes), inputs={},
+    )  # fmt: skip
+
+
+def _of_table(loaded: LoadedMachine, path: str) -> Targets:
+    tool, model = required_tool_point(loaded), loaded.model
+    measured = read_measurements([path], loaded.machine, "targets")
+    if len(measured) > _MOST:
+        raise BadInput.single(f"more than {_MOST} targets", Location(measured.files[0]), "split the table", "targets")
+    poses = np.full((len(measured), len(DIRECTIONS)), np.nan)
+    poses[:, [DIRECTIONS.index(c) for c in measured.coordinates]] = measured.targets
+    given = tuple(DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0])
+    held = model.tool_motion.with_all(given)
+    if held is None:
+        what, hint = unusable_set(loaded, given)
+        raise BadInput.single(what, Location(measured.files[0], 1), hint.replace("`--grid`", "the others"), "targets")
+    kept = [name for name in held if name not in given]
+    forces = np.array(measured.forces, dtype=float)
+    rows = with_covariates(Rows(np.full(forces.shape, np.nan), forces, partner=measured.partners), measured)
+    sessions = ("session",) if "session" in measured.labels else ()
+    forced = [a for a, d in enumerate(model.topology.drives) if d.force_controlled]
+    return Targets(
+        poses=poses, held=held, coordinates=given, rows=rows, place=lambda row: place_of(measured, row), tool=tool,
+        covariates=(*measured.covariates, *sessions), forces=bool(np.isfinite(forces[:, forced]).any()), grid=False,
+        notes=(*measured.notes, tool.text, *([kept_note(kept)] if kept else [])), inputs=measured.inputs,
+    )  # fmt: skip

@@ -1,0 +1,276 @@
+"""The result of `correct`: what corrected set values bring and cost, in words and for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.assessment import Assessment
+from pkmcal_cli.correction.commands import OUT_OF_REACH
+from pkmcal_cli.correction.redundancy import Choice
+from pkmcal_cli.correction.uncertainty import Spread
+from pkmcal_cli.loading.load_machine import Start
+from pkmcal_cli.loading.targets import Targets
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.failed_rows import FailedRows, SkippedPoints
+from pkmcal_cli.report.loads import Loads
+from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_SHOWN = 20  # targets without set values that are told one by one
+_KINDS = (("position", "um"), ("orientation", "urad"))
+_NOTHING = "-"
+_ROUNDING = 1e-4  # of a micrometre or newton: nothing
+_NO_ERROR, _NO_ENERGY = 1e-6, 1e-12  # um, urad, N and J that are rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionReport:
+    """One correction, ready to be shown; result: None where no target is within reach."""
+
+    model: Model
+    start: Start
+    targets: Targets
+    result: Assessment | None
+    choice: Choice
+
+    @cached_property
+    def lost(self) -> FailedRows:
+        """Targets without set values."""
+        total = len(self.targets)
+        reasons = dict.fromkeys(range(total), OUT_OF_REACH) if self.result is None else self.result.correction.failed
+        kind = SkippedPoints if self.targets.grid else FailedRows
+        return kind(reasons, self.targets.place, total)
+
+    @property
+    def ids(self) -> list[str]:
+        """Names of the targets that have set values."""
+        return [self.targets.place(k).id or str(k + 1) for k in self._numbers]
+
+    @property
+    def _numbers(self) -> list[int]:
+        """Numbers of the targets that have set values."""
+        made = None if self.result is None else self.result.correction
+        return [] if made is None else [int(k) for k in made.kept[made.good]]
+
+    def show(self, to: Reporter) -> None:
+        """Verdict, tables, warnings. Raises BadInput where no point of a grid has set values."""
+        self._show_lost(to)
+        done = f"{len(self._numbers)} of {count(len(self.targets), 'target')} corrected"
+        to.say(f"{done} (redundant drives: {self.choice})" if self._redundant else done)
+        if not self._numbers or self.result is None:
+            return
+        self._show_errors(to, self.result)
+        self._show_forces(to, self.result)
+        self._show_doubts(to, self.result)
+        self.loads.show(to)
+
+    def _show_lost(self, to: Reporter) -> None:
+        if self.targets.grid:
+            self.lost.show(to)
+            return
+        rows = sorted(self.lost.reasons)
+        for row in rows[:_SHOWN]:
+            to.fail(f"{self.targets.place(row)}: {self.lost.reasons[row]}")
+        if rows:
+            to.fail(f"not in the table (no set values): {count(len(rows), 'target')}")
+
+    @property
+    def _redundant(self) -> bool:
+        return len(self.model.held_drives) > len(self.targets.held)
+
+    # --- numbers of the targets that have set values -----------------------------------------
+    def _good(self, numbers: Array) -> Array:
+        assert self.result is not None
+        return np.asarray(numbers[self.result.correction.good])
+
+    def _columns(self, kind: str) -> list[int]:
+        """Which coordinates are positions, or orientations."""
+        return [k for k, name in enumerate(self.targets.held) if name.startswith("r") == (kind == "orientation")]
+
+    def _error(self, result: Assessment, kind: str, after: bool) -> Array:
+        """Size (n,) of the error of a kind."""
+        made, columns = result.correction, self._columns(kind)
+        tool = made.after.tool if after else made.before.tool
+        return self._good(np.sqrt(((tool - made.aim.wanted)[:, columns] ** 2).sum(axis=1)))
+
+    def _spread(self, spread: Spread | None, kind: str) -> Array:
+        """Standard uncertainty (n,) of the error of a kind, all its coordinates together."""
+        if spread is None:
+            return np.full(len(self._numbers), np.nan)
+        return self._good(np.sqrt((spread.tool[:, self._columns(kind)] ** 2).sum(axis=1)))
+
+    @cached_property
+    def loads(self) -> Loads:
+        """What drives and ropes bear."""
+        assert self.result is not None
+        made, good = self.result.correction, self.result.correction.good
+        place = lambda k: self.targets.place(self._numbers[k])  # noqa: E731
+        start = made.after.prediction.start.take(good)
+        return Loads.of(self.model, self.start.values, made.rows.take(good), place, start)
+
+    # --- tables --------------------------------------------------------------------------------
+    def _show_errors(self, to: Reporter, result: Assessment) -> None:
+        rows = []
+        for kind, unit in _KINDS:
+            if self._columns(kind):
+                errors = [self._error(result, kind, after) for after in (False, True)]
+                spreads = [self._spread(s, kind) for s in (result.before, result.after)]
+                figures = [
+                    _rms(errors[0]),
+                    _largest(errors[0]),
+                    _rms(errors[1]),
+                    _rms(spreads[1]),
+                    _largest(spreads[1]),
+                ]
+                rows.append((kind, *(_text(f, parse_unit(unit)) for f in figures)))
+        head = ("error", "rms before", "max before", "rms after", "u (rms)", "u (max)")
+        to.table("Predicted error of the tool point; u: standard uncertainty after", head, rows)
+        if result.after is None:
+            to.say("uncertainty: not available (no parameters with `correlations`, as `calibrate -o` writes them)")
+
+    def _show_forces(self, to: Reporter, result: Assessment) -> None:
+        made = result.correction
+        internal = made.internal.part(np.nan_to_num(made.after.force))
+        parts = (made.before.force, made.after.force, made.after.force - internal, internal)
+        u = np.full(internal.shape, np.nan) if result.after is None else result.after.force
+        rows = []
+        for a, actuator in enumerate(self.model.actuators):
+            unit = self._unit(a)
+            figures = [_text(_largest(self._good(np.abs(f[:, a]))), unit) for f in (*parts, u)]
+            limit = _text(actuator.force_limit, unit) if np.isfinite(actuator.force_limit) else _NOTHING
+            rows.append((actuator.name, *figures, limit))
+        head = ("drive", "before", "after", "load", "internal", "u", "limit")
+        to.table("Largest forces of the drives; after = load + internal", head, rows)
+        energy = [_mean(self._good(p.energy)) for p in (made.before, made.after)]
+        energy = [0.0 if e < _NO_ENERGY else e for e in energy]
+        to.say(f"strain energy (mean): {energy[0]:.3g} J before, {energy[1]:.3g} J after")
+
+    def _unit(self, actuator: int) -> Unit:
+        length = self.model.topology.moves_length(self.model.topology.drives[actuator])
+        return parse_unit("N" if length else "N m")
+
+    def _show_doubts(self, to: Reporter, result: Assessment) -> None:
+        total = count(len(self._numbers), "target")
+        for name, where in self._beyond(result).items():
+            to.warn(f"warning: outside the measured range of {name}: {len(where)} of {total}, first {where[0]}")
+        if weak := [k for k in result.correction.good if result.weak[k]]:
+            text = "most of the uncertainty comes from directions that the calibration hardly determines"
+            to.warn(f"warning: rest on a weak direction: {len(weak)} of {total}: {text}")
+        if turned := [k for k in result.correction.good if result.correction.turned[k]]:
+            text = "the corrected set values turn a drive round; approach from the side in the table"
+            to.warn(f"warning: side of approach not settled: {len(turned)} of {total}: {text}")
+        evidence = self.start.evidence
+        if evidence is not None and evidence.missing:
+            left = ", ".join(_text(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
+            what = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
+            within = f"the uncertainties contain {left} for it" if left else "the uncertainties do not contain it"
+            to.warn(f"{what}; {within} (`pkmcal diagnose` looks for the cause)")
+        if evidence is None and self.start.inputs:
+            to.notes(["the parameter file does not say what was measured (`calibrate -o` writes it now)"])
+
+    def _beyond(self, result: Assessment) -> dict[str, list[str]]:
+        """Places of targets outside of what was measured, by the name of the column."""
+        out: dict[str, list[str]] = {}
+        for k, number in zip(result.correction.good, self._numbers, strict=True):
+            for name in result.outside[k]:
+                out.setdefault(name, []).append(str(self.targets.place(number)))
+        return out
+
+    # --- JSON ------------------------------------------------------------------------------------
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        evidence, result = self.start.evidence, self.result
+        return {
+            "tool_point": self.targets.tool.name,
+            "coordinates": list(self.targets.coordinates),
+            "held": list(self.targets.held),
+            "redundant": self.choice,
+            "n_targets": len(self.targets),
+            "n_corrected": len(self._numbers),
+            **self.lost.json(),
+            "errors": {} if result is None else self._errors_json(result),
+            "drives": [] if result is None else self._drives_json(result),
+            "strain_energy": None if result is None else self._energy_json(result),
+            "weak": 0 if result is None else int(self._good(result.weak).sum()),
+            "outside": {} if result is None else {n: len(where) for n, where in self._beyond(result).items()},
+            "sides_not_settled": 0 if result is None else int(self._good(result.correction.turned).sum()),
+            "unexplained": {} if evidence is None else _unexplained_json(evidence.unexplained),
+            "times_noise": None if evidence is None else evidence.times_noise,
+            "loads": None if not self._numbers else self.loads.json(),
+        }
+
+    def _errors_json(self, result: Assessment) -> dict[str, Any]:
+        out: dict[str, dict[str, Any]] = {}
+        for kind, unit in _KINDS:
+            if self._columns(kind):
+                numbers = {
+                    "before": self._error(result, kind, False),
+                    "after": self._error(result, kind, True),
+                    "u_before": self._spread(result.before, kind),
+                    "u": self._spread(result.after, kind),
+                }
+                scale = parse_unit(unit).scale
+                figures = {n: {"rms": _rms(v), "max": _largest(v)} for n, v in numbers.items()}
+                out[kind] = {n: {k: _exact(x / scale) for k, x in f.items()} for n, f in figures.items()}
+                out[kind]["unit"] = unit
+        return out
+
+    def _drives_json(self, result: Assessment) -> list[dict[str, Any]]:
+        made = result.correction
+        internal = made.internal.part(np.nan_to_num(made.after.force))
+        u = np.full(internal.shape, np.nan) if result.after is None else result.after.force
+        parts = {"before": made.before.force, "after": made.after.force, "load": made.after.force - internal}
+        parts |= {"internal": internal, "u": u}
+        return [
+            {"name": actuator.name}
+            | {n: _exact(_largest(self._good(np.abs(f[:, a])))) for n, f in parts.items()}
+            | {"limit": finite(actuator.force_limit), "unit": self._unit(a).text}
+            for a, actuator in enumerate(self.model.actuators)
+        ]
+
+    def _energy_json(self, result: Assessment) -> dict[str, Any]:
+        made = result.correction
+        energies = {"before": made.before.energy, "after": made.after.energy}
+        return {n: _exact(_mean(self._good(e)), _NO_ENERGY) for n, e in energies.items()}
+
+
+def _exact(value: float, least: float = _NO_ERROR) -> float | None:
+    """A number for JSON; 0 where it is rounding."""
+    return finite(value if abs(value) > least or np.isnan(value) else 0.0)
+
+
+def _unexplained_json(left: dict[str, float] | Any) -> dict[str, Any]:
+    return {k: {"std": v / parse_unit(_unit_of(k)).scale, "unit": _unit_of(k)} for k, v in left.items()}
+
+
+def _unit_of(kind: str) -> str:
+    return "urad" if kind == "orientation" else "um"
+
+
+def _text(value: float, unit: Unit) -> str:
+    if np.isnan(value):
+        return _NOTHING
+    return handy(value if abs(value) > _ROUNDING * unit.scale else 0.0, unit)
+
+
+def _rms(values: Array) -> float:
+    kept = values[~np.isnan(values)]
+    return float(np.sqrt((kept**2).mean())) if len(kept) else float("nan")
+
+
+def _largest(values: Array | Sequence[float]) -> float:
+    kept = np.asarray(values)[~np.isnan(values)]
+    return float(kept.max()) if len(kept) else float("nan")
+
+
+def _mean(values: Array) -> float:
+    kept = values[~np.isnan(values)]
+    return float(kept.mean()) if len(kept) else float("nan")

@@ -1,0 +1,51 @@
+"""What a fit saw: ranges of its rows, and what it left beyond noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures, kinds_of
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.loading.evidence import Evidence
+
+_LOGGED = {"T": "degC", "payload": "kg"}
+
+
+def evidence_of(problem: Problem, fit: Fit, errors: Mapping[str, ErrorFigures], fitted: bool) -> Evidence:
+    """Of the rows that were used; errors: by kind, of the rows that were `fitted`, or of rows held out."""
+    used = problem.measured.any(axis=1)
+    rows, drives = problem.rows.readings[used], problem.model.actuators
+    columns = {a.name: (rows[:, k], a.unit) for k, a in enumerate(drives)}
+    for name, column in problem.rows.columns.items():
+        kind = name.partition(".")[0]
+        if kind in _LOGGED or kind == "dir":
+            columns[name] = (np.asarray(column)[used], _LOGGED.get(kind, ""))
+    known = {n: (c[np.isfinite(c)], u) for n, (c, u) in columns.items()}
+    ranges = {n: (float(c.min()), float(c.max())) for n, (c, _) in known.items() if len(c)}
+    share = len(fit.selected) / max(int(problem.measured.sum()), 1)  # a fit takes up as much of the noise
+    left = _unexplained(problem, errors, 1.0 - share if fitted else 1.0 + share)
+    return Evidence(ranges, left, {n: u for n, (_, u) in columns.items()}, float(np.sqrt(fit.excess)))
+
+
+def _unexplained(problem: Problem, errors: Mapping[str, ErrorFigures], of_noise: float) -> dict[str, float]:
+    """Standard deviation, beyond noise, of one coordinate or length of each kind; `of_noise`: share that it makes."""
+    out = {}
+    for kind, columns in kinds_of(problem.model).items():
+        figures = errors.get(kind)
+        if figures is None or (figures.dimension != "length" and kind != "orientation"):
+            continue
+        on = problem.measured[:, columns]
+        count = len(columns) if problem.model.channels[columns[0]].measurand.of_pose else 1
+        variance = figures.rms**2 / count - of_noise * _noise(problem.sigma[:, columns][on])
+        if variance > 0:
+            out[kind] = float(np.sqrt(variance))
+    return out
+
+
+def _noise(sigma: Array) -> float:
+    """Mean variance of readings."""
+    return float(np.nanmean(sigma**2)) if np.isfinite(sigma).any() else 0.0

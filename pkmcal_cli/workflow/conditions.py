@@ -1,0 +1,59 @@
+"""Circumstances on the command line: `--at "T=23 +- 0.5,payload=40"`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.tables.columns import columns_of, temperature_column
+from pkmcal_cli.units.unit_text import Unit
+from pkmcal_cli.workflow.amounts import amount
+
+_EXAMPLE = 'give, for example, --at "T=23 +- 0.5,payload=40"'
+_SIDES = (-1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Values and standard uncertainties of columns of all rows, SI."""
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    std: Mapping[str, float] = field(default_factory=dict)
+
+
+def conditions(machine: Machine, text: str | None) -> Conditions:
+    """What `--at` says. Raises UsageError."""
+    values: dict[str, float] = {}
+    std: dict[str, float] = {}
+    known = {c.name: c for c in columns_of(machine) if c.role == "covariate" and c.name != "replicate"}
+    for part in (text or "").split(",") if text is not None else ():
+        name, equals, rest = (t.strip() for t in part.partition("="))
+        if not equals or not rest:
+            raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
+        column = known.get(name) or temperature_column(name, machine)
+        if column is None:
+            raise UsageError(f"--at: unknown circumstance `{name}`", hint=did_you_mean(name, known, _EXAMPLE))
+        if name in values:
+            raise UsageError(f"--at: `{name}` is given twice", hint="give every circumstance only once")
+        value, *more = re.split(r"\+-|\u00b1", rest)
+        unit = column.si_unit
+        values[name] = _amount(name, value, unit)
+        if name.startswith("dir.") and values[name] not in _SIDES:
+            raise UsageError(f"--at: `{name}` is 1 or -1", hint="1: approached towards larger readings")
+        if more:
+            std[name] = abs(_amount(name, more[0], unit.difference))
+            if len(more) > 1 or name.startswith("dir."):
+                raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
+    return Conditions(values, {name: u for name, u in std.items() if u > 0})
+
+
+def _amount(name: str, text: str, own: Unit) -> float:
+    """A value in SI; a bare number is in the unit of the column. Raises UsageError."""
+    value, unit = amount("--at", text.strip(), own=own)
+    if unit.dimension != own.dimension:
+        hint = f"give it in {own.text}" if own.text != "1" else "give a number"
+        raise UsageError(f"--at: `{name}`: `{unit.text}` is a unit of {unit.dimension}", hint=hint)
+    return value

@@ -1,0 +1,118 @@
+"""From targets of the tool point to a table of corrected set values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target
+from pkmcal_cli.correction.assessment import assessed
+from pkmcal_cli.correction.commands import corrected, depends_on_sides
+from pkmcal_cli.correction.redundancy import Choice
+from pkmcal_cli.correction.set_values import Aim
+from pkmcal_cli.correction.uncertainty import KnownTo
+from pkmcal_cli.csv_files.writer import open_writer
+from pkmcal_cli.loading.evidence import Evidence
+from pkmcal_cli.loading.load_machine import Start, load_machine, load_parameters
+from pkmcal_cli.loading.targets import Targets, read_targets
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.correction import CorrectionReport
+from pkmcal_cli.report.provenance import provenance, provenance_lines
+from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.command_table import CommandTable
+from pkmcal_cli.workflow.conditions import Conditions, conditions
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionRequest:
+    """The arguments of `correct`."""
+
+    machine: str
+    targets: str | None
+    grid: str | None
+    parameters: str | None
+    at: str | None
+    redundant: str
+    output: str | None
+    as_json: bool
+    quiet: bool
+    force: bool
+
+    @property
+    def choice(self) -> Choice:
+        """What the redundancy is used for. Raises UsageError."""
+        choices: tuple[Choice, ...] = get_args(Choice)
+        for choice in choices:
+            if self.redundant == choice:
+                return choice
+        hint = did_you_mean(self.redundant, get_args(Choice), f"use one of {', '.join(get_args(Choice))}")
+        raise UsageError(f"--redundant: `{self.redundant}` is not a choice", hint=hint)
+
+
+def run_correction(request: CorrectionRequest) -> int:
+    """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
+    choice, target = request.choice, _checked(request)
+    to = Reporter(request.quiet)
+    loaded = load_machine(request.machine)
+    for fault in loaded.warnings:
+        to.warn(fault.text())
+    stated = conditions(loaded.machine, request.at)
+    targets = read_targets(loaded, request.targets, request.grid, stated.values)
+    model = loaded.model.for_sessions(targets.rows.session_names)
+    start = load_parameters(model, request.parameters)
+    for text in start.warnings:
+        to.warn(text)
+    to.notes(targets.notes)
+    made = corrected(model, start.values, Aim(poses=targets.poses, held=targets.held, rows=targets.rows), choice)
+    evidence = start.evidence or Evidence({})
+    result = None
+    if made is not None:
+        known = _known(model, start, stated, evidence)
+        result = assessed(model, start.values, made, known, evidence.measured)
+    report = CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
+    report.show(to)
+    inputs = loaded.inputs | start.inputs | dict(targets.inputs)
+    head = provenance(inputs, redundant=choice, at=request.at)
+    if result is not None and len(result.correction.good):
+        table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
+        comments = ["set values corrected by pkmcal", *provenance_lines(head)]
+        with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
+            writer.write(table.cells(report.ids, result))
+    if request.as_json:
+        emit_json(report.json() | {"output": request.output, "at": request.at, "provenance": head})
+    return 1 if report.lost.reasons and not targets.grid else 0
+
+
+def _checked(request: CorrectionRequest) -> str:
+    """The target of the table, when the arguments go together. Raises UsageError and OutputError."""
+    target = "-" if request.output is None else request.output
+    if request.as_json and is_stream(target):
+        raise UsageError("--json and the table both write to stdout", hint="write the table with `-o COMMANDS.csv`")
+    one_stdin(request.machine, request.targets, request.parameters)
+    check_target(target, given(request.machine, request.targets, request.parameters), force=request.force)
+    return target
+
+
+def _known(model: Model, start: Start, stated: Conditions, evidence: Evidence) -> KnownTo | None:
+    """How well parameters and circumstances are known; None where the parameter file does not say."""
+    if start.covariance is None:
+        return None
+    names, covariance = start.covariance
+    left = dict(evidence.unexplained)
+    turning = left.pop("orientation", 0.0)
+    return KnownTo(
+        names=names,
+        covariance=covariance,
+        half_ranges=0.5 * model.ranges[[model.names.index(n) for n in names]],
+        conditions=stated.std,
+        unexplained=(left.get("position", max(left.values(), default=0.0)), turning),
+    )
+
+
+def _covariates(model: Model, targets: Targets) -> tuple[str, ...]:
+    """Columns beside the set values: those of the targets, and sides of approach where they matter."""
+    sides = [f"dir.{a.name}" for a in model.actuators] if depends_on_sides(model) else []
+    return tuple(dict.fromkeys([*targets.covariates, *sides]))
