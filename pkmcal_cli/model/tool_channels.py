@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from pkmcal_cli.equilibrium.readings import ObservedQuantity
@@ -38,5 +36,4 @@ def tcp_model(model: Model) -> Model:
             for k in axes_of_rotation
         ]
     observed = tuple(ObservedQuantity(c.measurand, c.index, c.component) for c in channels)
-    direct = tuple((k, k) for k in range(len(channels)))
-    return replace(model, channels=tuple(channels), observed=observed, direct=direct, sensors=(), correlated=())
+    return model.with_channels(tuple(channels), observed)
