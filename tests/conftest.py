@@ -1,14 +1,47 @@
 """Settings of all tests: one thread for linear algebra, as matrices are small and tests run side by side; the same
-random examples in every run, so that a result depends on the code alone."""
+random examples in every run, so that a result depends on the code alone; whole files in one process, the longest first.
+"""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+from typing import Any
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # before numpy is imported
 
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
+
+SHARING = ("test_commands_improve", "test_commands_diagnose", "test_docs", "test_pictures", "test_reference")
+"""Files whose tests look at the same diagnoses (`computed_once`)."""
+LONGEST = (
+    *SHARING, "test_diagnosis_cases", "test_commands_odd", "test_spoilt_tables", "test_gross_faults",
+    "test_calibration_proof", "test_commands_plan", "test_commands_process", "test_commands_check",
+)  # fmt: skip
+"""They begin, so that no process ends long after the others."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    order = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(order)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file's tests share what they compute, so a process gets whole files, in the order above."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::")[0]
+            return "sharing" if Path(file).stem in SHARING else file
+
+    if config.getoption("dist") != "load":  # another distribution is asked for
+        return None
+    config.option.loadscopereorder = False
+    return ByFile(config, log)

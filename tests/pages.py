@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.command import ROOT, Done, run
+from tests.command import ROOT, Done
+from tests.computed_once import run_once
 
 SHOWING = (
     ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("machine-language", "ranges-and-sigma", "correct"))
@@ -67,7 +68,7 @@ def done(line: str) -> list[Done]:
     for part in " ".join(shlex.quote(w) if w != "|" else w for w in shlex.split(line)).split(" | "):
         program, *arguments = shlex.split(part)
         assert program == "pkmcal", line
-        results.append(run(*arguments, stdin=results[-1].out if results else None))
+        results.append(run_once(*arguments, stdin=results[-1].out if results else None))
     return results
 
 

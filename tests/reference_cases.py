@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.command import ROOT, clean, run
+from tests.command import ROOT, clean
+from tests.computed_once import run_once
 from tests.shipped import TABLES, machine_of
 
 OUTPUTS = ROOT / "tests" / "reference"
@@ -44,7 +45,7 @@ class Case:
         if self.command in ("simulate", "correct", "improve"):
             arguments += ["-o", str(folder / f"{self.table.stem}{'.yaml' if self.command == 'improve' else '.csv'}")]
         with contextlib.chdir(ROOT):
-            done = clean(run(*arguments))
+            done = clean(run_once(*arguments))
         text = done.out.replace(f"{folder}/", "")
         found: dict[str, Any] = {"exit_code": done.code} | (json.loads(text) if text else {"refused": done.err})
         found.pop("provenance", None)

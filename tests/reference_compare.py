@@ -23,6 +23,8 @@ _DRAWN = 0.05  # of sizes by 500 drawn campaigns, whose draws follow rounding wh
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
 _BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark", "detected", "numbers", "worst")
 """Of an invisible effect: sizes beyond all bounds, and the one of many that happens to come first."""
+_OF_A_DIFFERENCE, _ROOT = "std_by_held", 1e-15
+"""The root of a difference of squares, which has the rounding of the squares: a share of that of `std`."""
 _NEVER = 10.0  # times what is plausible: a size at which an effect is invisible
 _NAMES = ("name", "effect", "at", "file", "line", "kind", "row", "id", "channel")
 
@@ -64,6 +66,9 @@ def _same(path: Path, one: Any, other: Any, output: Mapping[Path, Any], largest:
         off += ESTIMATE * std if _is_number(std) else 0.0
     elif key in _IN_STD:
         off += ESTIMATE
+    elif key == _OF_A_DIFFERENCE and one and other:
+        std = output.get((*path[:-1], "std"))
+        off += _ROOT * std**2 / max(abs(one), abs(other)) if _is_number(std) else 0.0
     return abs(one - other) <= off
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run
+from tests.computed_once import run_once
 
 SECOND = str(MACHINES / "hangprinter_2022-04-12.csv")
 Rows = list[dict[str, str]]
@@ -17,7 +18,7 @@ Rows = list[dict[str, str]]
 
 @cache
 def diagnosed(machine: str, *tables: str) -> Done:
-    return clean(run("diagnose", machine, *tables, "--json"))
+    return clean(run_once("diagnose", machine, *tables, "--json"))
 
 
 def names(done: Done) -> set[str]:
@@ -142,7 +143,7 @@ def test_sizes_are_readable(table: str) -> None:
 
 def test_narrow_terminals_show_names_and_sizes_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pkmcal_cli.report.console._WIDTH", 80)
-    shown = clean(run("diagnose", SCISSORS, SHOPFLOOR)).err
+    shown = clean(run_once("diagnose", SCISSORS, SHOPFLOOR)).err
     causes = shown.partition("Causes")[2].partition("bad row")[0]
     assert "thermal_strut  all" in causes and "um/(m*K)" in causes and "\u2026" not in causes
     assert "unequal_backlash" in run("effects", SCISSORS).err
@@ -168,14 +169,14 @@ def test_what_is_provisional_has_its_reason(tmp_path: Path) -> None:
 
 
 def test_quiet_says_the_verdict_only_where_it_is_bad(tmp_path: Path) -> None:
-    assert run("diagnose", SCISSORS, str(MACHINES / "scissors.csv"), "-q") == Done(0, "", "")
-    bad = run("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "-q")
+    assert run_once("diagnose", SCISSORS, str(MACHINES / "scissors.csv"), "-q") == Done(0, "", "")
+    bad = run_once("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "-q")
     assert bad.code == 1 and bad.err.count("\n") == 2 and bad.err.startswith("diagnosis: ")
 
 
 # --- columns -------------------------------------------------------------------------------
 def test_missing_columns_are_not_testable(tmp_path: Path) -> None:
-    done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "--json"))
+    done = clean(run_once("diagnose", SCISSORS, shopfloor(tmp_path, without("T ", "time", "dir")), "--json"))
     needs = {n["effect"]: n["needs"] for n in done.json["not_testable"]}
     assert "`time`" in needs["drift"] and "temperature" in needs["thermal_strut"]
     assert "session" in needs["resetup"] and "spindle" in needs["runout"]

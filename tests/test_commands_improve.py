@@ -13,6 +13,7 @@ from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.report_rows import OuterFold
 from tests.benchmark.setting import ready
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run
+from tests.computed_once import run_once
 from tests.truth.campaigns import campaign, unit
 
 CLEAN = str(MACHINES / "scissors.csv")
@@ -29,7 +30,7 @@ class Improved:
 
 def improved(folder: Path, machine: str, table: str) -> Improved:
     target = folder / "better.yaml"
-    done = clean(run("improve", machine, table, "-o", target, "--json"))
+    done = clean(run_once("improve", machine, table, "-o", target, "--json"))
     return Improved(done, target, folder / "better.params.yaml")
 
 
@@ -156,7 +157,7 @@ def test_rows_kept_apart_report(halves: tuple[Path, Path]) -> None:
 
 def test_nothing_to_improve(tmp_path: Path) -> None:
     target = tmp_path / "better.yaml"
-    done = clean(run("improve", SCISSORS, CLEAN, "-o", target, "--json"))
+    done = clean(run_once("improve", SCISSORS, CLEAN, "-o", target, "--json"))
     assert (done.code, done.json["verdict"], done.json["steps"]) == (0, "clean", [])
     assert "nothing to improve" in done.err and done.json["failures"] == []
     assert "no effect was accepted" in target.read_text(encoding="utf-8"), "files are written either way"
@@ -177,14 +178,14 @@ def test_fails_on_what_is_asked_for(tmp_path: Path) -> None:
     stepped, target = tmp_path / "stepped.csv", tmp_path / "better.yaml"
     stepped.write_text("\n".join(lines) + "\n", encoding="utf-8")
     few = ("--only", "backlash@q1,windup@all")  # they explain nothing of it
-    done = clean(run("improve", SCISSORS, stepped, *few, "-o", target, "--json"))
+    done = clean(run_once("improve", SCISSORS, stepped, *few, "-o", target, "--json"))
     assert done.code == 1 and "missing" in done.json["failures"] and target.exists()
-    assert run("improve", SCISSORS, stepped, *few, "--fail-on", "none", "-q") == Done(0, "", "")
-    told = clean(run("diagnose", SCISSORS, stepped, "--json"))
+    assert run_once("improve", SCISSORS, stepped, *few, "--fail-on", "none", "-q") == Done(0, "", "")
+    told = clean(run_once("diagnose", SCISSORS, stepped, "--json"))
     assert told.code == 1 and told.json["verdict"] == "unknown"
     first, second = told.err[told.err.index("diagnosis:") :].splitlines()[:2]
     assert first.startswith("diagnosis: unknown; depends on ") and second.startswith("The residuals after calibration")
-    assert run("diagnose", SCISSORS, stepped, "--fail-on", "found,ambiguous", "-q") == Done(0, "", "")
+    assert run_once("diagnose", SCISSORS, stepped, "--fail-on", "found,ambiguous", "-q") == Done(0, "", "")
     for command, near, known in (("diagnose", "unknwn", "`unknown`"), ("improve", "mising", "`missing`")):
         wrong = clean(run(command, SCISSORS, stepped, "--fail-on", near))
         assert wrong.code == 2 and f"did you mean {known}?" in wrong.err

@@ -147,10 +147,10 @@ OF_DRIVES = [
 def test_a_zero_that_does_not_stay_is_found(machine: str, planted: Planted) -> None:
     """With its size, if it has the shape of the catalogue; and by name, alone, if it settles exponentially instead."""
     name = f"{planted.keyword}@{planted.at}"
-    for extra in (0.0, 1.0):
-        d = diagnosed(campaign(machine, [planted], 7, scenario=Scenario(extra=extra)), 7)
+    exact, settling = (diagnosed(campaign(machine, [planted], 7, scenario=Scenario(extra=e)), 7) for e in (0.0, 1.0))
+    for d in (exact, settling):
         assert named(d) == {name} and not d.unknown and d.verdict == "found"
-    (finding,) = diagnosed(campaign(machine, [planted], 7, scenario=Scenario(extra=0.0)), 7).findings
+    (finding,) = exact.findings
     for estimate, std, (_, value) in zip(finding.estimate, finding.std, planted.values.items(), strict=True):
         assert estimate == pytest.approx(value, abs=4 * std + 0.02 * abs(value)) and std < 0.1 * abs(value)
 

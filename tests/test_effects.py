@@ -76,9 +76,8 @@ def test_declared_effects_keep_all_derivatives_exact(name: str) -> None:
     for k, n in enumerate(names):
         place = c.model.names.index(n)
         step = 1e-5 * c.model.parameters[place].range  # forces are felt over 10 N only
-        at = {
-            s: predict(c.model, _with(values, place, values[place] + s * step), c.rows).values for s in (-2, -1, 1, 2)
-        }
+        ends = {s: _with(values, place, values[place] + s * step) for s in (-2, -1, 1, 2)}
+        at = {s: predict(c.model, end, c.rows, start=found.start).values for s, end in ends.items()}
         difference = (8 * (at[1] - at[-1]) - (at[2] - at[-2])) / (12 * step)  # forces bend it: of the fourth order
         column = found.jacobian[..., k]
         rounding = 1e-5 * np.abs(column).max() + 1e-15 / step

@@ -13,6 +13,7 @@ from pkmcal_cli.diagnosis.panels import alike, driver_panel, field_map, waterfal
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from tests.benchmark.setting import diagnosed
 from tests.command import SCISSORS, SHOPFLOOR, process, run
+from tests.computed_once import run_once
 from tests.truth.campaigns import campaign, unit
 
 UM = 1e-6
@@ -64,7 +65,7 @@ def test_the_map_of_something_smooth_is_where_it_is() -> None:
 
 # --- files ---------------------------------------------------------------------------------
 def test_files_are_pictures(tmp_path: Path) -> None:
-    done = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "new")
+    done = run_once("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "new")
     names = {"errors-xy", "effect-backlash@q3", "effect-thermal_strut@all", "variance", "ambiguity"}
     assert done.code == 1 and {f.stem for f in (tmp_path / "new").iterdir()} == names
     for file in (tmp_path / "new").iterdir():
@@ -79,7 +80,7 @@ def test_files_are_pictures(tmp_path: Path) -> None:
 
 
 def test_the_terminal_shows_them_too() -> None:
-    done = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", "-")
+    done = run_once("diagnose", SCISSORS, SHOPFLOOR, "--plots", "-")
     assert "residual rms in standard uncertainties" in done.err
     assert "backlash@q3: displacement [um]; o from above, + from below, * fitted" in done.err
     assert "T [degC]" in done.err and max(len(line) for line in done.err.split("logarithmic")[1].splitlines()) < 80

@@ -32,6 +32,10 @@ def parameter(name: str, value: float, std: float | None) -> dict[str, Any]:
     return {"name": name, "value": value, "std": std, "reason": None}
 
 
+def by_held(part: float) -> dict[str, Any]:
+    return {"name": "l", "std": 1.0, "std_by_held": part}
+
+
 @pytest.mark.parametrize(
     ("one", "other", "same"),
     [
@@ -42,6 +46,9 @@ def parameter(name: str, value: float, std: float | None) -> dict[str, Any]:
         ({"p": [parameter("l", 1.0, 0.1)]}, {"p": [parameter("l", 1.0 + 5e-8, 0.1)]}, True),
         ({"p": [parameter("l", 1.0, 0.1)]}, {"p": [parameter("l", 1.0 + 5e-7, 0.1)]}, False),
         ({"p": [parameter("l", 1.0, None)]}, {"p": [parameter("l", 1.0 + 5e-8, None)]}, False),
+        ({"p": [by_held(1e-6)]}, {"p": [by_held(1e-6 + 5e-10)]}, True),
+        ({"p": [by_held(1e-6)]}, {"p": [by_held(1e-6 + 5e-9)]}, False),
+        ({"p": [by_held(0.1)]}, {"p": [by_held(0.1 + 1e-9)]}, False),
         ({"n": [{"name": "a"}, {"name": "b"}]}, {"n": [{"name": "b"}, {"name": "a"}]}, True),
         ({"n": [{"name": "a", "x": 1}]}, {"n": [{"name": "a", "x": 2}]}, False),
         ({"n": 1}, {"n": 1, "m": 2}, False),

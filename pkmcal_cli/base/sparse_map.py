@@ -46,17 +46,24 @@ class SparseMap:
         entries = (self.factor, (self.target, self.source))
         return csr_array(entries, shape=(self.height, self.columns))
 
+    @cached_property
+    def _places(self) -> dict[int, Index]:
+        """Where products go in an image of so many rows; kept, as numbers of rows come again."""
+        return {}
+
     def __call__(self, x: Array) -> Array:
         """The image (height, N) of x (columns, N), real or complex; what is not finite spoils only its targets."""
         rows = x.shape[1]
         if rows > 1 and rows * len(self.factor) > _FEW:
             return np.asarray(self._matrix @ x)
         parts = self.factor[:, None] * x[self.source]  # (nnz, N)
-        place = (self.target[:, None] * rows + np.arange(rows)).ravel()
-        image = np.bincount(place, parts.real.ravel(), self.height * rows).astype(float)
+        if rows not in self._places:
+            self._places[rows] = (self.target[:, None] * rows + np.arange(rows)).ravel()
+        place = self._places[rows]
+        image = np.bincount(place, parts.real.ravel(), self.height * rows)
         if np.iscomplexobj(parts):
             image = image + 1j * np.bincount(place, parts.imag.ravel(), self.height * rows)
-        return np.asarray(image.reshape(self.height, rows))
+        return np.asarray(image.reshape(self.height, rows), dtype=parts.dtype)
 
 
 @dataclass(frozen=True)
@@ -66,10 +73,14 @@ class Block:
     start: int
     shape: tuple[int, ...]
 
-    @property
+    @cached_property
     def stop(self) -> int:
         """First entry behind the block."""
         return self.start + math.prod(self.shape)
+
+    @cached_property
+    def _stacked(self) -> tuple[int, ...]:
+        return self.shape[::-1]
 
     @property
     def numbers(self) -> Index:
@@ -78,8 +89,7 @@ class Block:
 
     def of(self, stacked: Array) -> Array:
         """The block as a view (N, *shape) of a stacked array (entries, N)."""
-        part = stacked[self.start : self.stop]
-        return np.asarray(part.reshape(*self.shape[::-1], stacked.shape[1]).T)
+        return stacked[self.start : self.stop].reshape(*self._stacked, stacked.shape[1]).T
 
 
 class Stack:

@@ -29,6 +29,7 @@ from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, pl
 from pkmcal_cli.calibration.selected_shapes import with_free_shapes
 from pkmcal_cli.calibration.starts import Agreement, identify_from
 from pkmcal_cli.calibration.steady_ropes import steady_fit
+from pkmcal_cli.prediction import WarmStart
 
 
 @dataclass(frozen=True)
@@ -104,10 +105,12 @@ def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tupl
     return replace(robust, fit=fit), budget
 
 
-def refit(options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array) -> Fit:
-    """The same fit of other rows, from one start. Raises RowsFailed."""
+def refit(
+    options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None = None
+) -> Fit:
+    """The same fit of other rows, from one start; `states`: near those there. Raises RowsFailed."""
     problem = _with_prior(problem, selected, options)
-    first = identify(problem, selected, start)
+    first = identify(problem, selected, start, states=states)
     robust, _ = _with_ranges(_with_loss(problem.without(first.failed), first, options), start, ())
     return robust.fit
 

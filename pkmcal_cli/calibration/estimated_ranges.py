@@ -37,7 +37,7 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
     else:
         wider = replace(wider, prior=prior_of_ranges(wider.model, fit.selected))
     try:
-        again = identify(wider, fit.selected, values, shift=fit.shift)
+        again = identify(wider, fit.selected, values, shift=fit.shift, states=fit.last.start)
     except RowsFailed:
         return problem, fit
     if again.status != "converged" or again.failed:

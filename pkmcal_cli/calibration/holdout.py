@@ -15,12 +15,14 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
 from pkmcal_cli.calibration.same_poses import loads_of, poses_alike
+from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
 
-Refit = Callable[[Problem, tuple[str, ...], Array], Fit]
-"""A fit of some parameters from values (P,). Raises RowsFailed."""
+Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None], Fit]
+"""A fit of some parameters from values (P,), and states near those there. Raises RowsFailed."""
 
 _SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
 _CELLS = 4  # cells along each axis of the workspace
@@ -89,7 +91,7 @@ def cross_validate(
     folds = np.unique(labels)
     for fold in folds:
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
-        trained = _refitted(problem.take(outside), fit, again or identify)
+        trained = _refitted(problem.take(outside), fit, outside, again or _by_least_squares)
         failed += trained is None or trained.status != "converged"
         part = _without_bench(problem.take(inside))
         if trained is None:
@@ -97,12 +99,12 @@ def cross_validate(
             continue
         own = _unknown_to(problem.take(outside), part)
         fitted_too |= dict.fromkeys(own)
-        predicted = _predicted(part, trained.values, own)
+        predicted = _predicted(part, trained.values, own, _states(fit.after, inside))
         gone = lost_rows(part, predicted)
         lost += len(gone)
         part = part.without(gone)
         after.append(error_figures(part, predicted_part(part, predicted)[1]))
-        before.append(error_figures(part, evaluate(part, fit.before.values)))
+        before.append(error_figures(part, evaluate(part, fit.before.values, None, _states(fit.before, inside))))
     words = [scheme] + ([f"{', '.join(fitted_too)} fitted to the held-out rows"] if fitted_too else [])
     words += _lost_words(lost, len(problem))
     return HeldOut(pooled(before), pooled(after), "; ".join(words), len(folds), failed)
@@ -112,12 +114,22 @@ def _lost_words(lost: int, rows: int) -> list[str]:
     return [f"{lost} of {rows} rows could not be predicted"] if lost else []
 
 
-def _refitted(problem: Problem, fit: Fit, again: Refit) -> Fit | None:
-    """The fit without a fold, from where it began; where that leads nowhere, from where it ended."""
+def _states(evaluation: Evaluation, rows: NDArray[np.intp]) -> WarmStart:
+    """States of some rows; those that were not predicted are looked for again."""
+    start = evaluation.start.take(rows)
+    return replace(start, misfit=np.where(start.status == RowStatus.SOLVED, start.misfit, 0.0))
+
+
+def _by_least_squares(problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None) -> Fit:
+    return identify(problem, selected, start, states=states)
+
+
+def _refitted(problem: Problem, fit: Fit, rows: NDArray[np.intp], again: Refit) -> Fit | None:
+    """The fit of some rows, from where it began; where that leads nowhere, from where it ended."""
     trained: Fit | None = None
-    for start in (fit.before.values, fit.values):
+    for begin in (fit.before, fit.after):
         try:
-            trained = again(problem, fit.selected, start)
+            trained = again(problem, fit.selected, begin.values, _states(begin, rows))
         except RowsFailed:
             continue
         if trained.status != "not_converged":
@@ -125,10 +137,11 @@ def _refitted(problem: Problem, fit: Fit, again: Refit) -> Fit | None:
     return trained
 
 
-def _predicted(part: Problem, values: Array, own: tuple[str, ...]) -> Evaluation:
+def _predicted(part: Problem, values: Array, own: tuple[str, ...], states: WarmStart | None) -> Evaluation:
     """Held-out rows, predicted; what their sessions have for themselves is fitted to them."""
     try:
-        return evaluate(part, identify(part, own, values).values if own else values)
+        values = identify(part, own, values, states=states).values if own else values
+        return evaluate(part, values, None, states)
     except RowsFailed as failure:
         return failure.evaluation
 

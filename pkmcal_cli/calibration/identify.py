@@ -26,6 +26,7 @@ from pkmcal_cli.calibration.residual import (
     residuals,
 )
 from pkmcal_cli.calibration.step import Scaled, advance
+from pkmcal_cli.prediction import WarmStart
 
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
@@ -49,15 +50,16 @@ def identify(
     iterations: int = 60,
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
+    states: WarmStart | None = None,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
     Rows that cannot be predicted wherever fits of the others lead are left out: `Fit.failed`, less than half of all.
     So are those that can be predicted only where nothing is explained any more. Rows that failed on the way come back
     where the fit ends near them.
-    `shift`: drive errors (N, A) of an earlier fit, to begin with.
+    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start.
     """
-    fit = _identified(problem, selected, start, iterations, progress, shift)
+    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states)
     doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
         fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
@@ -74,7 +76,7 @@ def _unspoilt(
 ) -> Fit:
     """The fit without rows in doubt, where these spoil it."""
     try:
-        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress, None)
+        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress)
     except RowsFailed:
         return fit
     spoilt = without.status == "converged" and fit.chi2_per_dof > _SPOILT * max(without.chi2_per_dof, 1.0)
@@ -91,7 +93,8 @@ def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Calla
     if len(left_out) == len(fit.failed):
         return fit
     try:
-        whole = _identified(problem.without(left_out), fit.selected, fit.values, iterations, progress, None)
+        part = problem.without(left_out)
+        whole = _identified(part, fit.selected, fit.values, iterations, progress)
     except RowsFailed:
         return fit
     whole = replace(whole, before=fit.before, failed={**left_out, **whole.failed})
@@ -105,10 +108,11 @@ def _identified(
     start: Array | None,
     iterations: int,
     progress: Callable[[int, float], None] | None,
-    shift: Array | None,
+    shift: Array | None = None,
+    states: WarmStart | None = None,
 ) -> Fit:
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
-    first = evaluate(problem, problem.model.nominal if start is None else start, selected, shift=shift)
+    first = evaluate(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
     lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first)
@@ -194,7 +198,7 @@ def _nearest(problem: Problem, scale: Scaled, plain: Evaluation) -> Evaluation:
     shift = np.nan_to_num(errors_at_poses(problem, plain.values, seen))
     if not shift.any():
         return plain
-    posed = evaluate(problem, plain.values, scale.names, shift=shift)
+    posed = evaluate(problem, plain.values, scale.names, plain.start, shift)
     if plain.solved and posed.solved:
         return min(plain, posed, key=lambda e: chi_square(problem, e))
     return posed if len(lost_rows(problem, posed)) < len(lost_rows(problem, plain)) else plain

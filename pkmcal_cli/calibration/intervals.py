@@ -64,7 +64,7 @@ def profile_intervals(problem: Problem, fit: Fit, budget: ErrorBudget, index: Ar
     std = np.where(fit.directions.undetermined(), np.nan, budget.std_by_data)
     wider = std / np.sqrt(np.diag(fit.with_spread(1.0).directions.determined_covariance()))
     if given is not problem:  # with what ranges say, the best fit lies elsewhere
-        fit = identify(given, fit.selected, fit.values, shift=fit.shift)
+        fit = identify(given, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
     best = linearise(given, fit.last).chi2
     for k, name in enumerate(fit.selected):
         if np.isfinite(std[k]):
@@ -86,7 +86,7 @@ def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float, wider
     for _ in range(_TRIALS):
         values = start.copy()
         values[place] = fit.values[place] + step
-        trial = identify(problem, others, values, shift=fit.shift)
+        trial = identify(problem, others, values, shift=fit.shift, states=fit.last.start)
         if trial.status == "not_converged" or trial.failed:
             return float("nan")
         grown = float(np.sqrt(max(trial.chi2 - best, 0.0)))

@@ -53,7 +53,7 @@ class Problem:
     def nominal_poses(self) -> dict[str, Array]:
         """TCP coordinates (N,) that move independently, at nominal parameters; where these fail, drive readings."""
         model = self.model
-        bare = replace(tcp_model(model), effects=())
+        bare = tcp_model(model).with_options(())
         names = [k for k, c in enumerate(bare.channels) if c.name in model.independent_coordinates]
         predicted = predict(bare, model.nominal, self.rows)
         if names and predicted.solved.all():

@@ -93,7 +93,7 @@ def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
             white, scale = _deviations(problem, fit)
             fresh = np.where(problem.measured, weights_of(stage, white / scale), 1.0)  # type: ignore[arg-type]
             weighted = replace(problem, weight=fresh)
-            fit = identify(weighted, selected, fit.values, shift=fit.shift)
+            fit = identify(weighted, selected, fit.values, shift=fit.shift, states=fit.last.start)
             failed |= fit.failed
             problem, weighted = problem.without(fit.failed), weighted.without(fit.failed)
             change, weight = float(np.abs(fresh - weight).max(initial=0.0)), fresh

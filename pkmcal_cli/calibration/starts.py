@@ -199,6 +199,6 @@ def _centred(problem: Problem, selected: tuple[str, ...], start: Array, fit: Fit
         return fit
     values = centred(problem, fit.values, start, fit.directions)
     try:
-        return replace(identify(problem, selected, values, iterations=_STEPS), before=fit.before)
+        return replace(identify(problem, selected, values, _STEPS, states=fit.last.start), before=fit.before)
     except RowsFailed:
         return fit

@@ -157,19 +157,20 @@ class _Scheme:
         own = self.places[hypothesis.name]
         basis, at = score.basis, np.ix_(own, own)
         chance = _estimates(self, procedure)
-        steps = []
+        gains = []
         for f in self.folds:
             train = basis.T @ f.train[at] @ basis + _SMALL * np.eye(score.count)
             step = np.linalg.solve(train, basis.T @ np.hstack([f.trained[own], (f.train[at] @ direction)[:, None]]))
             seen = basis.T @ np.hstack([f.noise[own], (f.columns[at] @ direction)[:, None]])
-            steps.append(_FoldGain(basis.T @ f.columns[at] @ basis, seen, step, f.values))
+            left = 2 * seen - basis.T @ f.columns[at] @ basis @ step
+            gains.append(_Quadratic.of(left, step).over(f.values))
         gradient = basis.T @ np.hstack([self.gradient[own], (self.information[at] @ direction)[:, None]])
         return _Run(
-            gradient=gradient,
-            information=score.information,
+            statistic=_Quadratic.of(gradient / score.information[:, None], gradient),
+            count=score.count,
             along=float(direction @ self.information[at] @ direction),
             by_noise=direction @ self.gradient[own],
-            folds=tuple(steps),
+            gain=_Quadratic.mean(gains),
             variance=chance,
             procedure=procedure,
         )
@@ -212,30 +213,50 @@ def _estimates(scheme: _Scheme, procedure: Procedure) -> Array:
 
 
 @dataclass(frozen=True)
-class _FoldGain:
-    """In one fold: normal matrix (m, m) of the rows held out, products and steps (m, D + 1) of noise and effect."""
+class _Quadratic:
+    """What grows with the square of an effect's size: constant and linear (D,), by draws of noise, and square."""
 
-    columns: Array
-    seen: Array
-    step: Array
-    values: int
+    constant: Array
+    linear: Array
+    square: float
 
-    def gain(self, size: float) -> Array:
-        """Fall (D,) of the mean square by the effect, where it has a size."""
-        seen = self.seen[:, :-1] + size * self.seen[:, -1:]
-        step = self.step[:, :-1] + size * self.step[:, -1:]
-        return np.asarray(((2 * seen - self.columns @ step) * step).sum(axis=0) / self.values)
+    @classmethod
+    def of(cls, one: Array, other: Array) -> _Quadratic:
+        """Sums (D,) of products of two (m, D + 1), each its noise and, in the last column, an effect of unit size."""
+        noise, effect = (one[:, :-1], other[:, :-1]), (one[:, -1:], other[:, -1:])
+        linear = (noise[0] * effect[1] + effect[0] * noise[1]).sum(axis=0)
+        return cls((noise[0] * noise[1]).sum(axis=0), linear, float((effect[0] * effect[1]).sum()))
+
+    @classmethod
+    def mean(cls, parts: Sequence[_Quadratic]) -> _Quadratic:
+        """The mean of some; nan of none."""
+        if not parts:
+            return cls(np.array(np.nan), np.array(np.nan), float("nan"))
+        columns = [(p.constant, p.linear, p.square) for p in parts]
+        constant, linear, square = (np.mean(column, axis=0) for column in zip(*columns, strict=True))
+        return cls(constant, linear, float(square))
+
+    def over(self, count: int) -> _Quadratic:
+        """The same over a number of values."""
+        return _Quadratic(self.constant / count, self.linear / count, self.square / count)
+
+    def at(self, size: float) -> Array:
+        """Values (D,) at a size."""
+        return np.asarray(self.constant + size * (self.linear + size * self.square))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Run:
-    """Campaigns with one effect: products (m, D + 1) of noise and of an effect of unit size with what can be seen."""
+    """Campaigns with one effect, of which `count` directions can be seen.
 
-    gradient: Array
-    information: Array
+    gain: fall of the mean square of rows held out by the effect, mean of the folds.
+    """
+
+    statistic: _Quadratic
+    count: int
     along: float
     by_noise: Array
-    folds: tuple[_FoldGain, ...]
+    gain: _Quadratic
     variance: Array
     procedure: Procedure
 
@@ -245,15 +266,13 @@ class _Run:
 
     def campaigns(self, size: float) -> tuple[Array, NDArray[np.bool_]]:
         """Statistics (D,) of campaigns with an effect of this size, and whether it is accepted."""
-        gradient = self.gradient[:, :-1] + size * self.gradient[:, -1:]
-        statistic = (gradient**2 / self.information[:, None]).sum(axis=0)
-        m = np.full(len(statistic), len(self.information))
+        statistic = np.maximum(self.statistic.at(size), 0.0)
+        m = np.full(len(statistic), self.count)
         variance, dof = self._scale(size)
         estimated = fdtrc(m, np.minimum(dof, 2 * _KNOWN), statistic / (variance * m))
         p = np.where(np.isfinite(dof), estimated, chdtrc(m, statistic))
         evidence = log_evidence(statistic / variance, m)
-        gain = np.mean([f.gain(size) for f in self.folds], axis=0)  # (D,)
-        return statistic, (p < self.procedure.critical) & (evidence > 0) & (gain > 0.0)
+        return statistic, (p < self.procedure.critical) & (evidence > 0) & (self.gain.at(size) > 0.0)
 
     def _scale(self, size: float) -> tuple[Array, Array]:
         """Estimated variances (D,) over the true one, 1 with infinite degrees of freedom where the statement stands."""

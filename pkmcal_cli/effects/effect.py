@@ -219,7 +219,10 @@ class Effect:
 
         moved = self.formula(at, *(values.get(p.name, 0.0) for p in self.parameters))
         parts = [moved] if WIDTHS[self.enters] == 1 else list(moved)
-        return np.stack([np.broadcast_to(part, (at.rows,)) for part in parts], axis=1)
+        out = np.empty((at.rows, len(parts)), dtype=complex if any(map(np.iscomplexobj, parts)) else float)
+        for k, part in enumerate(parts):
+            out[:, k] = part
+        return out
 
 
 def legendre(u: Array, degree: int) -> Array:

@@ -1,20 +1,21 @@
 """Mistakes in the columns of drives, found by predicting again with columns exchanged, turned or scaled.
 
-This asks no pose of the measurement, only some readings. Every change costs a prediction of a few rows.
+This asks no pose of the measurement, only some readings. All changes of a kind are predicted at once, of a few rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, Kind, factors_of, misfit, times, unit_words
-from pkmcal_cli.prediction import Request, predict
+from pkmcal_cli.prediction import Request, frozen, joined_rows, predict
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -48,26 +49,43 @@ def explain_by_prediction(
     if not (~forces & part.measured.any(axis=0)).any():
         forces[:] = False  # else they are no witnesses: small errors of a stiff machine make large ones
 
-    def left(change: _Change) -> float:
-        drives = part.rows.readings[:, change.source.astype(int)] * change.factor
-        prediction = predict(part.model, values, replace(part.rows, readings=drives), Request(compare=False))
-        if prediction.solved.mean() < _SOLVED:
+    def left(drives: Array, predicted: Array, solved: NDArray[np.bool_]) -> float:
+        if solved.mean() < _SOLVED:
             return np.inf
-        predicted = np.where(prediction.solved[:, None], prediction.values, np.nan)
         moved = readings.copy()
         moved[:, own] = np.where(part.measured[:, own], drives[:, [part.model.channels[k].index for k in own]], np.nan)
         compared = np.where(forces, np.nan, seen(moved, predicted))
         return misfit(compared, predicted, compared)
 
     columns = np.arange(len(problem.model.actuators))
-    before = left(_Change("moved", (), columns, np.ones(len(columns))))
+    none = _Change("moved", (), columns, np.ones(len(columns)))
+    before = next(left(*p) for p in _predicted(part, values, [none]))
     for kind in ("rotated", "swapped", "sign", "unit"):
-        tried = [(left(change), change) for change in islice(_changes(problem, kind), _MOST)]
+        changes = list(islice(_changes(problem, kind), _MOST))
+        tried = zip((left(*p) for p in _predicted(part, values, changes)), changes, strict=True)
         good = [(after, change) for after, change in tried if after <= min(EXPLAINED, BETTER * before)]
         if good:
             good.sort(key=lambda each: each[0])
             return [_hint(problem, change, before, after) for after, change in good], before
     return [], before
+
+
+def _predicted(
+    part: Problem, values: Array, changes: Sequence[_Change]
+) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+    """Drive readings (n, A) after each change, predictions (n, C), nan where there are none, and where there are (n,).
+
+    Effects spread their shapes over the rows as they are filed.
+    """
+    if not changes:
+        return
+    drives = [part.rows.readings[:, change.source.astype(int)] * change.factor for change in changes]
+    rows = joined_rows([replace(part.rows, readings=q) for q in drives])
+    found = predict(frozen(part.model, part.rows), values, rows, Request(compare=False))
+    predicted = np.where(found.solved[:, None], found.values, np.nan)
+    for k, readings in enumerate(drives):
+        own = slice(k * len(part), (k + 1) * len(part))
+        yield readings, predicted[own], found.solved[own]
 
 
 def _changes(problem: Problem, kind: str) -> Iterator[_Change]:

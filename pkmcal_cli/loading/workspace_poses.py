@@ -80,7 +80,7 @@ def _by_drives(loaded: LoadedMachine, workspace: Workspace, count: int) -> Itera
         what = "the workspace limits neither coordinates of the tool point nor all drives that are not redundant"
         hint = "add a `box` or a `cylinder`, or `limits` to the actuators"
         raise BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
-    bare = replace(tcp_model(model), effects=())
+    bare = tcp_model(model).with_options(())
     for share in _shares(len(placing), count):
         readings = np.tile(model.reference_readings, (len(share), 1))
         readings[:, placing] = low + share * (high - low)

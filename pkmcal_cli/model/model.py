@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.branch import Mode, reference_mode
@@ -25,14 +27,7 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint, ToolMotion
 from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.units.measurands import Measurand
 
-_SYSTEMS = (
-    "exact",
-    "rigid",
-    "released",
-    "held_points",
-    "reference_coefficients",
-    "reference_mode",
-)
+_SYSTEMS = ("exact", "rigid", "released", "held_points", "reference_coefficients", "reference_mode")
 """Cached properties that depend on the topology only."""
 _AT_REST = ("overdetermined", "freedoms", "starts", "explained_misfit")
 """Those that effects, which are null there, do not move."""
@@ -124,25 +119,30 @@ class Model:
         effects: list[PlacedEffect] = []
         for e in self.effects:
             effects += [e.of_session(s) for s in names] if set(e.parameters) & set(each) else [e]
-        return self._with(tuple(effects), tuple(parameters))
+        return self._with(effects=tuple(effects), parameters=tuple(parameters))
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""
-        return self._with(self.effects + effects, self.parameters + parameters, _AT_REST)
+        return self._with(_AT_REST, effects=self.effects + effects, parameters=self.parameters + parameters)
 
     def with_options(self, effects: tuple[PlacedEffect, ...]) -> Model:
-        """The model with other constants of its effects."""
-        return self._with(effects, self.parameters, _AT_REST)
+        """The model with other constants of its effects, or without effects."""
+        return self._with(_AT_REST, effects=effects)
+
+    def with_channels(self, channels: tuple[Channel, ...], observed: tuple[ObservedQuantity, ...]) -> Model:
+        """The model with observed quantities as its channels, one each, and no sensors."""
+        direct = tuple((k, k) for k in range(len(channels)))
+        return self._with(_AT_REST, channels=channels, observed=observed, direct=direct, sensors=(), correlated=())
 
     def with_nominal(self, values: Array) -> Model:
         """The model with other nominal values (P,)."""
         parameters = tuple(replace(p, nominal=float(v)) for p, v in zip(self.parameters, values, strict=True))
-        return self._with(self.effects, parameters)
+        return self._with(parameters=parameters)
 
     def with_ranges(self, ranges: Array) -> Model:
         """The model with other ranges (P,)."""
         parameters = tuple(replace(p, range=float(r)) for p, r in zip(self.parameters, ranges, strict=True))
-        return self._with(self.effects, parameters)
+        return self._with(parameters=parameters)
 
     def with_taut_ropes(self) -> Model:
         """The model whose ropes push too."""
@@ -151,11 +151,9 @@ class Model:
         made.__dict__.update({n: self.__dict__[n] for n in _SYSTEMS if n in self.__dict__ and n != "exact"})
         return made
 
-    def _with(
-        self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...], same: tuple[str, ...] = ()
-    ) -> Model:
-        """The model with others; `same`: what else has been computed and stays."""
-        made = replace(self, effects=effects, parameters=parameters)
+    def _with(self, same: tuple[str, ...] = (), **changes: Any) -> Model:
+        """The model with other fields, on which its systems do not depend; `same`: what else has been computed."""
+        made = replace(self, **changes)
         made.__dict__.update({name: self.__dict__[name] for name in (*_SYSTEMS, *same) if name in self.__dict__})
         return made
 
@@ -264,6 +262,11 @@ class Model:
     def expected_misfit(self) -> float:
         """Misfit of the drives, in sizes of the machine, that is no doubt: what ranges and noise explain, or little."""
         return max(self.explained_misfit, LEAST_MISFIT)
+
+    def in_doubt(self, misfit: Array) -> NDArray[np.bool_]:
+        """Which misfits (N,) are beyond `expected_misfit`; what ranges explain is computed only where one is large."""
+        large = misfit > LEAST_MISFIT
+        return np.asarray(misfit > self.expected_misfit if large.any() else large)
 
     @cached_property
     def explained_misfit(self) -> float:

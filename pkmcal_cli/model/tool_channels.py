@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from pkmcal_cli.equilibrium.readings import ObservedQuantity
@@ -38,8 +36,7 @@ def tcp_model(model: Model) -> Model:
             for k in axes_of_rotation
         ]
     observed = tuple(ObservedQuantity(c.measurand, c.index, c.component) for c in channels)
-    direct = tuple((k, k) for k in range(len(channels)))
-    return replace(model, channels=tuple(channels), observed=observed, direct=direct, sensors=(), correlated=())
+    return model.with_channels(tuple(channels), observed)
 
 
 def ropes_of(model: Model) -> tuple[tuple[int, int, str], ...]:
@@ -66,5 +63,4 @@ def with_loads(model: Model, taut: bool = False) -> Model:
         for name, q in zip(names, observed, strict=True)
     ]  # fmt: skip
     every = (*tool.channels, *channels)
-    direct = tuple((k, k) for k in range(len(every)))
-    return replace(tool, channels=every, observed=(*tool.observed, *observed), direct=direct)
+    return tool.with_channels(every, (*tool.observed, *observed))

@@ -41,7 +41,7 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
     freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
     best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
     rival = np.full(rows, np.inf)
-    todo = np.nonzero(best.size > model.expected_misfit)[0]
+    todo = np.nonzero(model.in_doubt(best.size))[0]
     if not len(todo):
         return CommonPose(best.state, best.size, rival, best.singular)
     which = _nearest(freedoms, coefficients[todo], starts)  # (m, k)

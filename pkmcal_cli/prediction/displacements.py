@@ -103,8 +103,10 @@ def _displacement(
 ) -> Displacement:
     """One effect site's; only in the rows of the session where the effect belongs to one."""
     on = _rows_of(placed, at)
-    d = np.asarray(_displaced(placed, at, sizes), dtype=float) * on
     chosen = [k for k, name in enumerate(placed.parameters) if name in asked]
+    d = np.zeros((at.rows, WIDTHS[placed.effect.enters]))
+    if any(sizes):
+        d = np.asarray(_displaced(placed, at, sizes), dtype=float) * on
     by_parameter = np.zeros((*d.shape, len(chosen)))
     for j, k in enumerate(chosen):
         stepped = [value + 1j * _STEP * (i == k) for i, value in enumerate(sizes)]

@@ -36,7 +36,7 @@ def substructure_pose(model: Model, coefficients: Array, effort: Effort) -> tupl
     away = np.abs((gone - coefficients)[:, freedoms.commanded] / freedoms.size).max(axis=1)
     regular = regularity(model.rigid, model.reference_mode, coefficients, state, model.length)
     away[(away > _CLOSED) & (regular < _REGULAR)] = np.inf  # next to a singular pose another one fits nearly as well
-    doubt = np.nonzero((status != RowStatus.SOLVED) | (away > model.expected_misfit))[0]
+    doubt = np.nonzero((status != RowStatus.SOLVED) | model.in_doubt(away))[0]
     if not len(doubt):
         return state, status
     some = coefficients[doubt]

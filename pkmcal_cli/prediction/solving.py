@@ -111,7 +111,7 @@ def _equilibrium(
         return rows
     apart = _apart(model, coefficients, rows.state)
     solved = rows.status == RowStatus.SOLVED
-    fits = solved & (apart <= np.maximum(model.expected_misfit, _GROWN * rows.misfit))
+    fits = solved & ~(model.in_doubt(np.where(solved, apart, 0.0)) & (apart > _GROWN * rows.misfit))
     doubtful = np.nonzero(~fits & ~_still_out_of_reach(rows))[0]
     if not len(doubtful):
         return rows

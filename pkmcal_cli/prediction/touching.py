@@ -27,7 +27,7 @@ _NEAR, _EXACT = 1e-9, 1e-12  # m: a touch is reached; no further step is made
 
 def tcp_places(model: Model, values: Array, rows: Rows) -> Array:
     """TCP coordinates (N, 6) of rows, m, and rotation vectors in the sense of the reference configuration, rad."""
-    bare = replace(tcp_model(model), effects=(), parameters=model.parameters)
+    bare = tcp_model(model).with_options(())
     places = predict(bare, values, rows).values
     out = np.zeros((len(rows), 6))
     for k, channel in enumerate(bare.channels):

@@ -102,7 +102,7 @@ class Loads:
         slack = np.zeros(len(compared), dtype=np.intp)
         slack[list(prediction.slack)] = [len(names) for names in prediction.slack.values()]
         redundant = len(self.model.held_drives) - slack > self.model.motion_of(self.model.posed).freedoms
-        return np.asarray(compared & redundant & (prediction.misfit > self.model.expected_misfit))
+        return np.asarray(compared & redundant & self.model.in_doubt(prediction.misfit))
 
     def _add_limits(
         self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], Place]
