@@ -152,7 +152,7 @@ class _Begun:
 
 
 def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], alpha: float, seed: int) -> _Begun:
-    before = _calibrated(problem, selected, seed)
+    before = _calibrated(problem, selected, Alpha(alpha), seed)
     problem = problem.without(before.failed)
     model = fixed_smoothing(problem.model, before.values, problem.rows)
     problem, candidates = replace(problem, model=model), replace(candidates, model=model)
@@ -168,11 +168,15 @@ def _ended(begun: _Begun, alpha: float, seed: int) -> Search:
     return confirmed_only(restored(swapped(run_search(with_far_causes(begun.start), Alpha(alpha), seed))))
 
 
-def _calibrated(problem: Problem, selected: tuple[str, ...], seed: int) -> Fit:
-    """The fit that is diagnosed; from further starts where that from nominal values does not converge."""
+def _calibrated(problem: Problem, selected: tuple[str, ...], parts: Alpha, seed: int) -> Fit:
+    """The fit that is diagnosed. Where that from nominal values does not converge: without the rows that are gross at
+    nominal values, if that does, else from further starts."""
     fit = identify(problem, selected)
     if fit.status != "not_converged":
         return fit
+    _, others = gross_rows(problem, selected, parts.rows, seed)
+    if others is not None and others.status == "converged":
+        return others
     best, _ = best_of_starts(problem, selected, problem.model.nominal, fit, 0, seed)
     return fit if best is None else best
 

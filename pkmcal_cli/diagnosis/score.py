@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc
 
 from pkmcal_cli.base.rotation import Array
 
@@ -82,3 +83,13 @@ class Score:
 def minimal_detectable(information: float) -> float:
     """The size that one test at 0.1 % finds in 80 % of campaigns; inf without information."""
     return float(np.sqrt(NONCENTRALITY / information)) if information > 0 else float("inf")
+
+
+def p_of_part(statistic: Array, count: Array, variance: Array | float, dof: Array | float) -> Array:
+    """p values of parts T of a sum of squares with so many degrees of freedom: F against what T leaves of it.
+
+    Against the whole sum no effect of a small table would ever be significant: T over it is at most 1.
+    """
+    rest = np.maximum(dof - count, 1)
+    left = np.maximum(variance * dof - statistic, np.finfo(float).tiny)
+    return np.asarray(np.where(dof > count, fdtrc(count, rest, statistic * rest / (count * left)), 1.0))

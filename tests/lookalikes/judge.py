@@ -30,7 +30,7 @@ class Judged:
     """What became of one: plain values. `named`: every cause is; `in_set`: named, or in the set of a finding; `lone`:
     wrong names that stand alone; `after`, `declared`: error on fresh rows (in standard deviations of the readings)
     with what was found, and with the causes declared; `true_after`, `true_declared`: the same against true readings;
-    `rows`: all bad rows are told and no others."""
+    `rows`: all bad rows are told; `lost`: how many good ones are told to be wrong."""
 
     scenario: str
     seed: int
@@ -40,11 +40,17 @@ class Judged:
     in_set: bool
     lone: list[str]
     rows: bool
+    lost: int
     after: float
     declared: float
     true_after: float
     true_declared: float
     seconds: float
+
+    @property
+    def held(self) -> bool:
+        """Whether every cause is named or in a set, and the bad rows are told."""
+        return self.in_set and self.rows
 
     @property
     def ratio(self) -> float:
@@ -65,7 +71,10 @@ def judged(scenario: str, seed: int, campaign: LookAlike) -> Judged:
         good = told.problem.without(tuple(sorted(campaign.bad)))
         known = identify(good, told.selected, _start(campaign, good.model))
         found, best = (d.search.problem, d.search.fit.values), (good, known.values)
-        errors = [_error(file, name, *fit) for name in ("fresh", "exact") for file, fit in ((machine, found), (true, best))]
+        errors = [
+            _error(file, name, *fit) for name in ("fresh", "exact") for file, fit in ((machine, found), (true, best))
+        ]
+    told_rows = set(d.bad_rows) | set(d.failed)
     lone = [f.hypothesis.name for f in d.findings if is_lone(f) and not right(f, campaign)]
     return Judged(
         scenario=scenario,
@@ -75,7 +84,8 @@ def judged(scenario: str, seed: int, campaign: LookAlike) -> Judged:
         named=all(_is(c, [f.hypothesis.name for f in d.findings]) for c in campaign.causes),
         in_set=all(_is(c, [r.hypothesis.name for f in d.findings for r in f.rivals]) for c in campaign.causes),
         lone=lone,
-        rows=set(d.bad_rows) | set(d.failed) == set(campaign.bad),
+        rows=campaign.bad <= told_rows,
+        lost=len(told_rows - campaign.bad),
         after=errors[0],
         declared=errors[1],
         true_after=errors[2],

@@ -36,7 +36,7 @@ def joints(q: Array, p: Mapping[str, float], leans: Array) -> Array:
     angles = np.add(dim.DELTA_PRINTER_TOWERS, (p["turn1"], p["turn2"], 0.0))
     out = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
     left = np.stack([-out[:, 1], out[:, 0], 0 * angles], 1)
-    travel = q + [p["stop1"], p["stop2"], p["stop3"]]
+    travel = q + np.array([p["stop1"], p["stop2"], p["stop3"]])
     over = (q - MIDDLE)[:, :, None] * (leans[:, :1] * out + leans[:, 1:] * left)
     up = np.array([0.0, 0.0, 1.0])
     found: Array = p["radius"] * out + travel[:, :, None] * up + over
