@@ -14,7 +14,8 @@ Written by `python -m tests.lookalikes > docs/look-alikes.md`; do not edit.
 Simulated campaigns that look like tables that people brought: real machines, few or many rows, noise with tails a
 little heavier than normal (Student's t, 8 degrees of freedom), readings in whole counts, sessions of unequal length,
 time that goes with temperature. The simulators (`tests/truth/look_alikes`) share no code with the engine; with all true
-values declared, engine and simulator agree (`tests/test_look_alikes.py`). Each table is diagnosed as by `pkmcal diagnose`.
+values declared, engine and simulator agree (`tests/test_look_alikes.py`). Every table is diagnosed as `pkmcal diagnose`
+does it.
 
 - **named**: every cause is among the findings. **in set**: every cause is found, or in the 95 % set of a finding; of
   `odd-rows` both wrong rows are told as well.
