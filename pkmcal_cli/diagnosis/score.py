@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import betainc
 
 from pkmcal_cli.base.rotation import Array
 
@@ -90,6 +90,5 @@ def p_of_part(statistic: Array, count: Array, variance: Array | float, dof: Arra
 
     Against the whole sum no effect of a small table would ever be significant: T over it is at most 1.
     """
-    rest = np.maximum(dof - count, 1)
-    left = np.maximum(variance * dof - statistic, np.finfo(float).tiny)
-    return np.asarray(np.where(dof > count, fdtrc(count, rest, statistic * rest / (count * left)), 1.0))
+    left = np.clip(1.0 - statistic / np.maximum(variance * dof, np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(np.where(dof > count, betainc(0.5 * np.maximum(dof - count, 1), 0.5 * count, left), 1.0))
