@@ -59,7 +59,7 @@ def test_rows_that_spoil_the_fit_are_left_out_of_it(monkeypatch: pytest.MonkeyPa
     readings[7] += 1e5 * there.problem.sigma[7]
     spoilt = replace(there.problem, readings=readings)
 
-    def diverged(problem: Problem, *rest: object) -> Fit:
+    def diverged(problem: Problem, *_: object, **__: object) -> Fit:
         return replace(identify(problem, there.selected), status="not_converged")
 
     monkeypatch.setattr(run_diagnosis, "identify", diverged)

@@ -37,6 +37,7 @@ Verdict = Literal["clean", "found", "ambiguous", "unknown", "measurement_fault",
 _SAME = 0.99999  # cosine at which an effect is another name for a parameter
 _TOO_MUCH = 1e-3  # chance of a residual so large, of noise as it is stated, at which nothing is called clean
 _KINSHIP = 0.9  # share of what rows are off by that an effect explains if it is the cause
+_SOON = 15  # steps in which fits converge, unless something is wrong
 _SUSPECT = 0.05  # chance that any row is as far off, at which one is told
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
@@ -169,14 +170,17 @@ def _ended(begun: _Begun, alpha: float, seed: int) -> Search:
 
 
 def _calibrated(problem: Problem, selected: tuple[str, ...], parts: Alpha, seed: int) -> Fit:
-    """The fit that is diagnosed. Where that from nominal values does not converge: without the rows that are gross at
-    nominal values, if that does, else from further starts."""
-    fit = identify(problem, selected)
+    """The fit that is diagnosed. Where that from nominal values does not soon converge: that of the others, if some
+    rows are gross at nominal values; where it does not at all, from further starts."""
+    fit = identify(problem, selected, iterations=_SOON)
     if fit.status != "not_converged":
         return fit
     _, others = gross_rows(problem, selected, parts.rows, seed)
     if others is not None and others.status == "converged":
         return others
+    fit = identify(problem, selected)
+    if fit.status != "not_converged":
+        return fit
     best, _ = best_of_starts(problem, selected, problem.model.nominal, fit, 0, seed)
     return fit if best is None else best
 
