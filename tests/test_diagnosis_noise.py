@@ -12,13 +12,16 @@ import pytest
 
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis.groups import varying_axes
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear, Scale, linear_problem
 from pkmcal_cli.diagnosis.noise_growth import DISTANCE, noise_growth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise, without_odd_row
 from pkmcal_cli.diagnosis.scoring import Search, score_all, scored
 from pkmcal_cli.diagnosis.search import stands_on_one_row
 from pkmcal_cli.diagnosis.unknown import unknown_effects
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.workflow.diagnose import prepare
 from tests.benchmark.setting import Setting, diagnosed
+from tests.command import MACHINES
 from tests.detected_sizes import outcome
 from tests.test_diagnosis_linear import setting
 from tests.truth.campaigns import campaign
@@ -137,3 +140,12 @@ def test_a_rival_that_rows_confirm_takes_the_place_of_one_that_they_do_not() -> 
     """The reversal error of q1, at the limit: its rival `windup@q1` has more evidence, but no block confirms it."""
     found = outcome("triglide", "backlash", "q1", 6)
     assert found is not None and found.in_set
+
+
+def test_readings_of_two_rows_have_no_place_to_grow_with(recwarn: pytest.WarningsRecorder) -> None:
+    """The router's tape reads distances between rows; its encoders are drives."""
+    case = prepare(
+        str(MACHINES / "belt-router.yaml"), (str(MACHINES / "belt-router.csv"),), "auto", Reporter(quiet=True)
+    )
+    nominal = linear_problem(case.problem, case.problem.model.nominal, case.selected, (), None)
+    assert noise_growth(nominal, case.problem, Scale(), LEAST) == () and not recwarn.list

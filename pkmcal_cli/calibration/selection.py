@@ -67,7 +67,9 @@ def _matching(model: Model, pattern: str, remove: bool) -> set[str] | None:
     if pattern in _WORDS:
         return {p.name for p in free if p.identify or (pattern == "all" and p.name not in held)}
     shapes = {e.name: set(e.parameters) for e in model.effects if e.effect.keyword == UNEXPLAINED}
-    of_shapes = [own for name, own in shapes.items() if fnmatchcase(name, pattern.removesuffix(".*")) or own & {pattern}]
+    of_shapes = [
+        own for name, own in shapes.items() if fnmatchcase(name, pattern.removesuffix(".*")) or own & {pattern}
+    ]
     if "@" in pattern and of_shapes:
         return set().union(*of_shapes)
     by_name = {p.name for p in free if pattern in (p.name, p.shared_name)}

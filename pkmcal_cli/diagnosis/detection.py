@@ -21,7 +21,7 @@ from pkmcal_cli.diagnosis.confirm import blocks, value_folds
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale, log_evidence
 from pkmcal_cli.diagnosis.noise_tests import improbable
-from pkmcal_cli.diagnosis.score import Score, minimal_detectable
+from pkmcal_cli.diagnosis.score import Score, minimal_detectable, p_of_part
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 
 _DETECTED = 0.8
@@ -269,7 +269,9 @@ class _Run:
         statistic = np.maximum(self.statistic.at(size), 0.0)
         m = np.full(len(statistic), self.count)
         variance, dof = self._scale(size)
-        estimated = fdtrc(m, np.minimum(dof, 2 * _KNOWN), statistic / (variance * m))
+        known = np.minimum(dof, 2 * _KNOWN)
+        part = self.procedure.scale.whole
+        estimated = p_of_part(statistic, m, variance, known) if part else fdtrc(m, known, statistic / (variance * m))
         p = np.where(np.isfinite(dof), estimated, chdtrc(m, statistic))
         evidence = log_evidence(statistic / variance, m)
         return statistic, (p < self.procedure.critical) & (evidence > 0) & (self.gain.at(size) > 0.0)

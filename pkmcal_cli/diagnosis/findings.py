@@ -84,6 +84,10 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     stable = (
         stability(without, near.evidence, search.problem, hypothesis, near.members, seed) if linear else float("nan")
     )
+    selected = None
+    if linear:
+        off, variance = np.array(estimate) - null, last.scale.variance
+        selected = _selected(search, hypothesis, off, np.array(std), without, variance=variance, seed=seed)
     return Finding(
         hypothesis=hypothesis,
         estimate=estimate,
@@ -97,9 +101,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
         nonlinear=ratio,
         beyond=beyond,
         provisional=doubt or beyond or not gain.confirmed or stable < STABLE,
-        selected=_selected(search, hypothesis, np.array(estimate) - null, np.array(std), without, seed)
-        if linear
-        else None,
+        selected=selected,
     )
 
 
@@ -128,16 +130,16 @@ def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bo
 
 
 def _selected(
-    search: Search, hypothesis: Hypothesis, estimate: Array, std: Array, without: Scored, seed: int
+    search: Search, hypothesis: Hypothesis, estimate: Array, std: Array, without: Scored, variance: float, seed: int
 ) -> SelectedSize | None:
     """The size of an effect (k,), SI, corrected for being found, by what the procedure detects in its direction.
 
-    `without`: scored without it, the effect first.
+    `without`: scored without it, the effect first; `variance`: of the noise, in which no effect is.
     """
     score, j = without.scores[0], without.scores[0].leading
     deviation = np.where(score.length2 > 0, estimate / without.linear.scale_of(hypothesis.parameters), 0.0)
     length = float(np.linalg.norm(deviation))
-    size = float(np.sqrt(np.maximum(deviation @ score.whole @ deviation, 0.0) / without.scale.variance))  # in std
+    size = float(np.sqrt(np.maximum(deviation @ score.whole @ deviation, 0.0) / variance))  # in std
     if not score.count or not size > 0 or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
         return None
     detection = Detection(without.linear, search.problem, [hypothesis], [score], seed)

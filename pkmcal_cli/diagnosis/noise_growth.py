@@ -91,11 +91,11 @@ def _growths(linear: Linear, problem: Problem, scale: Scale) -> Iterator[list[No
 
 
 def _squares(linear: Linear, problem: Problem, scale: Scale, channels: list[int]) -> _Squares | None:
-    """Squares of a sensor's rows that take part; None where they are too few."""
+    """Squares of a sensor's rows that take part; None where they are too few, or readings are of two rows each."""
     shape = problem.readings.shape
     free = linear.freedom.reshape(shape)[:, channels]
     rows = np.asarray(linear.on[:, channels].all(axis=1) & (free > _FREE).all(axis=1))
-    if rows.sum() < _FEWEST_ROWS:
+    if rows.sum() < _FEWEST_ROWS or not channels:
         return None
     residual = linear.unexplained.reshape(shape)[rows][:, channels]
     return _Squares(residual**2 / free[rows] / scale.variance, rows, channels, scale.variance)

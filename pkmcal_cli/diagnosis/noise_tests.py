@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,9 @@ def _of_few(linear: Linear) -> Scale:
     """Noise by all that declared parameters leave, but for a single row that is most of it."""
     kept = without_odd_row(linear)
     kept = kept if kept.dof > 0 else linear
-    return _doubted(kept.chi2 / kept.dof, kept.dof, whole=True) if kept.dof > 0 else Scale()
+    if kept.dof <= 0:
+        return Scale()
+    return replace(_doubted(kept.chi2 / kept.dof, kept.dof, whole=True), part=kept is linear)
 
 
 def without_odd_row(linear: Linear) -> Linear:

@@ -9,17 +9,15 @@ from typing import Literal
 import numpy as np
 
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
-from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import reasons
 from pkmcal_cli.calibration.robust import Loss, RobustFit, normal_figures
-from pkmcal_cli.calibration.starts import best_of_starts
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.bad_rows import restored, suspected_rows, with_rows, without_gross_rows
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
+from pkmcal_cli.diagnosis.first_fit import calibrated
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Scale
 from pkmcal_cli.diagnosis.local import local_effects
@@ -122,7 +120,7 @@ def _weighed(candidates: Candidates, problem: Problem, selected: tuple[str, ...]
     """The diagnosis with sigma as it is, and values weighed by what is left once the found effects are in the fit."""
     if options.loss == "squares":
         return _diagnosis(candidates, problem, selected, options)
-    (_, fit), model = _calibrated(candidates, problem, selected, options.seed), problem.model
+    (_, fit), model = calibrated(candidates, problem, selected, options), problem.model
     named: frozenset[str] = frozenset()
     for _ in range(ROUNDS):
         seen, robust = weighed(replace(problem, model=model), fit, options.loss)
@@ -192,7 +190,7 @@ class _Begun:
 
 def _begun(candidates: Candidates, problem: Problem, selected: tuple[str, ...], options: SearchOptions) -> _Begun:
     options.observe(Stage("calibration"))
-    candidates, before = _calibrated(candidates, problem, selected, options.seed)
+    candidates, before = calibrated(candidates, problem, selected, options)
     problem = problem.without(before.failed)
     model = fixed_smoothing(problem.model, before.values, problem.rows)
     problem, candidates = replace(problem, model=model), replace(candidates, model=model)
@@ -231,24 +229,6 @@ def _with_shapes(search: Search, options: SearchOptions) -> Search:
             return search
         search = confirmed_only(restored(swapped(run_search(after, options))))
     return search
-
-
-def _calibrated(
-    candidates: Candidates, problem: Problem, selected: tuple[str, ...], seed: int
-) -> tuple[Candidates, Fit]:
-    """The fit that is diagnosed, from further starts where the first one does not converge, and where fits begin.
-
-    That is as given, but at nominal values in directions that the data hardly see: the ranges hold them there.
-    """
-    start = replace(candidates, model=problem.model).begin()
-    fit = identify(problem, selected, start)
-    if fit.status == "not_converged":
-        best, _ = best_of_starts(problem, selected, start, fit, 0, seed)
-        return candidates, fit if best is None else best
-    if candidates.start is None or not fit.directions.weak.any():
-        return candidates, fit
-    start = centred(problem, start, start, fit.directions)
-    return replace(candidates, start=start), identify(problem, selected, start)
 
 
 def _left(search: Search, parts: Alpha) -> tuple[Scored, tuple[Unknown, ...], tuple[NoiseGrowth, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betainc
 
 from pkmcal_cli.base.rotation import Array
 
@@ -82,3 +83,12 @@ class Score:
 def minimal_detectable(information: float) -> float:
     """The size that one test at 0.1 % finds in 80 % of campaigns; inf without information."""
     return float(np.sqrt(NONCENTRALITY / information)) if information > 0 else float("inf")
+
+
+def p_of_part(statistic: Array, count: Array, variance: Array | float, dof: Array | float) -> Array:
+    """p values of parts T of a sum of squares with so many degrees of freedom: F against what T leaves of it.
+
+    Against the whole sum no effect of a small table would ever be significant: T over it is at most 1.
+    """
+    left = np.clip(1.0 - statistic / np.maximum(variance * dof, np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(np.where(dof > count, betainc(0.5 * np.maximum(dof - count, 1), 0.5 * count, left), 1.0))

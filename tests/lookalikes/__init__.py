@@ -1,0 +1,1 @@
+"""Diagnoses of look-alikes of real campaigns, judged: `python -m tests.lookalikes`."""
