@@ -12,9 +12,10 @@ import pytest
 
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis.groups import varying_axes
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.noise_growth import DISTANCE, noise_growth, weighted
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise, without_odd_row
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.scoring import Search, score_all, scored
 from pkmcal_cli.diagnosis.search import stands_on_one_row
 from pkmcal_cli.diagnosis.unknown import unknown_effects

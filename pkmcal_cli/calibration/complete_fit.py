@@ -79,7 +79,7 @@ def calibrated(
 
     The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer.
     """
-    problem = _with_prior(problem, selected, options)
+    problem = with_prior(problem, selected, options.prior)
     first, agreement = identify_from(problem, selected, start, options.starts, options.seed, tell)
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)
@@ -105,14 +105,15 @@ def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tupl
 
 def refit(options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array) -> Fit:
     """The same fit of other rows, from one start. Raises RowsFailed."""
-    problem = _with_prior(problem, selected, options)
+    problem = with_prior(problem, selected, options.prior)
     first = identify(problem, selected, start)
     robust, _ = _with_ranges(_with_loss(problem.without(first.failed), first, options), start, ())
     return robust.fit
 
 
-def _with_prior(problem: Problem, selected: tuple[str, ...], options: FitOptions) -> Problem:
-    return replace(problem, prior=prior_of_ranges(problem.model, selected)) if options.prior == "ranges" else problem
+def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Problem:
+    """The problem in which ranges of some parameters are known besides, if they are asked for."""
+    return replace(problem, prior=prior_of_ranges(problem.model, selected)) if prior == "ranges" else problem
 
 
 def _with_loss(problem: Problem, first: Fit, options: FitOptions) -> RobustFit:

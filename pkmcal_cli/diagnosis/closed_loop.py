@@ -123,27 +123,19 @@ def improve(
     candidates = replace(candidates, model=model, start=whole.search.candidates.start)
     validation = None if validation is None else replace(validation, model=model)
     options, parts = SearchOptions(alpha=alpha, seed=seed, observe=observe), _parts(clean, validation)
-    first = [
+    first = tuple(
         _rotation(candidates, train, report, selected, _of_part(options, Stage("rotation", k, len(parts))))
         for k, (train, report) in enumerate(parts)
-    ]
-    before = errors_of(first)
-    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared, candidates.begin()))
-    broken: Exception | None = None
-    order = sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE)  # these need no effect
-    try:
-        for k, hypothesis in enumerate(order):
-            observe(Stage("effect", k, len(order)))
-            progress = _tried(progress, hypothesis, clean, whole, seed)
-    except Exception as error:  # what was done before it stands, and is told first
-        broken = error
+    )
+    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, candidates.begin()))
+    progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(clean, progress.last, loss)
     return Improvement(
         whole=whole,
         rotations=len(first),
         steps=progress.steps,
         accepted=progress.accepted,
-        before=before,
+        before=begun.errors,
         after=progress.errors,
         gain=gain_of(first, progress.folds, seed),
         rms_gain=rms_gain_of(first, progress.folds, seed),
@@ -178,6 +170,20 @@ class _Progress:
     last: Fit
     steps: tuple[Step, ...] = ()
     accepted: tuple[Hypothesis, ...] = ()
+
+
+def _all_tried(
+    progress: _Progress, clean: Problem, whole: Diagnosis, options: SearchOptions
+) -> tuple[_Progress, Exception | None]:
+    """The loop after all effects that all rows name, and what ended it early."""
+    order = sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE)  # these need no effect
+    try:
+        for k, hypothesis in enumerate(order):
+            options.observe(Stage("effect", k, len(order)))
+            progress = _tried(progress, hypothesis, clean, whole, options.seed)
+    except Exception as error:  # what was done before it stands, and is told first
+        return progress, error
+    return progress, None
 
 
 def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: Diagnosis, seed: int) -> _Progress:

@@ -71,7 +71,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(search, hypothesis, last)))
     estimate = tuple(float(v) for v in search.fit.values[index])
     nominal, ranges = search.problem.model.nominal[index], search.problem.model.ranges[index]
-    null = replace(search, accepted=()).start[index]
+    null = search.null[index]
     part = np.array([n not in hypothesis.free for n in hypothesis.parameters])
     beyond = bool((np.abs(np.array(estimate) - nominal) > UNUSUAL * ranges)[part].any())
     gain = held_out_gain(search, hypothesis)

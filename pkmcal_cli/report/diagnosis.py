@@ -56,7 +56,7 @@ class DiagnosisReport(DiagnosisValues):
         for row, chance in self.diagnosis.suspected.items():
             words = f"{100 * chance:.1g} % chance that any row is off as much"
             to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
-        self.failed.show(to)
+        self.show_left_out(to)
         if untried := self.diagnosis.search.untried:
             to.say(f"not tried as far off (too many): {listed(list(untried), 6)}")
         for noise in self.diagnosis.noise:
@@ -165,7 +165,7 @@ class DiagnosisReport(DiagnosisValues):
         gain = f"Share of the explained residuals: {_share(finding) or 'unknown'};"
         gain += f" held-out rms: {before} without it, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
-            text = f"Parameter {h.at} is held fixed at nominal, but the data indicate {size}. {gain}"
+            text = f"Parameter {h.at} is held fixed at {self.held_at(h.at)}, but the data indicate {size}. {gain}"
             text += f" Action: Identify it, `--select auto,{h.at}`."
         else:
             cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
@@ -185,8 +185,8 @@ class DiagnosisReport(DiagnosisValues):
         if chosen is None:
             return ""
         k = self.leading(finding)
-        nominal = self.model.nominal[self.model.names.index(finding.hypothesis.parameters[k])]
-        size, unit = finding.estimate[k] - float(nominal), self.unit(finding.hypothesis.parameters[k])
+        name = finding.hypothesis.parameters[k]
+        size, unit = finding.estimate[k] - self.null(name), self.unit(name)
         middle, *ends = (handy(size * x, unit) for x in (chosen.factor, chosen.low, chosen.high))
         low, high = ends if size > 0 else ends[::-1]
         return f" Found near the limit, so its size is corrected: {middle} (95 %: {low} to {high})."

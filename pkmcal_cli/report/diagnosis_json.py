@@ -37,6 +37,7 @@ class DiagnosisJson(DiagnosisValues):
             "suspected": [
                 self._row_json(row) | {"p_value": finite(chance)} for row, chance in diagnosis.suspected.items()
             ],
+            "down_weighted": [] if self.audit is None else self.audit.json(),
             **self.failed.json(),
             "unknown": [self._unknown_json(u) for u in diagnosis.unknown],
             "not_testable": [{"effect": name, "needs": needs} for name, needs in diagnosis.not_testable],
