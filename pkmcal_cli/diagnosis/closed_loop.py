@@ -122,11 +122,8 @@ def improve(
     clean = replace(clean, model=model)
     candidates = replace(candidates, model=model, start=whole.search.candidates.start)
     validation = None if validation is None else replace(validation, model=model)
-    options, parts = SearchOptions(alpha=alpha, seed=seed, observe=observe), _parts(clean, validation)
-    first = tuple(
-        _rotation(candidates, train, report, selected, _of_part(options, Stage("rotation", k, len(parts))))
-        for k, (train, report) in enumerate(parts)
-    )
+    options = SearchOptions(alpha=alpha, seed=seed, observe=observe)
+    first = _rotations(candidates, _parts(clean, validation), selected, options)
     begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, candidates.begin()))
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(clean, progress.last, loss)
@@ -145,11 +142,6 @@ def improve(
         alpha=alpha,
         broken=broken,
     )
-
-
-def _of_part(options: SearchOptions, stage: Stage) -> SearchOptions:
-    """The same where only a part of the table is searched."""
-    return replace(options, observe=within(options.observe, stage))
 
 
 def _at_last(problem: Problem, fit: Fit, loss: Loss) -> tuple[Fit, Problem, ErrorBudget]:
@@ -225,12 +217,18 @@ def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, 
     return [(train, report) for train, report in parts if report.count]
 
 
-def _rotation(
-    candidates: Candidates, train: Problem, report: Problem, selected: tuple[str, ...], options: SearchOptions
-) -> OuterFold:
-    start = candidates.begin()
-    sets = named(candidates, train, selected, options)
-    return OuterFold(train, report, sets, identify(train, selected, start), start)
+def _rotations(
+    candidates: Candidates,
+    parts: Sequence[tuple[Problem, Problem]],
+    selected: tuple[str, ...],
+    options: SearchOptions,
+) -> tuple[OuterFold, ...]:
+    start, out = candidates.begin(), []
+    for k, (train, report) in enumerate(parts):
+        told = within(options.observe, Stage("rotation", k, len(parts)))
+        sets = named(candidates, train, selected, replace(options, observe=told))
+        out.append(OuterFold(train, report, sets, identify(train, selected, start), start))
+    return tuple(out)
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:

@@ -22,7 +22,7 @@ def local_effects(problem: Problem, values: Array, alpha: float) -> list[Unknown
     `problem` has all rows that were measured, also those taken for bad.
     """
     channels = problem.readings.shape[1]
-    white = linearise_at(problem, values, (), None).residual.reshape(-1, channels)
+    white = linearise_at(problem, values, (), None).values[0].reshape(-1, channels)
     squares = (white**2).sum(axis=1)
     local = []
     drives = zip(problem.model.actuators, problem.rows.readings.T, strict=True)

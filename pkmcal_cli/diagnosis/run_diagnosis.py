@@ -136,7 +136,7 @@ def _diagnosis(
     begun = _begun(candidates, problem, selected, options)
     parts, first, search = options.parts, begun.first, _ended(begun, options)
     candidates = search.candidates
-    options.observe(Stage("what is left"))
+    options.observe(Stage("remaining residuals"))
     last, unknown, growth = _left(search, parts)
     findings = findings_of(search, last, bool(unknown), options)
     whole = first.linear if not begun.start.bad_rows else score_all(begun.every, ()).linear
