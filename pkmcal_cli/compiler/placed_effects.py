@@ -154,6 +154,7 @@ def placed_effect(
                 identify=not known if entry.identify is None else entry.identify,
                 kind=effect.keyword,
                 fixed=known and entry.range is None,
+                stated=entry.range is not None,
             )
         )
     options = _constants(effect, entries)

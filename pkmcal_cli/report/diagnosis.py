@@ -223,8 +223,10 @@ class DiagnosisReport(DiagnosisValues):
             return " Provisional: its size is beyond what is usual; the true cause may be another."
         if not finding.held_out.confirmed:
             return " Provisional: held-out rows do not confirm it."
-        if finding.stable < STABLE:
-            return f" Provisional: only {100 * finding.stable:.0f} % of the resamples find it."
+        if finding.stable.share < STABLE:
+            others = listed([f"{100 * share:.0f} % {h.name}" for h, share in finding.stable.others], 3)
+            more = f"; of the others {others}" if others else ""
+            return f" Provisional: only {100 * finding.stable.share:.0f} % of the resamples find it{more}."
         return " Provisional: an unknown effect remains, of which this may be a part." if finding.provisional else ""
 
     def _unknown_sentence(self, unknown: Unknown) -> str:
