@@ -291,24 +291,3 @@ def test_bounds_hold_and_are_told() -> None:
     Path("m.yaml").write_text(text)
     (found,) = calibrated("m.yaml", TRIGLIDE_DATA, "--select", "yb3r", "--holdout", "none")[1]["parameters"]
     assert found["value"] in (149.9, 150.01) and found["reason"] == "at its bound"
-
-
-@pytest.mark.parametrize("select", ["auto,-k*", "all"])
-def test_rank_and_condition_tell_of_the_measurement_and_what_is_undetermined_of_the_fit(
-    select: str, tmp_path: Path
-) -> None:
-    """The former are what `observability` tells of the same positions and values, by the ranges of the machine file.
-
-    Ranges a hundredth of what they should be are estimated as larger ones: the fit then determines more.
-    """
-    tight, params = tmp_path / "tight.yaml", tmp_path / "p.yaml"
-    tight.write_text(f"extends: {TRIGLIDE}\nranges: {{length: 2e-3}}\n", encoding="utf-8")
-    options = (tight, TRIGLIDE_DATA, "--select", select)
-    done = run("calibrate", *options, "--holdout", "none", "-o", params, "--json").json
-    plan = run("observability", *options, "-p", params, "--json").json
-    assert done["uncertainty"]["ranges"]["factors"]["length"] > 3
-    assert done["rank"] == plan["rank"]
-    assert (done["condition_number"] is None) == (plan["condition_number_whitened"] is None) == (select == "all")
-    if select != "all":
-        assert done["condition_number"] == pytest.approx(plan["condition_number_whitened"], rel=1e-2)
-    assert 0 < len(done["undetermined"]) < len(plan["undetermined"])

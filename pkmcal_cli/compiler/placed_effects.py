@@ -140,7 +140,6 @@ def placed_effect(
         low, high = spec.possible
         bounds = entry.bounds or (low * unit.scale, high * unit.scale)
         name = f"{effect.keyword}@{at}.{spec.name}"
-        dimension = unit.dimension.name
         text = "" if unit.text == "1" else unit.text
         known = spec.known is not None and entry.identify is not True
         parameters.append(
@@ -150,7 +149,7 @@ def placed_effect(
                 range=spread,
                 bounds=bounds,
                 unit=text,
-                dimension=dimension,
+                dimension=unit.dimension.name,
                 identify=not known if entry.identify is None else entry.identify,
                 kind=effect.keyword,
                 fixed=known and entry.range is None,
