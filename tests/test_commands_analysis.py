@@ -183,3 +183,24 @@ def test_machines_without_what_an_analysis_needs() -> None:
     Path("fixed.yaml").write_text(Path(HANGPRINTER).read_text().replace("range: 50}", "range: 50, identify: false}"))
     fixed = run("observability", "fixed.yaml")
     assert fixed.code == 2 and "every parameter is declared `identify: false`" in fixed.err
+
+
+@pytest.mark.parametrize("select", ["auto,-k*", "all"])
+def test_rank_and_condition_tell_of_the_measurement_and_what_is_undetermined_of_the_fit(
+    select: str, tmp_path: Path
+) -> None:
+    """The former are what `observability` tells of the same positions and values, by the ranges of the machine file.
+
+    Ranges a hundredth of what they should be are estimated as larger ones: the fit then determines more.
+    """
+    tight, params = tmp_path / "tight.yaml", tmp_path / "p.yaml"
+    tight.write_text(f"extends: {TRIGLIDE}\nranges: {{length: 2e-3}}\n", encoding="utf-8")
+    options = (tight, TRIGLIDE_DATA, "--select", select)
+    done = run("calibrate", *options, "--holdout", "none", "-o", params, "--json").json
+    plan = run("observability", *options, "-p", params, "--json").json
+    assert done["uncertainty"]["ranges"]["factors"]["length"] > 3
+    assert done["rank"] == plan["rank"]
+    assert (done["condition_number"] is None) == (plan["condition_number_whitened"] is None) == (select == "all")
+    if select != "all":
+        assert done["condition_number"] == pytest.approx(plan["condition_number_whitened"], rel=1e-2)
+    assert 0 < len(done["undetermined"]) < len(plan["undetermined"])

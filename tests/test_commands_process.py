@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import GRID, ROOT, TRIGLIDE, TRIGLIDE_DATA, Done, environment, process, run
+from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, Done, environment, process, run
 
 PROGRAM = [sys.executable, "-m", "pkmcal_cli"]
 COMMAND = " ".join(PROGRAM)
@@ -147,6 +149,41 @@ def test_progress_only_on_a_terminal() -> None:
     assert "rows" in shown.replace("rows simulated", "") and "22500 rows simulated" in shown
     assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n22500 rows simulated\n"
     assert _on_a_terminal(*arguments, "-q") == ""
+
+
+def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
+    """The rotation and the step in it; how long the rest takes, once a rotation is over; the line is taken away."""
+    arguments = ("improve", SCISSORS, SHOPFLOOR)
+    shown = _on_a_terminal(*arguments)
+    assert "all rows, search" in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
+    assert re.search(r"rotation 5 of 5.* about \d+ s left", shown)
+    assert "s left" not in shown.partition("rotation 1 of 5")[2].partition("rotation 2 of 5")[0]
+    assert shown.count("\x1b[?25l") == shown.count("\x1b[?25h") == 1, "the cursor is hidden, and shown again"
+    assert "\x1b[2K" in shown.partition("\x1b[?25h")[2], "the line is erased before the result"
+    piped = process(*arguments, FORCE_COLOR="1").err
+    assert "rotation" not in piped and "\x1b[?25" not in piped and "\x1b[2K" not in piped
+    assert _on_a_terminal(*arguments, "-q") == ""
+
+
+def test_a_search_that_is_stopped_leaves_a_clean_terminal() -> None:
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [*PROGRAM, "improve", SCISSORS, SHOPFLOOR], stderr=theirs, stdout=subprocess.DEVNULL, cwd=ROOT,
+        env=environment(TERM="xterm-256color", COLUMNS="120"),
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    ) as running:  # fmt: skip
+        os.close(theirs)
+        shown = os.read(ours, 65536)
+        while b"search" not in shown:
+            shown += os.read(ours, 65536)
+        running.send_signal(signal.SIGINT)
+        with contextlib.suppress(OSError):
+            while part := os.read(ours, 65536):
+                shown += part
+    os.close(ours)
+    assert running.returncode == 130 and shown.count(b"\x1b[?25h") == 1
+    assert shown.decode().rstrip().endswith("stopped") and b"Traceback" not in shown
+    assert b"search" not in shown.partition(b"\x1b[?25h")[2], "nothing of the line is left"
 
 
 def test_output_is_utf_8_whatever_the_locale() -> None:

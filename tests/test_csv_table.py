@@ -153,6 +153,7 @@ REFUSED = {
     "inf": ("x,y\n1,-inf\n", "error[csv-number]: `-inf` in column `y` is not finite"),
     "too large": ("x,y\n1,1e999\n", "error[csv-number]: `1e999` in column `y` is not finite"),
     "thousands, German": ("x;y\n1.234,5;2\n", "without thousands separators: `1234,5`"),
+    "letters for digits": ("x,y\n1,O.5l\n", "write digits, not letters: `0.51`"),
     "thousands, blanks": ("x;y\n1 234,5;2\n", "without thousands separators: `1234,5`"),
     "thousands, quoted": ('x,y\n"1,234.5",2\n', "without thousands separators: `1234.5`"),
     "thousands, unquoted": ("x,y\n1.5,2.5\n1,234,2.5\n", "check for decimal commas and thousands separators"),

@@ -17,7 +17,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.confirm import blocks
 from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.selection_bias import Acceptance
 from pkmcal_cli.diagnosis.visible_sizes import absorbing, visible_sizes
 from tests.command import MACHINES, run

@@ -185,3 +185,20 @@ def test_ranges_that_fit_are_not_doubted_with_a_prior() -> None:
         fit = identify(problem, plan.selected)
         low += range_check(problem, fit, error_budget(problem, fit)).p_value < 0.05
     assert low <= 5
+
+
+def test_a_number_of_an_effect_that_is_held_in_a_range_of_its_own_adds_to_the_uncertainty(tmp_path: Path) -> None:
+    """`identify: false` with a `range` is not known exactly; without one it is what its entry says."""
+    heads = {"ranged": ", range: 40 um", "exact": ""}
+    results = {}
+    for name, more in heads.items():
+        file = tmp_path / f"{name}.yaml"
+        number = f"{{value: 0 um, identify: false{more}}}"
+        base = MACHINES / "scissors.yaml"
+        file.write_text(f"extends: {base}\neffects: {{backlash@q3: {{b: {number}}}}}\n", encoding="utf-8")
+        table = MACHINES / "scissors-shopfloor.csv"
+        results[name] = clean(run("calibrate", file, table, "--holdout", "none", "--json")).json
+    held = {name: set(r["uncertainty"]["held"]) for name, r in results.items()}
+    assert held["ranged"] - held["exact"] == {"backlash@q3.b"}
+    adds = {n: [p["std_by_held"] for p in r["parameters"]] for n, r in results.items()}
+    assert sum(a > b for a, b in zip(adds["ranged"], adds["exact"], strict=True)) > 0

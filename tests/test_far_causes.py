@@ -12,7 +12,7 @@ from pkmcal_cli.diagnosis import far_causes
 from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.diagnose import prepare
+from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, Done, clean, run
 from tests.truth.campaigns import Planted, Scenario, campaign
@@ -49,7 +49,7 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
 def begun(folder: Path) -> Search:
     """The router's search before anything is found."""
     machine, table = router(folder, 0)
-    case = prepare(str(machine), (str(table),), "auto", Reporter(quiet=True))
+    case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
     return Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
 

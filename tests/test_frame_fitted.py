@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import best_rotation, exp
+from pkmcal_cli.loading.load_machine import load_machine
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
 
 TURN, SHIFT = np.radians(137.0), np.array([2500.0, -1200.0, 700.0])  # mm
@@ -146,3 +147,14 @@ def test_a_level_that_stands_anywhere_has_a_turn_and_no_place(tmp_path: Path) ->
     found = run("calibrate", machine, table, "--holdout", "none", "--json").json["parameters"]
     assert {p["name"] for p in found if p["name"][:5] == "frame"} == {f"frame@level.r{c}" for c in "xyz"}
     assert all(p["std"] is not None for p in found)
+
+
+def test_other_nominal_values_are_another_reference() -> None:
+    """A length that is 10 mm larger by other nominal values is so by the file too."""
+    model = load_machine(SCISSORS).model
+    before, values = model.reference_coefficients, model.nominal
+    values[model.names.index("l3")] += 0.01
+    after = model.with_nominal(values).reference_coefficients
+    changed = np.abs(after - before)[0]
+    assert changed.max() == pytest.approx(0.01, rel=1e-9) and (changed > 0).sum() == 1
+    assert model.with_ranges(2 * model.ranges).reference_coefficients is before

@@ -18,7 +18,7 @@ from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.diagnose import prepare
+from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from tests.test_first_machines import BENCH, TRIPOD, simulated, tripod_poses
 
 
@@ -29,7 +29,7 @@ def tripod() -> tuple[Problem, Linear, tuple[Hypothesis, ...]]:
         machine = Path(folder) / "m.yaml"
         machine.write_text(TRIPOD + BENCH)
         table = simulated(Path(folder), machine, "t", "z,rx,ry", tripod_poses())
-        case = prepare(str(machine), (str(table),), "auto", Reporter(quiet=True))
+        case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
     single = case.candidates.single
     others = [n for h in single for n in h.parameters]

@@ -8,6 +8,7 @@ import pytest
 
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.units.dimensions import ANGLE, FORCE
+from tests.command import run
 from tests.machine_texts import SPOOLS, TRIGLIDE, faults, read
 
 
@@ -70,3 +71,31 @@ def test_overlays_name_the_file_a_fault_is_in(tmp_path: Path) -> None:
         read(tmp_path, "extends: base.yaml\nactuators: {q3: null}\nbars: {rod3: null}\n", "over.yaml")
     assert {Path(f.where.file).name for f in caught.value.faults if f.where} == {"base.yaml"}
     assert "parameter `l3` is not used" in caught.value.text()
+
+
+MARKED = """
+space: planar
+ranges: {length: 1}
+parameters: {l1: 180, l2: 180}
+ground: {o: [0, 0], mark: [0, 500]}
+guides: {rail: {at: [0, 0], along: x}}
+bodies: {c1: {guide: rail, at: 0}, c2: {guide: rail, at: 300}}
+nodes: {n: {at: [150, 100]}}
+bars: {b1: {between: [c1, n], length: l1}, b2: {between: [c2, n], length: l2}}
+actuators: {q1: {moves: c1}, q2: {moves: c2}}
+sensors:
+  t: {at: n, reads: [x, y], sigma: 10 um, frame: machine}
+  tape: {kind: distance, at: n, to: mark, sigma: 0.1}
+"""
+
+
+def test_an_overlay_may_leave_a_mark_to_which_nothing_refers(tmp_path: Path) -> None:
+    """A sensor is removed; the ground point that it aimed at stays and changes no result: `check` tells it."""
+    base = tmp_path / "base.yaml"
+    base.write_text(MARKED, encoding="utf-8")
+    overlay = tmp_path / "m.yaml"
+    overlay.write_text("extends: base.yaml\nsensors: {tape: null}\n", encoding="utf-8")
+    checked = run("check", overlay)
+    assert checked.code == 0 and "warning[unused-name]: ground point `mark` is not used" in checked.err
+    done = run("simulate", overlay, "--grid", "x=140:160:3,y=95:105:3")
+    assert done.code == 0 and "not used" not in done.err

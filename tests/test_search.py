@@ -11,13 +11,13 @@ import pytest
 
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis import search as searching
-from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.confirm import blocks
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.refine import set_of, swapped
 from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.scoring import Scored, Search, recalibrated, refit, score_all
 from pkmcal_cli.diagnosis.search import needed_only, run_search
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from tests.benchmark.setting import ALPHA, Ready, diagnosed, ready
 from tests.truth.campaigns import Scenario, campaign, unit
 
@@ -82,7 +82,7 @@ def test_what_cannot_be_decided_is_followed_both_ways(monkeypatch: pytest.Monkey
 
         monkeypatch.setattr(searching, "_best_of", forked)
         begun = at(case)
-        assert names(run_search(begun, Alpha(ALPHA), SEED).accepted) == {"backlash@q3"}
+        assert names(run_search(begun, SearchOptions(alpha=ALPHA, seed=SEED)).accepted) == {"backlash@q3"}
 
 
 def test_repeated_poses_are_held_out_together_and_few_poses_one_by_one() -> None:

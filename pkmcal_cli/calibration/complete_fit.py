@@ -81,7 +81,7 @@ def calibrated(
 
     The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer.
     """
-    problem = _with_prior(problem, selected, options)
+    problem = with_prior(problem, selected, options.prior)
     first, agreement = identify_from(problem, selected, start, options.starts, options.seed, tell)
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)
@@ -109,17 +109,17 @@ def refit(
     options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None = None
 ) -> Fit:
     """The same fit of other rows, from one start; `states`: near those there. Raises RowsFailed."""
-    problem = _with_prior(problem, selected, options)
+    problem = with_prior(problem, selected, options.prior)
     first = identify(problem, selected, start, states=states)
     robust, _ = _with_ranges(_with_loss(problem.without(first.failed), first, options), start, ())
     return robust.fit
 
 
-def _with_prior(problem: Problem, selected: tuple[str, ...], options: FitOptions) -> Problem:
+def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Problem:
     """The problem with what is known besides: ranges where they are a prior; shapes without a name always have one."""
     problem, weights = with_free_shapes(problem, selected)
     others = tuple(n for n in selected if n not in weights)
-    if options.prior != "ranges" or not others:
+    if prior != "ranges" or not others:
         return problem
     ranges = prior_of_ranges(problem.model, others)
     return replace(problem, prior=ranges if problem.prior is None else joined(problem.prior, ranges))

@@ -21,7 +21,6 @@ from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
 from pkmcal_cli.calibration.residual import evaluate, linearise
-from pkmcal_cli.effects.unexplained import UNEXPLAINED
 
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
 _HALVINGS = 30
@@ -121,12 +120,12 @@ def _equivalent(variances: Array) -> Array:
 def held_parameters(problem: Problem, selected: tuple[str, ...], datum: tuple[str, ...]) -> tuple[str, ...]:
     """Parameters that are not identified, and not exact.
 
-    Those of effects are what their entries say, but for shapes without a name, of which these state a covariance; those
-    that are declared as the datum define the axes.
+    Those of effects are what their entries say, but for such with a range of their own; those that are declared as the
+    datum define the axes.
     """
-    effects = {n for e in problem.model.effects if e.effect.keyword != UNEXPLAINED for n in e.parameters}
-    known = effects.union(selected, datum, problem.model.datum)
-    return tuple(p.name for p in problem.model.parameters if p.name not in known and not p.fixed and p.range > 0)
+    known = {*selected, *datum, *problem.model.datum}
+    own = (p for p in problem.model.parameters if p.stated and not p.fixed and p.range > 0)
+    return tuple(p.name for p in own if p.name not in known)
 
 
 def error_budget(

@@ -6,7 +6,18 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Alpha, FailOn, Json, MachineFile, Quiet, Select, as_request
+from pkmcal_cli.commands._options import (
+    Alpha,
+    FailOn,
+    Json,
+    Loss,
+    MachineFile,
+    Parameters,
+    Prior,
+    Quiet,
+    Select,
+    as_request,
+)
 
 
 def diagnose(
@@ -15,6 +26,9 @@ def diagnose(
         list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
     ],
     select: Select = "auto",
+    parameters: Parameters = None,
+    loss: Loss = "squares",
+    prior: Prior = "none",
     alpha: Alpha = 0.005,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     plots: Annotated[
@@ -31,5 +45,6 @@ def diagnose(
     """
     options = locals()
     from pkmcal_cli.workflow.diagnose import DiagnosisRequest, run_diagnosis
+    from pkmcal_cli.workflow.search_case import CaseRequest
 
-    raise typer.Exit(run_diagnosis(as_request(DiagnosisRequest, options)))
+    raise typer.Exit(run_diagnosis(as_request(DiagnosisRequest, options, case=as_request(CaseRequest, options))))

@@ -6,7 +6,20 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Accept, Alpha, FailOn, Force, Json, MachineFile, Quiet, Select, as_request
+from pkmcal_cli.commands._options import (
+    Accept,
+    Alpha,
+    FailOn,
+    Force,
+    Json,
+    Loss,
+    MachineFile,
+    Parameters,
+    Prior,
+    Quiet,
+    Select,
+    as_request,
+)
 
 
 def improve(
@@ -21,6 +34,9 @@ def improve(
         str | None, typer.Option("-o", "--output", metavar="M-improved.yaml", help="Improved machine file to write.")
     ] = None,
     select: Select = "auto",
+    parameters: Parameters = None,
+    loss: Loss = "squares",
+    prior: Prior = "none",
     only: Annotated[
         str | None,
         typer.Option(
@@ -41,5 +57,6 @@ def improve(
     """
     options = locals()
     from pkmcal_cli.workflow.improve import ImproveRequest, run_improvement
+    from pkmcal_cli.workflow.search_case import CaseRequest
 
-    raise typer.Exit(run_improvement(as_request(ImproveRequest, options)))
+    raise typer.Exit(run_improvement(as_request(ImproveRequest, options, case=as_request(CaseRequest, options))))

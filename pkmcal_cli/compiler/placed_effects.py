@@ -101,6 +101,7 @@ def weights_of(placed: PlacedEffect) -> tuple[ModelParameter, ...]:
             dimension="number",
             identify=False,
             kind=UNEXPLAINED,
+            stated=shape.values is not None,
         )
         for name, weight, std in zip(placed.parameters, shape.weights, shape.known_std, strict=True)
     )
@@ -185,7 +186,6 @@ def placed_effect(
         low, high = spec.possible
         bounds = entry.bounds or (low * unit.scale, high * unit.scale)
         name = f"{effect.keyword}@{at}.{spec.name}"
-        dimension = unit.dimension.name
         text = "" if unit.text == "1" else unit.text
         known = spec.known is not None and entry.identify is not True
         parameters.append(
@@ -195,10 +195,11 @@ def placed_effect(
                 range=spread,
                 bounds=bounds,
                 unit=text,
-                dimension=dimension,
+                dimension=unit.dimension.name,
                 identify=not known if entry.identify is None else entry.identify,
                 kind=effect.keyword,
                 fixed=known and entry.range is None,
+                stated=entry.range is not None,
             )
         )
     options = _constants(effect, entries)

@@ -16,6 +16,7 @@ Convert = Callable[[str], float]
 _THOUSANDS = re.compile(r"[+-]?[0-9]{1,3}(?:([.,' \u2019\u00a0\u202f])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
 _MISSING = {"na", "n/a", "#n/a", "nan", "null", "none", "-", "--", "---", "?", "missing", "#value!", "#ref!"}
 _MINUS = "\u2212\u2013"  # minus sign, en dash
+_LETTERS_FOR_DIGITS = str.maketrans({"O": "0", "o": "0", "l": "1", "I": "1"})
 _INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|1\.#inf|∞)", re.IGNORECASE)
 _QUANTITY = re.compile(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?\s*([A-Za-zµμ°%].*)")
 
@@ -89,6 +90,9 @@ def _number_hint(cell: str, decimal: str, column: str) -> str | None:
         return f"write all numbers with the same decimal mark; this file has a {DECIMAL_NAMES[decimal]}"
     if cell[:1] in _MINUS and is_number(cell[1:], decimal):
         return f"write the minus sign as `-`: `-{cell[1:]}`"
+    digits = cell.translate(_LETTERS_FOR_DIGITS)
+    if digits != cell and is_number(digits, decimal):
+        return f"write digits, not letters: `{digits}`"
     if cell.startswith("#"):
         return "write comments only before the header"
     if is_time(cell):

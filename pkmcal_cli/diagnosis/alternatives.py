@@ -16,8 +16,9 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TIME, by_channel, pose_shapes
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.noise_tests import time_order
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.model.effect_sites import ALL, PlacedEffect
 

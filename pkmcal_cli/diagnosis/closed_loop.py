@@ -124,29 +124,17 @@ def improve(
     model = with_shapes_of(model, whole)
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
-    options, parts = SearchOptions(alpha=alpha, seed=seed, observe=observe), _parts(clean, validation)
-    first = [
-        _rotation(candidates, train, report, selected, _of_part(options, Stage("rotation", k, len(parts))))
-        for k, (train, report) in enumerate(parts)
-    ]
-    before = errors_of(first)
-    progress = _Progress(tuple(first), before, identify(clean, whole.search.declared, _start(clean, (), whole)))
-    broken: Exception | None = None
-    order = sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE)  # these need no effect
-    order += [shape.hypothesis for shape in whole.search.shapes]
-    try:
-        for k, hypothesis in enumerate(order):
-            observe(Stage("effect", k, len(order)))
-            progress = _tried(progress, hypothesis, clean, whole, seed)
-    except Exception as error:  # what was done before it stands, and is told first
-        broken = error
+    options = SearchOptions(alpha=alpha, seed=seed, observe=observe)
+    first = _rotations(candidates, _parts(clean, validation), selected, options)
+    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, _start(clean, (), whole)))
+    progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(
         whole=whole,
         rotations=len(first),
         steps=progress.steps,
         accepted=progress.accepted,
-        before=before,
+        before=begun.errors,
         after=progress.errors,
         gain=gain_of(first, progress.folds, seed),
         rms_gain=rms_gain_of(first, progress.folds, seed),
@@ -156,11 +144,6 @@ def improve(
         alpha=alpha,
         broken=broken,
     )
-
-
-def _of_part(options: SearchOptions, stage: Stage) -> SearchOptions:
-    """The same where only a part of the table is searched."""
-    return replace(options, observe=within(options.observe, stage))
 
 
 def _at_last(problem: Problem, fit: Fit, loss: Loss) -> tuple[Fit, Problem, ErrorBudget]:
@@ -181,6 +164,21 @@ class _Progress:
     last: Fit
     steps: tuple[Step, ...] = ()
     accepted: tuple[Hypothesis, ...] = ()
+
+
+def _all_tried(
+    progress: _Progress, clean: Problem, whole: Diagnosis, options: SearchOptions
+) -> tuple[_Progress, Exception | None]:
+    """The loop after all effects that all rows name, and what ended it early."""
+    order = sorted(whole.search.accepted, key=lambda h: h.effect != RELEASE)  # these need no effect
+    order += [shape.hypothesis for shape in whole.search.shapes]
+    try:
+        for k, hypothesis in enumerate(order):
+            options.observe(Stage("effect", k, len(order)))
+            progress = _tried(progress, hypothesis, clean, whole, options.seed)
+    except Exception as error:  # what was done before it stands, and is told first
+        return progress, error
+    return progress, None
 
 
 def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: Diagnosis, seed: int) -> _Progress:
@@ -222,13 +220,20 @@ def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, 
     return [(train, report) for train, report in parts if report.count]
 
 
-def _rotation(
-    candidates: Candidates, train: Problem, report: Problem, selected: tuple[str, ...], options: SearchOptions
-) -> OuterFold:
-    start = replace(candidates, model=train.model, start=None).begin()
-    start[: len(candidates.model.names)] = candidates.begin()
-    sets = named(candidates, replace(train, model=candidates.model), selected, options)
-    return OuterFold(train, report, sets, identify(train, selected, start), start)
+def _rotations(
+    candidates: Candidates,
+    parts: Sequence[tuple[Problem, Problem]],
+    selected: tuple[str, ...],
+    options: SearchOptions,
+) -> tuple[OuterFold, ...]:
+    out = []
+    for k, (train, report) in enumerate(parts):
+        start = replace(candidates, model=train.model, start=None).begin()
+        start[: len(candidates.model.names)] = candidates.begin()
+        told = within(options.observe, Stage("rotation", k, len(parts)))
+        sets = named(candidates, replace(train, model=candidates.model), selected, replace(options, observe=told))
+        out.append(OuterFold(train, report, sets, identify(train, selected, start), start))
+    return tuple(out)
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:

@@ -18,7 +18,7 @@ from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without, refit
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
-from pkmcal_cli.diagnosis.stability import STABLE, stability
+from pkmcal_cli.diagnosis.stability import STABLE, Stability, stability
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
 _LINEAR = 0.2  # by which the fall of chi-square may differ from the score
@@ -36,7 +36,7 @@ class Finding:
     share: float  # of what all effects explain together, that comes back without this one
     rivals: tuple[Rival, ...]
     held_out: HeldOutGain
-    stable: float  # share of resamples of the rows that name it, or one of its set; nan where it is not linear
+    stable: Stability  # of resamples of the rows that name it, or one of its set; a nan where it is not linear
     nonlinear: float  # likelihood ratio over score statistic; 1 where it acts in proportion to its size
     beyond: bool  # larger than twice what is plausible
     provisional: bool
@@ -71,7 +71,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     std = tuple(float(s) for s in np.sqrt(spread**2 + _by_shape(search, hypothesis, last)))
     estimate = tuple(float(v) for v in search.fit.values[index])
     nominal, ranges = search.problem.model.nominal[index], search.problem.model.ranges[index]
-    null = replace(search, accepted=()).start[index]
+    null = search.null[index]
     part = np.array([n not in hypothesis.free for n in hypothesis.parameters])
     beyond = bool((np.abs(np.array(estimate) - nominal) > UNUSUAL * ranges)[part].any())
     gain = held_out_gain(search, hypothesis)
@@ -81,11 +81,9 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
     without = near.without
     ratio = fall / max(without.scores[0].statistic, 1e-9)
     linear = abs(ratio - 1.0) < _LINEAR  # else resampled scores say nothing of refits
-    stable = (
-        stability(without, near.evidence, search.problem, hypothesis, near.members, seed) if linear else float("nan")
-    )
-    selected = None
+    stable, selected = Stability(float("nan")), None
     if linear:
+        stable = stability(without, near.evidence, search.problem, hypothesis, near.members, seed)
         off, variance = np.array(estimate) - null, last.scale.variance
         selected = _selected(search, hypothesis, off, np.array(std), without, variance=variance, seed=seed)
     return Finding(
@@ -100,7 +98,7 @@ def _finding(search: Search, hypothesis: Hypothesis, last: Scored, every: float,
         stable=stable,
         nonlinear=ratio,
         beyond=beyond,
-        provisional=doubt or beyond or not gain.confirmed or stable < STABLE,
+        provisional=doubt or beyond or not gain.confirmed or stable.share < STABLE,
         selected=selected,
     )
 
@@ -120,7 +118,7 @@ def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bo
         share=float("nan"),
         rivals=rivals_of(search, hypothesis),
         held_out=gain,
-        stable=float("nan"),
+        stable=Stability(float("nan")),
         nonlinear=float("nan"),
         beyond=False,
         provisional=doubt or not gain.confirmed,

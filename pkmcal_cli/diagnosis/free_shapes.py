@@ -13,7 +13,8 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.compiler.placed_effects import placed_shape
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.unit_columns import UnitColumn, unit_columns
 from pkmcal_cli.effects.unexplained import (
     ENTRIES,

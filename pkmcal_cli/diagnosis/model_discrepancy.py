@@ -16,7 +16,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.effects import Effect
 from pkmcal_cli.effects.effect import legendre

@@ -13,7 +13,8 @@ from scipy.special import ndtr
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import varying_axes
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.units.measurands import Measurand
 
 DISTANCE = "distance"

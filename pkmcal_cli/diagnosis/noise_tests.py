@@ -14,8 +14,9 @@ from pkmcal_cli.calibration.holdout import replicate_groups
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import POSE, TEMPERATURE, TIME, group_columns
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Memory, Scale, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear, Memory, log_evidence
 from pkmcal_cli.diagnosis.outlying_rows import Tails
+from pkmcal_cli.diagnosis.scale import Scale
 
 _SURELY = 1e-4  # chance of so little noise at which the stated sigma is too large
 _LEAST = 1e-8  # of the stated variance; what simulated tables without noise leave is less, and rounding
@@ -42,7 +43,8 @@ def noise_scale(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     dof = free.dof
     if dof < _FEWEST or kept.sum() < _FEWEST:  # few rows: what declared parameters leave, effects included
         return _of_few(linear)
-    return _doubted(_without_tails(free.unexplained[kept] ** 2 / free.freedom[kept]), dof)
+    variance, worth = _without_tails(free.unexplained[kept] ** 2 / free.freedom[kept])
+    return _doubted(variance, worth * dof)
 
 
 def chance_of_noise(linear: Linear) -> float:
@@ -56,7 +58,8 @@ def chance_of_noise(linear: Linear) -> float:
     if not kept.any():
         return 1.0
     squares = free.unexplained[kept] ** 2 / free.freedom[kept]
-    p = float(max(chdtrc(dof, float((free.unexplained**2).sum())), chdtrc(dof, dof * _without_tails(squares))))
+    variance, worth = _without_tails(squares)
+    p = float(max(chdtrc(dof, float((free.unexplained**2).sum())), chdtrc(worth * dof, worth * dof * variance)))
     return Tails.of(np.sqrt(squares)).of_sum(p)
 
 
@@ -80,7 +83,7 @@ def _none(linear: Linear) -> list[Array]:
     return [np.zeros((len(linear.residual), 0))]
 
 
-def _doubted(variance: float, dof: int, whole: bool = False) -> Scale:
+def _doubted(variance: float, dof: float, whole: bool = False) -> Scale:
     """The stated noise, unless an estimate makes it improbable."""
     if improbable(np.array(variance), float(dof)):
         return Scale(variance, float(dof), float(dof), whole)
@@ -118,23 +121,34 @@ def _pure_error(linear: Linear, problem: Problem, groups: Mapping[str, Array]) -
     return _doubted(float(((residual[whole] - means[label[whole]]) ** 2).sum()) / dof, dof)
 
 
-def _without_tails(squares: Array) -> float:
-    """Variance of normal values by squares (n,), of which the largest are left out: some also where there are few."""
+def _without_tails(squares: Array) -> tuple[float, float]:
+    """Variance of normal values by squares (n,), of which the largest are left out: some also where there are few.
+
+    And what a degree of freedom is worth in it.
+    """
     count = len(squares)
     spared = max(int(_TRIM * count), min(_SPARED, count // 6))
     inner = np.sort(squares)[: count - spared]
-    return float(inner.sum()) / count / _trimmed_share(spared / count)
+    share, worth = _trimmed(spared / count)
+    return float(inner.sum()) / count / share, worth
 
 
-def _trimmed_share(spared: float) -> float:
-    """Mean square of a standard normal variable without its largest squares, over all."""
+def _trimmed(spared: float) -> tuple[float, float]:
+    """Mean square of a standard normal variable without a share of the largest squares, over all; its efficiency.
+
+    The influence of a square x on the trimmed mean is min(x, q), q being the largest that is kept (Huber 1981, 3.3);
+    efficiency: variance of the mean of all squares, relative to it, over that of the trimmed one.
+    """
     from scipy.special import ndtri
 
     if spared == 0.0:
-        return 1.0
+        return 1.0, 1.0
     z = float(ndtri(1 - spared / 2))
-    density = np.exp(-z * z / 2) / np.sqrt(2 * np.pi)
-    return float(1 - spared - 2 * z * density)
+    density = float(np.exp(-z * z / 2) / np.sqrt(2 * np.pi))
+    share = 1 - spared - 2 * z * density
+    fourth = 3 * (1 - spared) - 2 * density * (z**3 + 3 * z)  # mean of x^2 of squares x < q
+    variance = fourth + z**4 * spared - (share + z**2 * spared) ** 2
+    return share, 2 * share**2 / variance
 
 
 def time_order(problem: Problem) -> NDArray[np.intp]:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr, ndtri, stdtr
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
+from pkmcal_cli.diagnosis.scale import Scale
 
 MOST = 0.05  # share of rows that may be taken out; more are no outliers but an effect
 _HEAVY = (4.0, 5.0, 6.0, 8.0, 12.0, 20.0)

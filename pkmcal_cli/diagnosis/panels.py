@@ -169,7 +169,7 @@ def waterfall(diagnosis: Diagnosis) -> list[Share]:
 
 def _chi2(problem: Problem, values: Array) -> float:
     """With the drives' errors as part of the noise, at every step alike."""
-    return float((linearise_at(problem, values, (), None).residual ** 2).sum())
+    return float((linearise_at(problem, values, (), None).values[0] ** 2).sum())
 
 
 @dataclass(frozen=True)

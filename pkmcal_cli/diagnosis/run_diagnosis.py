@@ -19,7 +19,7 @@ from pkmcal_cli.diagnosis.far_causes import with_far_causes
 from pkmcal_cli.diagnosis.findings import Finding, findings_of, sizes_seen
 from pkmcal_cli.diagnosis.first_fit import calibrated
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.local import local_effects
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.nameless import with_all_in_one, with_shape
@@ -28,6 +28,7 @@ from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
 from pkmcal_cli.diagnosis.refine import confirmed_only, rivals_of, swapped
 from pkmcal_cli.diagnosis.refuted import refuted_causes
 from pkmcal_cli.diagnosis.robust_weights import ROUNDS, weighed
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
@@ -139,7 +140,7 @@ def _diagnosis(
     begun = _begun(candidates, problem, selected, options)
     parts, first, search = options.parts, begun.first, _ended(begun, options)
     candidates = search.candidates
-    options.observe(Stage("what is left"))
+    options.observe(Stage("remaining residuals"))
     last, unknown, growth = _left(search, parts)
     shapes = shape_findings(search, last)
     unknown = (*(s.unknown for s in shapes), *unknown)

@@ -16,10 +16,11 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.best_fit import BestFit
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale, linear_problem, log_evidence
+from pkmcal_cli.diagnosis.linear import Linear, linear_problem, log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
 from pkmcal_cli.diagnosis.outlying_rows import RowScores, row_scores
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.score import UNUSUAL, Score
 from pkmcal_cli.model.effect_sites import PlacedEffect
 
@@ -126,6 +127,11 @@ class Search:
         """Values (P,), SI, that a fit of it begins with."""
         return replace(self.candidates, model=self.problem.model).begin(self.accepted)
 
+    @property
+    def null(self) -> Array:
+        """Values (P,), SI, of parameters that are not identified: effects are null, others held where fits begin."""
+        return replace(self.candidates, model=self.problem.model).begin()
+
     def price(self, hypotheses: Sequence[Hypothesis]) -> float:
         """Log evidence that effects must have, as they are some of many; further ones of a kind, some of this kind."""
         kinds = [h.effect for h in self.candidates.hypotheses]
@@ -172,11 +178,10 @@ def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[
     """Values (P,), SI, of the fit where some accepted effects have null value, and what is identified without them."""
     gone = {n for h in removed for n in h.parameters}
     values, model = search.fit.values.copy(), search.problem.model
-    start = replace(search, accepted=()).start
     for name in gone:
         if not name.endswith(".lag"):  # it only shapes what the others do
             k = model.names.index(name)
-            values[k] = start[k]
+            values[k] = search.null[k]
     return values, tuple(n for n in search.selected if n not in gone)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,17 @@ _RIVALS = 12  # hypotheses with most evidence that compete in the resamples
 _EVERY = 1_000_000
 
 
+@dataclass(frozen=True)
+class Stability:
+    """Share of resamples that find an effect; what the others find, most often first, with shares of all."""
+
+    share: float
+    others: tuple[tuple[Hypothesis, float], ...] = ()
+
+
 def stability(
     scores: Scored, evidence: Array, problem: Problem, hypothesis: Hypothesis, alike: Sequence[Hypothesis], seed: int
-) -> float:
+) -> Stability:
     """Share of resamples in which the effect, or one of those not told from it (`alike`), has most evidence.
 
     Or the same effect at the places of a group: repeated rows make it seem to have more sizes than it has.
@@ -44,8 +53,13 @@ def stability(
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]
-    hits = [right[np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)] for w in weights]
-    return float(np.mean(hits)) if right.any() else 0.0
+    best_of = [
+        int(np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)) for w in weights
+    ]
+    found = np.bincount(best_of, minlength=len(chosen)) / len(weights)
+    order = (int(k) for k in np.argsort(-found, kind="stable") if found[k] > 0 and not right[k])
+    others = tuple((scores.hypotheses[chosen[k]], float(found[k])) for k in order)
+    return Stability(float(found[right].sum()), others)
 
 
 def _grams(scores: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequence[int]) -> tuple[Array, list[int]]:

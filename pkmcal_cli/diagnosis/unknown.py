@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.groups import group_columns
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.noise_tests import independent, successive, without_odd_row
+from pkmcal_cli.diagnosis.scale import Scale
 
 _LARGEST = 2.5  # root mean squares
 TESTS = 10  # groups, oscillations, runs, clusters, local effects and range noise share the false-alarm rate

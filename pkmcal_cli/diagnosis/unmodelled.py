@@ -9,8 +9,9 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.alternatives import Family, best_alternative, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import Linear, Scale
+from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
+from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without
 from pkmcal_cli.diagnosis.unknown import Unknown
 

@@ -27,8 +27,10 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint, ToolMotion
 from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.units.measurands import Measurand
 
-_SYSTEMS = ("exact", "rigid", "released", "held_points", "reference_coefficients", "reference_mode")
+_SYSTEMS = ("exact", "rigid", "released")
 """Cached properties that depend on the topology only."""
+_AT_NOMINAL = ("held_points", "reference_coefficients", "reference_mode")
+"""Those that depend on nominal values besides, but on no effect."""
 _AT_REST = ("overdetermined", "freedoms", "starts", "explained_misfit")
 """Those that effects, which are null there, do not move."""
 _DOUBT = 3.0  # of the misfit that is expected
@@ -119,20 +121,21 @@ class Model:
         effects: list[PlacedEffect] = []
         for e in self.effects:
             effects += [e.of_session(s) for s in names] if set(e.parameters) & set(each) else [e]
-        return self._with(effects=tuple(effects), parameters=tuple(parameters))
+        return self._with(_AT_NOMINAL, effects=tuple(effects), parameters=tuple(parameters))
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""
-        return self._with(_AT_REST, effects=self.effects + effects, parameters=self.parameters + parameters)
+        more = self.effects + effects, self.parameters + parameters
+        return self._with((*_AT_NOMINAL, *_AT_REST), effects=more[0], parameters=more[1])
 
     def with_options(self, effects: tuple[PlacedEffect, ...]) -> Model:
         """The model with other constants of its effects, or without effects."""
-        return self._with(_AT_REST, effects=effects)
+        return self._with((*_AT_NOMINAL, *_AT_REST), effects=effects)
 
     def with_channels(self, channels: tuple[Channel, ...], observed: tuple[ObservedQuantity, ...]) -> Model:
         """The model with observed quantities as its channels, one each, and no sensors."""
-        direct = tuple((k, k) for k in range(len(channels)))
-        return self._with(_AT_REST, channels=channels, observed=observed, direct=direct, sensors=(), correlated=())
+        direct, same = tuple((k, k) for k in range(len(channels))), (*_AT_NOMINAL, *_AT_REST)
+        return self._with(same, channels=channels, observed=observed, direct=direct, sensors=(), correlated=())
 
     def with_nominal(self, values: Array) -> Model:
         """The model with other nominal values (P,)."""
@@ -142,13 +145,14 @@ class Model:
     def with_ranges(self, ranges: Array) -> Model:
         """The model with other ranges (P,)."""
         parameters = tuple(replace(p, range=float(r)) for p, r in zip(self.parameters, ranges, strict=True))
-        return self._with(parameters=parameters)
+        return self._with(_AT_NOMINAL, parameters=parameters)
 
     def with_taut_ropes(self) -> Model:
         """The model whose ropes push too."""
         groups = tuple(replace(g, rope=np.zeros_like(g.rope)) for g in self.topology.groups)
         made = replace(self, topology=replace(self.topology, groups=groups))
-        made.__dict__.update({n: self.__dict__[n] for n in _SYSTEMS if n in self.__dict__ and n != "exact"})
+        kept = (*_SYSTEMS, *_AT_NOMINAL)
+        made.__dict__.update({n: self.__dict__[n] for n in kept if n in self.__dict__ and n != "exact"})
         return made
 
     def _with(self, same: tuple[str, ...] = (), **changes: Any) -> Model:

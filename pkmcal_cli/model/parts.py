@@ -13,7 +13,8 @@ class ModelParameter:
     """A parameter in SI: `range` is the half-width about nominal, two standard deviations of the prior.
 
     `session`: the session in whose rows it holds, "" in all; `per_session`: each session of a table has its own;
-    `kind`: by which ranges are judged together, default the dimension; `fixed`: exact, and never identified.
+    `kind`: by which ranges are judged together, default the dimension; `fixed`: exact, and never identified;
+    `stated`: whether its range is of the machine file, not of the catalogue of effects.
     """
 
     name: str
@@ -27,6 +28,7 @@ class ModelParameter:
     session: str = ""
     kind: str = ""
     fixed: bool = False
+    stated: bool = True
 
     @property
     def shared_name(self) -> str:

@@ -110,7 +110,7 @@ class CalibrationReport:
             "replicates": [noise.json() for noise in self.replicates],
             "heldout": self._heldout_json(),
             "condition_number": finite(self.ranges.declared.condition_number),
-            "rank": directions.rank,
+            "rank": self.ranges.declared.rank,
             "undetermined": [
                 each
                 for c in combinations(directions)

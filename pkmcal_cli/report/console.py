@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Literal
 
 from pkmcal_cli.base.outputs import write_text
+from pkmcal_cli.base.stages import Observer, unobserved
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -98,6 +99,17 @@ class Reporter:
         with Progress(SpinnerColumn(), text, TimeElapsedColumn(), console=self.console, transient=True) as shown:
             task = shown.add_task(what, total=None)
             yield lambda count: shown.advance(task, count)
+
+    @contextmanager
+    def stages(self) -> Iterator[Observer]:
+        """Who is told where a long work has come to: a bar on a terminal, nobody elsewhere."""
+        from pkmcal_cli.report.progress_bar import progress_bar, shown_on
+
+        if not shown_on(self.console, self.quiet):
+            yield unobserved
+            return
+        with progress_bar(self.console) as observe:
+            yield observe
 
 
 def _nothing() -> None:

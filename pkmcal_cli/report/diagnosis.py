@@ -57,7 +57,7 @@ class DiagnosisReport(DiagnosisValues):
         for row, chance in self.diagnosis.suspected.items():
             words = f"{100 * chance:.1g} % chance that any row is off as much"
             to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
-        self.failed.show(to)
+        self.show_left_out(to)
         if untried := self.diagnosis.search.untried:
             to.say(f"not tried as far off (too many): {listed(list(untried), 6)}")
         for noise in self.diagnosis.noise:
@@ -174,7 +174,7 @@ class DiagnosisReport(DiagnosisValues):
         gain = f"Share of the explained residuals: {_share(finding) or 'unknown'};"
         gain += f" held-out rms: {before} without it, {after} with it ({finding.held_out.scheme})."
         if h.effect == RELEASE:
-            text = f"Parameter {h.at} is held fixed at nominal, but the data indicate {size}. {gain}"
+            text = f"Parameter {h.at} is held fixed at {self.held_at(h.at)}, but the data indicate {size}. {gain}"
             text += f" Action: Identify it, `--select auto,{h.at}`."
         else:
             cause, result, action = cause_effect_action(catalogue()[h.effect], h.at, size)
@@ -194,8 +194,8 @@ class DiagnosisReport(DiagnosisValues):
         if chosen is None:
             return ""
         k = self.leading(finding)
-        nominal = self.model.nominal[self.model.names.index(finding.hypothesis.parameters[k])]
-        size, unit = finding.estimate[k] - float(nominal), self.unit(finding.hypothesis.parameters[k])
+        name = finding.hypothesis.parameters[k]
+        size, unit = finding.estimate[k] - self.null(name), self.unit(name)
         middle, *ends = (handy(size * x, unit) for x in (chosen.factor, chosen.low, chosen.high))
         low, high = ends if size > 0 else ends[::-1]
         return f" Found near the limit, so its size is corrected: {middle} (95 %: {low} to {high})."
@@ -232,8 +232,10 @@ class DiagnosisReport(DiagnosisValues):
             return " Provisional: its size is beyond what is usual; the true cause may be another."
         if not finding.held_out.confirmed:
             return " Provisional: held-out rows do not confirm it."
-        if finding.stable < STABLE:
-            return f" Provisional: only {100 * finding.stable:.0f} % of the resamples find it."
+        if finding.stable.share < STABLE:
+            others = listed([f"{100 * share:.0f} % {h.name}" for h, share in finding.stable.others], 3)
+            more = f"; of the others {others}" if others else ""
+            return f" Provisional: only {100 * finding.stable.share:.0f} % of the resamples find it{more}."
         return " Provisional: an unknown effect remains, of which this may be a part." if finding.provisional else ""
 
     def _unknown_sentence(self, unknown: Unknown) -> str:

@@ -38,6 +38,7 @@ class DiagnosisJson(DiagnosisValues):
             "suspected": [
                 self._row_json(row) | {"p_value": finite(chance)} for row, chance in diagnosis.suspected.items()
             ],
+            "down_weighted": [] if self.audit is None else self.audit.json(),
             **self.failed.json(),
             "unknown": [self._unknown_json(u) for u in diagnosis.unknown],
             "unexplained": [
@@ -71,7 +72,8 @@ class DiagnosisJson(DiagnosisValues):
             "heldout_rms_without": finite(finding.held_out.without / unit.scale),
             "unit": unit.text,
             "confirmed": finding.held_out.confirmed,
-            "stable": finite(finding.stable),
+            "stable": finite(finding.stable.share),
+            "otherwise": [{"effect": h.effect, "at": h.at, "share": share} for h, share in finding.stable.others],
             "likelihood_ratio_over_score": finite(finding.nonlinear),
             "provisional": finding.provisional,
             "selection": self._selection_json(finding),

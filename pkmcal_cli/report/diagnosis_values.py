@@ -15,6 +15,8 @@ from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.audit import Audit
+from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import unit_of
 from pkmcal_cli.report.number_format import handy, readable, uncertain
@@ -44,6 +46,29 @@ class DiagnosisValues:
     @cached_property
     def failed(self) -> FailedRows:
         return FailedRows(self.diagnosis.failed, partial(place_of, self.measured), len(self.measured))
+
+    @cached_property
+    def audit(self) -> Audit | None:
+        """Values that a robust loss weighs down; None without one."""
+        robust = self.diagnosis.weighed
+        return None if robust is None else Audit(self.model, robust, partial(place_of, self.measured))
+
+    def show_left_out(self, to: Reporter) -> None:
+        """Values that are weighed down, and rows that nothing predicts."""
+        if self.audit is not None:
+            self.audit.show(to)
+        self.failed.show(to)
+
+    def null(self, parameter: str) -> float:
+        """Value, SI, that a parameter has where it is not identified."""
+        return float(self.diagnosis.search.null[self.model.names.index(parameter)])
+
+    def held_at(self, parameter: str) -> str:
+        """The same in words: nominal, or what a parameter file says."""
+        value = self.null(parameter)
+        if value == self.model.nominal[self.model.names.index(parameter)]:
+            return "nominal"
+        return handy(value, self.unit(parameter))
 
     def unit(self, parameter: str) -> Unit:
         declared = self.model.parameters[self.model.names.index(parameter)]

@@ -59,7 +59,7 @@ class ImprovementReport:
     def json(self, machine: str | None, parameters: str | None) -> dict[str, Any]:
         """The JSON result."""
         improvement, unit = self.improvement, self.diagnosis.error_unit
-        gain = improvement.rms_gain
+        gain, told = improvement.rms_gain, self.diagnosis.json()
         return {
             "verdict": self.verdict,
             "diagnosis": improvement.whole.verdict,
@@ -78,7 +78,7 @@ class ImprovementReport:
                 "high": finite(gain.high / unit.scale),
                 "unit": unit.text,
             },
-            "outliers": self.diagnosis.json()["outliers"],
+            **{key: told[key] for key in ("outliers", "down_weighted")},
             **self.diagnosis.failed.json(),
             "machine": machine,
             "parameters": parameters,
@@ -112,7 +112,7 @@ class ImprovementReport:
         to.say(self.diagnosis.verdict_line())
         for row in improvement.whole.bad_rows:
             to.say(f"bad row: {self.measured.place(row)}: used neither for fitting nor for reporting")
-        self.diagnosis.failed.show(to)
+        self.diagnosis.show_left_out(to)
         if improvement.steps:
             self._show_steps(to)
             self._show_errors(to)

@@ -30,8 +30,8 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.calibrate import unsolved
-from pkmcal_cli.workflow.diagnose import FEWEST_ROWS, Case, prepare
 from pkmcal_cli.workflow.fail_on import failing
+from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, prepare
 
 FAILING = (*FAILURES, "implausible")
 
@@ -40,11 +40,9 @@ FAILING = (*FAILURES, "implausible")
 class ImproveRequest:
     """The arguments of `improve`."""
 
-    machine: str
-    measurements: tuple[str, ...]
+    case: CaseRequest
     validation: str | None
     output: str | None
-    select: str
     only: str | None
     alpha: float
     seed: int
@@ -54,16 +52,21 @@ class ImproveRequest:
     quiet: bool
     force: bool
 
+    @property
+    def inputs(self) -> tuple[str | None, ...]:
+        """All that is read."""
+        return (self.case.machine, *self.case.measurements, self.case.parameters, self.validation)
+
 
 def run_improvement(request: ImproveRequest) -> int:
     """Run the loop, show it, write what was accepted; returns the exit code. Raises PkmcalError."""
     check_alpha(request.alpha)
     fails_on = failing(request.fail_on, FAILING)
-    one_stdin(request.machine, *request.measurements, request.validation)
+    one_stdin(*request.inputs)
     targets = _targets(request)
     to = Reporter(request.quiet)
     fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
-    case = prepare(request.machine, request.measurements, request.select, to, fewest)
+    case = prepare(request.case, to, fewest)
     if request.only is not None:
         case = replace(case, candidates=_named(case.candidates, request.only))
     apart = None if request.validation is None else _apart(case, request.validation)
@@ -71,10 +74,7 @@ def run_improvement(request: ImproveRequest) -> int:
     for target in targets or ():
         check_target(target, inputs, force=request.force)
     validation = None if apart is None else _validation(case, apart)
-    try:
-        improvement = improve(case.candidates, case.problem, case.selected, validation, request.alpha, request.seed)
-    except RowsFailed as failure:
-        raise unsolved(case.measured, failure.evaluation.prediction) from None
+    improvement = _improved(case, validation, request, to)
     report = ImprovementReport(case.loaded.machine, case.measured, improvement)
     report.show(to)
     Loads.of_fit(improvement.problem, improvement.fit, partial(place_of, case.measured)).show(to)
@@ -87,10 +87,29 @@ def run_improvement(request: ImproveRequest) -> int:
         written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
     if request.as_json:
-        emit_json(report.json(*written) | {"implausible": list(odd), "failures": list(failures)})
+        emit_json(report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)})
     if improvement.broken is not None:
         raise improvement.broken
     return int(not fails_on.isdisjoint(failures))
+
+
+def _improved(case: Case, validation: Problem | None, request: ImproveRequest, to: Reporter) -> Improvement:
+    """The loop's result. Raises BadInput for rows that cannot be predicted."""
+    alpha, seed = request.alpha, request.seed
+    try:
+        with to.stages() as observe:
+            return improve(
+                case.candidates,
+                case.problem,
+                case.selected,
+                validation,
+                alpha,
+                seed,
+                loss=case.loss,
+                observe=observe,
+            )
+    except RowsFailed as failure:
+        raise unsolved(case.measured, failure.evaluation.prediction) from None
 
 
 def _named(candidates: Candidates, names: str) -> Candidates:
@@ -127,19 +146,19 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
     """Files to write: the machine and, beside it, its parameters. Raises UsageError or OutputError."""
     if request.output is None:
         return None
-    if is_stream(request.machine):
+    if is_stream(request.case.machine):
         raise UsageError(
             "-o: the output extends the machine file, but the machine comes from stdin", hint="name the machine file"
         )
     if takes_directly(request.output):
         raise UsageError("-o: the machine and its parameters need two files", hint="name a file: -o M-improved.yaml")
-    if not _base(request.machine, request.output).isprintable():
+    if not _base(request.case.machine, request.output).isprintable():
         raise UsageError(
             "-o: the output extends the machine file, whose name is not printable", hint="rename the machine file"
         )
     stem = os.path.splitext(request.output)[0]
     targets = (request.output, f"{stem}.params.yaml")
-    inputs = given(request.machine, *request.measurements, request.validation)
+    inputs = given(*request.inputs)
     for target in targets:
         check_target(target, inputs, force=request.force)
     return targets
@@ -171,7 +190,7 @@ def _write(
 ) -> tuple[str, str]:
     """Write the overlay and the parameters of accepted effects; their names."""
     machine, parameters = targets
-    base = _base(request.machine, machine)
+    base = _base(request.case.machine, machine)
     with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
         overlay.write(report.overlay(base))
         overlay.flush()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pkmcal_cli.diagnosis.power import Campaigns, Rates, chosen
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.diagnose import FEWEST_ROWS
+from pkmcal_cli.workflow.search_case import FEWEST_ROWS
 
 
 def power_of_plan(count: int, wanted: Sequence[str], campaigns: Campaigns, to: Reporter) -> tuple[Rates, ...]:

@@ -15,7 +15,7 @@ from pkmcal_cli.language.checks.groups import check_groups
 from pkmcal_cli.language.checks.validation import Quarantine
 from pkmcal_cli.language.machine import Rope, WrittenMachine
 from pkmcal_cli.language.quantities import Written, WrittenValue
-from pkmcal_cli.language.sections import driven_sections, must_be_used, nouns, sections_with
+from pkmcal_cli.language.sections import GROUND, driven_sections, must_be_used, nouns, sections_with
 from pkmcal_cli.language.walk import written_values
 from pkmcal_cli.units.unit_text import UNITS
 from pkmcal_cli.yaml_source.tree import Path, SourceMap
@@ -265,7 +265,7 @@ class NameCheck:
         more = f" and {len(named) - _LISTED} more" if len(named) > _LISTED else ""
         what = f"{noun}{'s' if many else ''} {', '.join(named[:_LISTED])}{more} {'are' if many else 'is'} not used"
         hint = f"use {'them' if many else 'it'} or delete {'them' if many else 'it'}"
-        self._fault("unused-name", what, paths[0], hint, at_key=True, warning=point)
+        self._fault("unused-name", what, paths[0], hint, at_key=True, warning=point or paths[0][0] == GROUND)
 
 
 def _use_one_of(names: Iterable[str]) -> str:

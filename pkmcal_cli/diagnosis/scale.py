@@ -1,0 +1,44 @@
+"""How much noise there is, by which statistics become p values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri, fdtrc
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.diagnosis.score import Score, p_of_part
+
+_CERTAIN = 0.01
+_MANY = 1e9  # degrees of freedom of a sigma that is known
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Square of the factor on the stated sigma, and its degrees of freedom.
+
+    checked: degrees of freedom of the estimate that the statement was compared with; `whole`: whether what effects do
+    counts as noise in it; `part`: whether statistics are parts of the sum of squares that it was estimated from.
+    """
+
+    variance: float = 1.0
+    dof: float = _MANY
+    checked: float = _MANY
+    whole: bool = False
+    part: bool = False
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the stated sigma is too small beyond doubt (at 1 %)."""
+        return self.dof < _MANY and self.variance > float(chdtri(self.dof, _CERTAIN)) / self.dof
+
+    def p_value(self, statistic: Array, count: Array) -> Array:
+        """Of statistics T with so many degrees of freedom each: chi-square, or F where sigma is estimated."""
+        if self.part and self.dof < _MANY:
+            return p_of_part(statistic, count, self.variance, self.dof)
+        return np.asarray(fdtrc(count, self.dof, statistic / (self.variance * count)))
+
+    def p_of(self, score: Score) -> float:
+        """Of one score; 1 where nothing of it can be seen."""
+        return float(self.p_value(np.array(score.statistic), np.array(score.count))) if score.count else 1.0

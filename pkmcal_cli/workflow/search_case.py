@@ -1,0 +1,139 @@
+"""A table that is searched for causes: from files to a machine that takes effects, and all that may be missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.complete_fit import FitOptions, with_prior
+from pkmcal_cli.calibration.frame_start import at_frames
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.robust import Loss
+from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
+from pkmcal_cli.loading.covariates import derived_directions
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
+from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.arguments import one_stdin, selection
+
+FEWEST_ROWS = 8  # with fewer, no effect is told from noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseRequest:
+    """What `diagnose` and `improve` are asked to search, and how fits treat it."""
+
+    machine: str
+    measurements: tuple[str, ...]
+    select: str = "auto"
+    parameters: str | None = None
+    loss: str = "squares"
+    prior: str = "none"
+
+    def checked_loss(self) -> Loss:
+        """The loss. Raises UsageError for words that are none, for the prior too."""
+        FitOptions(loss=self.loss, prior=self.prior).check()
+        return self.loss  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A machine that takes effects, what was measured on it, and all that may be missing."""
+
+    loaded: LoadedMachine
+    measured: Measurements
+    candidates: Candidates
+    problem: Problem  # of the candidates' model
+    selected: tuple[str, ...]
+    start: Start  # values that fits begin with, and where they come from
+    loss: Loss
+    hints: tuple[str, ...] = ()  # at gross mistakes
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of all that was read."""
+        return self.loaded.inputs | self.start.inputs | self.measured.inputs
+
+    @property
+    def record(self) -> dict[str, str]:
+        """How values were weighed, and what was known besides."""
+        return {"loss": self.loss, "prior": "none" if self.problem.prior is None else "ranges"}
+
+
+def prepare(request: CaseRequest, to: Reporter, fewest: int = FEWEST_ROWS) -> Case:
+    """Read the files and gather the hypotheses; the table needs some rows. Raises PkmcalError."""
+    loss = request.checked_loss()
+    one_stdin(request.machine, *request.measurements, request.parameters)
+    loaded = load_machine(request.machine, receptive=True)
+    selection(loaded.model, request.select)
+    measured = load_measurements(loaded, request.measurements)
+    model = loaded.model.for_sessions(measured.sessions)
+    selected = selection(model, request.select)
+    candidates_ = candidates(model, select(model, request.select), measured)
+    problem = with_prior(problem_of(candidates_.model, measured), selected, request.prior)
+    start = load_parameters(model, request.parameters)
+    if request.parameters is not None:
+        given = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
+        candidates_ = replace(candidates_, start=at_frames(given, candidates_.model, problem.model))
+    if not problem.count:
+        raise BadInput([nothing_measured(loaded, problem)])
+    _enough(problem, measured, selected, fewest)
+    if absurd := absurd_rows(problem, lambda row: place_of(measured, row)):
+        raise BadInput(absurd)
+    case = Case(
+        loaded=loaded,
+        measured=measured,
+        candidates=candidates_,
+        problem=problem,
+        selected=selected,
+        start=start,
+        loss=loss,
+    )
+    return replace(case, hints=_told(case, to))
+
+
+def _told(case: Case, to: Reporter) -> tuple[str, ...]:
+    """What is to be said of the files before all else; the hints at gross mistakes among it."""
+    measured, problem = case.measured, case.problem
+    to.notes(measured.notes)
+    for gap in _gaps(measured):
+        to.warn(f"warning: {gap}")
+    for text in (*(f.text() for f in (*case.loaded.warnings, *measured.warnings)), *case.start.warnings):
+        to.warn(text)
+    begin = replace(case.candidates, model=problem.model).begin()
+    hints = measurement_hints(case.loaded, problem, begin, measured)
+    for hint in (*hints, *copied_rows(problem, measured)):
+        to.warn(f"warning: {hint}")
+    if derived := derived_directions(measured, [a.name for a in case.loaded.model.actuators]):
+        to.notes([f"direction of {', '.join(derived)}: taken from the order of the rows"])
+    return hints
+
+
+def _enough(problem: Problem, measured: Measurements, selected: tuple[str, ...], fewest: int) -> None:
+    """Raises BadInput where the table has too few rows, or no more values than parameters."""
+    rows = int(problem.measured.any(axis=1).sum())
+    if rows >= fewest and problem.count > len(selected):
+        return
+    what = f"too few measurements to find an effect: {count(rows, 'row')}, {count(problem.count, 'measured value')}"
+    hint = f"measure {fewest} rows or more, and more values than the {len(selected)} parameters"
+    hint += ", or name what to look for (`--only`)" if rows >= FEWEST_ROWS < fewest else ""
+    raise BadInput.single(what, Location(measured.files[0]), hint, "measurements")
+
+
+def _gaps(measured: Measurements) -> list[str]:
+    """Columns with holes, which effects cannot use."""
+    out = []
+    for name, values in measured.covariates.items():
+        empty = int(np.isnan(values).sum())
+        if 0 < empty < len(values) and not name.startswith("dir."):
+            out.append(
+                f"column `{name}` is empty in {empty} of {len(values)} rows: effects that need it are not tested"
+            )
+    return out
