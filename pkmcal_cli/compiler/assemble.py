@@ -18,6 +18,7 @@ from pkmcal_cli.mechanism.topology import DriveKind, Topology
 _FELT = 1e-8  # a free motion moves a point if by more than this share of the machine's size per unit
 _NEAR = 0.01  # a small way along the mechanism's motion, as a share of its size
 _CHEAP = 1e6  # a drive moves this much more readily than anything else when the reference configuration is assembled
+_ROUNDING = 1e-15  # a step this small, in sizes of the machine or rad, is rounding
 
 
 class BadConfiguration(ValueError):
@@ -76,6 +77,8 @@ def assemble(topology: Topology, length: float) -> tuple[State, list[Gap]]:
         if not len(rows.values):
             break
         step = -np.linalg.lstsq(rows.jacobian * ease, rows.values, rcond=1e-13)[0] * ease
+        if np.abs(step).max(initial=0.0) < _ROUNDING:
+            break
         step *= min(1.0, 0.3 / max(float(np.abs(step).max(initial=0.0)), 1e-300))
         moved = _closer(system, coefficients, state, rows, step * unit, length)
         if moved is None:
