@@ -34,8 +34,7 @@ from tests.truth.planted import Context, Travel
 from tests.truth.shop_plans import PLANS
 from tests.truth.shop_truth import unloaded
 
-CASES, FIELDS = 100, 20
-SIZES = 3.0, 12.0  # of what is planted, in minimal detectable ones
+CASES, FIELDS, SIZES = 100, 20, (3.0, 12.0)  # sizes of what is planted: in minimal detectable ones
 _SPREAD = 1e-5  # m, of a trial that tells how the readings feel a shape
 
 
@@ -62,7 +61,7 @@ class Outcome:
 
     @property
     def gain(self) -> float:
-        """Share of the ideal gain in mean square error on other poses that is reached."""
+        """Share that is reached of the ideal gain in mean square error on other poses."""
         return (self.before**2 - self.after**2) / (self.before**2 - self.ideal**2)
 
     @property
@@ -293,8 +292,7 @@ def main() -> None:
             for outcome in pool.map(work, range(count)):
                 made.append(outcome)
                 if options.raw is not None:
-                    with options.raw.open("a", encoding="utf-8") as file:
-                        print(json.dumps(asdict(outcome)), file=file)
+                    options.raw.write_text("".join(f"{json.dumps(asdict(c))}\n" for c in (*cases, *fields)))
     sys.stdout.write(document(cases, fields))
 
 

@@ -282,8 +282,7 @@ def test_folds_are_fitted_as_the_whole(tmp_path: Path) -> None:
 
 def test_a_fold_that_cannot_begin_where_the_fit_began_begins_where_it_ended() -> None:
     """And if it cannot begin there either, it has failed, its rows are not predicted, and that is said."""
-    problem, measured = table(f"{NAME}.csv")
-    names = select(problem.model, "auto")
+    (problem, measured), names = table(f"{NAME}.csv"), select(table(f"{NAME}.csv")[0].model, "auto")
     fit, nominal = identify(problem, names), problem.model.nominal
     labels, words = fold_labels("5", problem, measured)
 

@@ -12,7 +12,8 @@ from pkmcal_cli.effects import ABSENT, KINDS, Effect, catalogue
 from pkmcal_cli.effects.unexplained import ENTRIES as SHAPE_ENTRIES
 from pkmcal_cli.effects.unexplained import UNEXPLAINED, Unexplained, place_and_axis, unexplained
 from pkmcal_cli.language.channels import kind_of_sensor
-from pkmcal_cli.language.effect_entries import EffectNumber, Entries, unit_at
+from pkmcal_cli.language.effect_entries import unit_at
+from pkmcal_cli.language.effect_numbers import EffectNumber, Entries
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.shape_entries import shape_of
 from pkmcal_cli.model.effect_sites import (

@@ -15,7 +15,7 @@ from typing import Any
 
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import UNEXPLAINED
-from pkmcal_cli.language.effect_entries import Entries
+from pkmcal_cli.language.effect_numbers import Entries
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.quantities import Quantity

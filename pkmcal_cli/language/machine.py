@@ -12,7 +12,8 @@ from typing import Generic, TypeAlias
 from pydantic import Field, PrivateAttr
 
 from pkmcal_cli.base.errors import Fault
-from pkmcal_cli.language.effect_entries import EffectName, EffectNumber
+from pkmcal_cli.language.effect_entries import EffectName
+from pkmcal_cli.language.effect_numbers import EffectNumber
 from pkmcal_cli.language.fields import Axis, Entity, Gravity, Letter, Name, Point, Space
 from pkmcal_cli.language.instruments import Actuator, DriveForce
 from pkmcal_cli.language.members import Axial, Bar, Beam, End, Joint, JointType, Material, Pulley, Rope, Section

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.effects.unexplained import FreeShape, place_and_axis
+from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, WrittenEntries
+from pkmcal_cli.language.quantities import WrittenNumber
 from pkmcal_cli.language.walk import with_values
 from pkmcal_cli.units.limits import SMALLEST
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 from pkmcal_cli.yaml_source.tree import Path
 
-if TYPE_CHECKING:
-    from pkmcal_cli.language.effect_entries import EffectNumber, EffectResolver, Entries, WrittenEntries
-    from pkmcal_cli.language.quantities import WrittenNumber
-
 _MOST = 200
 _NEEDED = ("knots", "values", "spread", "width")
 _ASYMMETRY, _NEGATIVE = 1e-6, -1e-6  # of the largest entry of a covariance, by which it is none
+
+
+class Resolver(Protocol):
+    """What binds numbers to the file's units, and collects faults."""
+
+    @property
+    def rotary(self) -> frozenset[str]: ...  # names of drives that turn
+    def bound(self, written: WrittenNumber, unit: Unit, path: Path) -> float: ...
+    def fault(self, code: str, what: str, path: Path, hint: str | None, at_key: bool = False) -> None: ...
 
 
 def shape_units(at: str, rotary: bool) -> tuple[Unit, Unit, Unit]:
@@ -30,7 +37,7 @@ def shape_units(at: str, rotary: bool) -> tuple[Unit, Unit, Unit]:
     return parse_unit(along), parse_unit("urad" if rotary else "um"), parse_unit("rad^2" if rotary else "um^2")
 
 
-def resolved_shape(resolver: EffectResolver, name: str, entries: WrittenEntries) -> Entries:
+def resolved_shape(resolver: Resolver, name: str, entries: WrittenEntries) -> Entries:
     """The entries in SI; faults are added at their places."""
     at = name.partition("@")[2]
     along, deviation, square = shape_units(at, place_and_axis(at)[0] in resolver.rotary)
@@ -53,7 +60,7 @@ def resolved_shape(resolver: EffectResolver, name: str, entries: WrittenEntries)
 
 
 def _in_si(
-    resolver: EffectResolver, key: str, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path
+    resolver: Resolver, key: str, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path
 ) -> EffectNumber | None:
     """One entry with SI numbers; None, with a fault, where it has another form than its key asks for."""
     given = entry.interval or entry.numbers
@@ -92,7 +99,7 @@ def _with(entry: EffectNumber[WrittenNumber], **numbers: Any) -> EffectNumber:
     return made
 
 
-def _check(resolver: EffectResolver, name: str, entries: Entries) -> None:
+def _check(resolver: Resolver, name: str, entries: Entries) -> None:
     """Whether lists fit each other."""
     knots, values = (np.array(entries[key].numbers) for key in ("knots", "values"))
     path: Path = ("effects", name)

@@ -27,12 +27,9 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS, AimedPoint, ToolMotion
 from pkmcal_cli.model.workspace import Workspace
 from pkmcal_cli.units.measurands import Measurand
 
-_SYSTEMS = ("exact", "rigid", "released")
-"""Cached properties that depend on the topology only."""
-_AT_NOMINAL = ("held_points", "reference_coefficients", "reference_mode")
-"""Those that depend on nominal values besides, but on no effect."""
-_AT_REST = ("overdetermined", "freedoms", "starts", "explained_misfit")
-"""Those that effects, which are null there, do not move."""
+_SYSTEMS = ("exact", "rigid", "released")  # cached properties that depend on the topology only,
+_AT_NOMINAL = ("held_points", "reference_coefficients", "reference_mode")  # besides on nominal values, but on no effect
+_AT_REST = (*_AT_NOMINAL, "overdetermined", "freedoms", "starts", "explained_misfit")  # not moved by null effects
 _DOUBT = 3.0  # of the misfit that is expected
 LEAST_MISFIT = 1e-3  # in sizes of the machine: less is no doubt
 
@@ -125,17 +122,16 @@ class Model:
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""
-        more = self.effects + effects, self.parameters + parameters
-        return self._with((*_AT_NOMINAL, *_AT_REST), effects=more[0], parameters=more[1])
+        return self._with(_AT_REST, effects=self.effects + effects, parameters=self.parameters + parameters)
 
     def with_options(self, effects: tuple[PlacedEffect, ...]) -> Model:
         """The model with other constants of its effects, or without effects."""
-        return self._with((*_AT_NOMINAL, *_AT_REST), effects=effects)
+        return self._with(_AT_REST, effects=effects)
 
     def with_channels(self, channels: tuple[Channel, ...], observed: tuple[ObservedQuantity, ...]) -> Model:
         """The model with observed quantities as its channels, one each, and no sensors."""
-        direct, same = tuple((k, k) for k in range(len(channels))), (*_AT_NOMINAL, *_AT_REST)
-        return self._with(same, channels=channels, observed=observed, direct=direct, sensors=(), correlated=())
+        direct = tuple((k, k) for k in range(len(channels)))
+        return self._with(_AT_REST, channels=channels, observed=observed, direct=direct, sensors=(), correlated=())
 
     def with_nominal(self, values: Array) -> Model:
         """The model with other nominal values (P,)."""

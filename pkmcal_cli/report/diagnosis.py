@@ -16,19 +16,17 @@ from pkmcal_cli.diagnosis.groups import POSE
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.stability import STABLE
 from pkmcal_cli.diagnosis.unknown import Unknown
-from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.diagnosis.warming import TOGETHER, of_warming, warming
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.detectable_sizes import sizes_text, worst_text
 from pkmcal_cli.report.diagnosis_json import DiagnosisJson
-from pkmcal_cli.report.diagnosis_values import DiagnosisValues
 from pkmcal_cli.report.noise_text import growth_text
-from pkmcal_cli.report.number_format import detectable_size, handy, readable
-from pkmcal_cli.report.sentences import cause_effect_action, command, grouped, listed, unknown_sentence
+from pkmcal_cli.report.number_format import handy, readable
+from pkmcal_cli.report.sentences import cause_effect_action, command, listed, unknown_sentence
 from pkmcal_cli.report.shape_text import ShapeText
+from pkmcal_cli.report.visibility import VisibilityReport
 
-_SHOWN, _SEPARATED, _STDIN = 12, 4, "<stdin>"
+_SEPARATED = 4
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
@@ -37,7 +35,7 @@ _LARGER = 1.5  # times the stated noise: from which on residuals are called larg
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
 
-class DiagnosisReport(DiagnosisValues):
+class DiagnosisReport(VisibilityReport):
     """One diagnosis, ready to be shown."""
 
     def json(self) -> dict[str, Any]:
@@ -74,8 +72,8 @@ class DiagnosisReport(DiagnosisValues):
             to.say()
             to.say(self._unknown_sentence(unknown))
         if self.diagnosis.verdict in ("clean", "sigma_too_small"):
-            self._show_seen(to)
-        self._show_unseen(to)
+            self.show_seen(to)
+        self.show_unseen(to)
 
     def verdict_line(self) -> str:
         """What the data say; in a second line, by which figures."""
@@ -217,12 +215,7 @@ class DiagnosisReport(DiagnosisValues):
 
     def _to_decide(self, finding: Finding) -> str:
         names = dict.fromkeys([finding.hypothesis.name, *(r.hypothesis.name for r in finding.rivals)])
-        return command("plan", *self._files(), "--separate", ",".join(list(names)[:_SEPARATED]))
-
-    def _files(self) -> tuple[str, str]:
-        """Machine and first table, as they are named on a command line."""
-        files = self.machine.files[0][0], self.measured.files[0]
-        return (files[0] if files[0] != _STDIN else "M.yaml"), (files[1] if files[1] != _STDIN else "MEAS.csv")
+        return command("plan", *self.files(), "--separate", ",".join(list(names)[:_SEPARATED]))
 
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""
@@ -254,49 +247,6 @@ class DiagnosisReport(DiagnosisValues):
         place = ", ".join(f"{c} {v / unit.scale:.4g} {unit.text}" for c, v in zip("xyz", field.at[field.largest]))
         share = max(100 * field.explained, 0.0)
         return f"Largest near {place}: {size}. A smooth map explains {share:.0f} % of its variance on held-out cells."
-
-    def _show_seen(self, to: Reporter) -> None:
-        """How large effects would have been found, where nothing was: the worst place of every kind."""
-        worst: dict[str, VisibleSizes] = {}
-        for seen in self.diagnosis.detectable:
-            kind = seen.hypothesis.effect
-            if seen.tested and kind != RELEASE and (kind not in worst or _hardest(seen) > _hardest(worst[kind])):
-                worst[kind] = seen
-        if worst:
-            rows = [(s.hypothesis.name, *sizes_text(self.model, s), worst_text(self.model, s)) for s in worst.values()]
-            heads = ("effect", "smallest detectable", "detected in 80 %", "direction")
-            kept = [k for k, h in enumerate(heads) if not (to.narrow and h == "smallest detectable")]
-            to.say()
-            cells = [tuple(row[k] for k in kept) for row in rows]
-            title = "What would have been found (worst place of each kind)"
-            to.table(title, tuple(heads[k] for k in kept), cells, folded=("direction",))
-
-    def _show_unseen(self, to: Reporter) -> None:
-        """What these data could not have shown."""
-        if self.diagnosis.not_testable:
-            to.say()
-        for line in grouped(self.diagnosis.not_testable):
-            to.say(line)
-        hidden = self.diagnosis.invisible
-        if not hidden:
-            return
-        rows = []
-        for i in hidden[:_SHOWN]:
-            unit = self.unit(i.parameter)
-            size = detectable_size(i.mdb, i.plausible, unit)
-            needed = self.rows_needed(i)
-            why = f"needs about {needed} such rows" if needed is not None else ""
-            why = f"absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
-            rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
-        to.say()
-        to.table("Effects that these data cannot show", ("effect", "smallest detectable", "plausible", "remark"), rows)
-        more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
-        to.say(f"{more}points that would show one: {command('plan', *self._files(), '--see', 'EFFECT')}")
-
-
-def _hardest(seen: VisibleSizes) -> float:
-    """Size at which it is detected, in standard deviations of its prior, in the worst direction."""
-    return max(seen.numbers[seen.leading].detected, seen.worst.detected if seen.worst is not None else 0.0)
 
 
 def _share(finding: Finding) -> str:

@@ -1,0 +1,138 @@
+"""What `improve` writes: an overlay of the machine with what was accepted, and a parameter file."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.intervals import linear_intervals
+from pkmcal_cli.diagnosis.closed_loop import Improvement
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.effects import effect_named
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
+from pkmcal_cli.language.fingerprint import Fingerprint
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, scalar
+from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.evidence import evidence_of
+from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
+from pkmcal_cli.report.joint_uncertainty import correlations
+from pkmcal_cli.report.number_format import handy, uncertain
+from pkmcal_cli.report.parameters import is_weak, reasons_against
+from pkmcal_cli.report.sentences import listed
+from pkmcal_cli.report.shape_text import shape_lines
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_NOT_TOLD, _NONE = "the data cannot separate it from other parameters", "no effect was accepted."
+
+
+class ImprovedFiles:
+    """One run of the loop, ready to be written."""
+
+    def __init__(self, machine: Machine, measured: Measurements, improvement: Improvement) -> None:
+        self.machine, self.measured, self.improvement = machine, measured, improvement
+        self.model = improvement.problem.model
+        self.diagnosis = DiagnosisReport(machine, measured, improvement.whole)
+
+    def overlay(self, base: str) -> str:
+        """The text of the improved machine."""
+        released = [h.at for h in self.improvement.accepted if h.effect == RELEASE]
+        what = "effects found in measurements. Review them before use." if self.improvement.accepted else _NONE
+        lines = [f"# Written by `pkmcal improve`: {what}"]
+        if self.improvement.accepted and not self.improvement.confirmed:
+            lines.append("# NOT CONFIRMED: rows used neither for fitting nor for selection are not predicted better.")
+        lines.append(f"extends: {scalar(base)}")
+        if released:
+            lines.append("parameters:")
+            lines += [f"  {name}: {{identify: true}}" for name in released]
+        placed = [h for h in self.improvement.accepted if h.effect != RELEASE]
+        if placed:
+            lines.append("effects:")
+            for h in placed:
+                lines += [line for part in h.placed for line in self._effect_lines(h, part)]
+        return "\n".join(lines) + "\n"
+
+    def _effect_lines(self, hypothesis: Hypothesis, part: Hypothesis) -> list[str]:
+        """An entry for one place of an accepted effect."""
+        improvement = self.improvement
+        step = next(s for s in improvement.steps if s.hypothesis == hypothesis)
+        evidence = improvement.whole.search.evidence.get(hypothesis.name, float("nan"))
+        doubt = "PROVISIONAL, an unknown effect remains; " if improvement.whole.unknown else ""
+        remark = f"{doubt}log evidence {evidence:.1f}, selected in {step.chosen} of {improvement.rotations} rotations"
+        if rivals := self.rivals(hypothesis):
+            remark += f"; cannot be separated from {rivals}"
+        lines = [
+            f"  # {_title(hypothesis)}: {remark}{validity(self.model, improvement.problem.rows)}",
+            f"  {effect_key(part)}:",
+        ]
+        if hypothesis.effect == UNEXPLAINED:
+            shape = next(s for s in improvement.whole.search.shapes if s.hypothesis == hypothesis)
+            return lines + shape_lines(self.machine, self.model, shape, improvement.fit, improvement.budget)
+        for name in part.parameters:
+            value, std = self._estimate(name)
+            unit = self._unit(name)
+            text = "" if unit.text == "1" else f" {unit.text}"
+            more = "" if std is None else f", std: {std / unit.scale:.3g}{text}"
+            if name not in (*improvement.fit.selected, *dict(hypothesis.known)):
+                more += f", identify: false, note: {_NOT_TOLD}"
+            lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{more}}}")
+        return lines + null_lines(self.model, part) + option_lines(self.model, improvement.problem.rows, part)
+
+    @cached_property
+    def _std(self) -> Array:
+        """Standard uncertainties (p,), SI, by noise, ranges and held parameters; nan where undetermined."""
+        fit, names = self.improvement.fit, self.model.names
+        return linear_intervals(fit, self.improvement.budget, np.array([names.index(n) for n in fit.selected])).std
+
+    def _estimate(self, name: str) -> tuple[float, float | None]:
+        fit = self.improvement.fit
+        value = float(fit.values[self.model.names.index(name)])
+        if name not in fit.selected:
+            return value, None
+        std = float(self._std[fit.selected.index(name)])
+        stds = [s for f in self.improvement.whole.findings for n, s in zip(f.hypothesis.parameters, f.std) if n == name]
+        std = max([std, *(s for s in stds if np.isfinite(s))])  # with what the effect's own discrepancy adds
+        return value, std if np.isfinite(std) else None
+
+    def parameter_file(self, provenance: dict[str, Any], fingerprint: Fingerprint) -> str:
+        """Text of the parameter file of the improved machine: declared parameters and those of accepted effects."""
+        made, fit = self.improvement, self.improvement.fit
+        effects = {n for e in self.model.effects for n in e.parameters} - set(fit.selected)
+        entries, reasons = [], reasons_against(fit)
+        for p in self.model.parameters:
+            if p.name in effects:
+                continue
+            value, std = self._estimate(p.name)
+            unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
+            shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
+            entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
+        seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
+        return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen)
+
+    def _unit(self, parameter: str) -> Unit:
+        return parse_unit(self.model.parameters[self.model.names.index(parameter)].unit or "1")
+
+    def estimate_text(self, name: str) -> str:
+        """An estimate with its uncertainty."""
+        value, std = self._estimate(name)
+        unit = self._unit(name)
+        if name not in self.improvement.fit.selected:
+            known = {n for h in self.improvement.accepted for n, _ in h.known}
+            return handy(value, unit) if name in known else f"held at {handy(value, unit)} ({_NOT_TOLD})"
+        return uncertain(unit.from_si(value), None if std is None else std / unit.scale, unit.text)
+
+    def rivals(self, hypothesis: Hypothesis) -> str:
+        """Effects that explain all rows as well, with their weights."""
+        finding = next((f for f in self.improvement.whole.findings if f.hypothesis == hypothesis), None)
+        others = [] if finding is None else [r for r in finding.rivals if r.hypothesis != hypothesis]
+        return listed([f"{r.hypothesis.name} ({100 * r.weight:.0f} %)" for r in others], 4)
+
+
+def _title(hypothesis: Hypothesis) -> str:
+    """What an effect is called."""
+    effect = effect_named(hypothesis.effect)
+    return hypothesis.effect if effect is None else effect.title

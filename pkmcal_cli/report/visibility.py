@@ -1,0 +1,66 @@
+"""What a table would have shown of effects that are not found, and what it could not."""
+
+from __future__ import annotations
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.diagnosis.hypotheses import RELEASE
+from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.detectable_sizes import sizes_text, worst_text
+from pkmcal_cli.report.diagnosis_values import DiagnosisValues
+from pkmcal_cli.report.number_format import detectable_size, handy
+from pkmcal_cli.report.sentences import command, grouped
+
+_SHOWN, _STDIN = 12, "<stdin>"
+
+
+class VisibilityReport(DiagnosisValues):
+    """What is told of effects that were not found."""
+
+    def files(self) -> tuple[str, str]:
+        """Machine and first table, as they are named on a command line."""
+        files = self.machine.files[0][0], self.measured.files[0]
+        return (files[0] if files[0] != _STDIN else "M.yaml"), (files[1] if files[1] != _STDIN else "MEAS.csv")
+
+    def show_seen(self, to: Reporter) -> None:
+        """How large effects would have been found, where nothing was: the worst place of every kind."""
+        worst: dict[str, VisibleSizes] = {}
+        for seen in self.diagnosis.detectable:
+            kind = seen.hypothesis.effect
+            if seen.tested and kind != RELEASE and (kind not in worst or _hardest(seen) > _hardest(worst[kind])):
+                worst[kind] = seen
+        if worst:
+            rows = [(s.hypothesis.name, *sizes_text(self.model, s), worst_text(self.model, s)) for s in worst.values()]
+            heads = ("effect", "smallest detectable", "detected in 80 %", "direction")
+            kept = [k for k, h in enumerate(heads) if not (to.narrow and h == "smallest detectable")]
+            to.say()
+            cells = [tuple(row[k] for k in kept) for row in rows]
+            title = "What would have been found (worst place of each kind)"
+            to.table(title, tuple(heads[k] for k in kept), cells, folded=("direction",))
+
+    def show_unseen(self, to: Reporter) -> None:
+        """What these data could not have shown."""
+        if self.diagnosis.not_testable:
+            to.say()
+        for line in grouped(self.diagnosis.not_testable):
+            to.say(line)
+        hidden = self.diagnosis.invisible
+        if not hidden:
+            return
+        rows = []
+        for i in hidden[:_SHOWN]:
+            unit = self.unit(i.parameter)
+            size = detectable_size(i.mdb, i.plausible, unit)
+            needed = self.rows_needed(i)
+            why = f"needs about {needed} such rows" if needed is not None else ""
+            why = f"absorbed by {', '.join(i.absorbed_by)}" if i.absorbed_by else why
+            rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
+        to.say()
+        to.table("Effects that these data cannot show", ("effect", "smallest detectable", "plausible", "remark"), rows)
+        more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
+        to.say(f"{more}points that would show one: {command('plan', *self.files(), '--see', 'EFFECT')}")
+
+
+def _hardest(seen: VisibleSizes) -> float:
+    """Size at which it is detected, in standard deviations of its prior, in the worst direction."""
+    return max(seen.numbers[seen.leading].detected, seen.worst.detected if seen.worst is not None else 0.0)
