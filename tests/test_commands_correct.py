@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 import yaml
 
+from pkmcal_cli.correction.strained_pose import LoadedTool
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.prediction import Rows
 from tests.command import HANGPRINTER, MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, column, run, table
 
 BIGLIDE = str(MACHINES / "biglide.yaml")
@@ -249,3 +252,67 @@ def test_a_table_of_poses_with_drives_is_taken_by_its_coordinates() -> None:
 def test_a_circumstance_that_changes_nothing_is_told() -> None:
     done = run("correct", BIGLIDE, "--grid", GRID, "--at", "T=25", "-o", "c.csv")
     assert done.code == 0 and "--at: `T` changes nothing" in done.err
+
+
+def test_least_energy_is_not_least_force() -> None:
+    """Under a load on legs of unlike stiffness; at the least energy it does not change with the internal force."""
+    Path("m.yaml").write_text(f"extends: {BIGLIDE}\nloads: {{push: {{at: tcp, force: [600 N, -1500 N]}}}}\n")
+    energies, forces = [], []
+    for choice in ("min-force", "min-energy"):
+        done = run("correct", "m.yaml", "--grid", GRID, "--redundant", choice, "-o", f"{choice}.csv")
+        assert done.code == 0, done.err
+        energies.append(column(f"{choice}.csv", "strain_energy_J"))
+        forces.append(sum(column(f"{choice}.csv", f"force.q{i}") ** 2 for i in (1, 2, 3)))
+    assert (energies[1] < 0.999 * energies[0]).all() and (forces[0] < 0.999 * forces[1]).all()
+    tool = LoadedTool(load_machine("m.yaml").model, ("x", "y"))
+    rows = Rows.at(1e-3 * np.stack([column("min-energy.csv", f"q{i}") for i in (1, 2, 3)], axis=1))
+    found = tool.at(tool.machine.nominal, rows, np.zeros((9, 2)), "readings")
+    free = np.linalg.svd(found.by_tool)[2][:, 2]  # (9, 3) the motion of the drives that keeps the tool point
+    along = np.einsum("na,na->n", found.by_energy, free)
+    assert abs(along).max() < 1e-6 * abs(found.force).max()  # both in N; forces settle to 1e-7
+
+
+def test_a_correction_that_turns_a_drive_round_is_made_for_its_own_side() -> None:
+    """Up and down along y the drive of x stands still by the nominal model; what moves it is squareness alone."""
+    Path("m.yaml").write_text(
+        "units: {length: mm, angle: deg, force: N}\nspace: planar\nranges: {angle: 0.1}\nparameters: {sq: 0}\n"
+        "frames: {head: {body: slide, turn: sq}}\nguides: {cross: {along: x}, column: {frame: head, along: y}}\n"
+        "bodies: {slide: {guide: cross, at: 500}, ram: {guide: column, at: 200, points: {tip: [0, 0]}}}\n"
+        "actuators: {X: {moves: slide}, Y: {moves: ram}}\ntool_point: tip\neffects: {backlash@X: {b: 40 um}}\n"
+    )
+    Path("p.yaml").write_text("parameters: {sq: 0.02}\n")
+    Path("t.csv").write_text("x,y\n" + "".join(f"500,{y}\n" for y in (100, 200, 300, 250, 150, 50)))
+    assert run("correct", "m.yaml", "t.csv", "-p", "p.yaml", "-o", "c.csv").code == 0
+    side = np.sign(np.diff(column("c.csv", "X")))
+    assert set(side) == {-1, 1} and (column("c.csv", "dir.X")[1:] == side).all()
+    assert abs(column("c.csv", "after.x")).max() < 1e-6
+
+
+def test_what_is_unexplained_of_orientations_is_told_of_orientations() -> None:
+    """100 urad beyond noise of an orientation, 20 um of a position: in quadrature with what the parameters make."""
+    Path("m.yaml").write_text(
+        "units: {length: mm, angle: deg, force: N}\nspace: planar\nranges: {length: 0.1}\nparameters: {r: 200}\n"
+        "guides: {rail: {along: x}}\nbodies:\n  slide: {guide: rail, at: 100, points: {P: [0, 0]}}\n"
+        "  table: {at: [100, 0], turn: 30, points: {mark: [r, 40]}}\n"
+        "joints: {bearing: {between: [P, table], type: revolute}}\nactuators: {q: {moves: slide}, a: {turns: table}}\n"
+        "tool_point: mark\n"
+    )
+    head = "parameters: {r: 200.1}\nmeasured: {q: {low: 0, high: 300, unit: mm}}\n"
+    known = "correlations: {names: [r], std: [0.01], matrix: [[1]]}\n"
+    Path("a.yaml").write_text(head + known)
+    Path("b.yaml").write_text(
+        head
+        + "unexplained: {times_noise: 3, position: {std: 20, unit: um}, orientation: {std: 100, unit: urad}}\n"
+        + known
+    )
+    for name in "ab":
+        done = run("correct", "m.yaml", "--grid", "x=200:300:2,rz=20:40:2", "-p", f"{name}.yaml", "-o", f"{name}.csv")
+        assert done.code == 0, done.err
+        assert (
+            abs(column(f"{name}.csv", "after.rz")).max() < 1e-6 and abs(column(f"{name}.csv", "after.x")).max() < 1e-6
+        )
+    assert "something is missing: the calibration left 3 times the noise" in done.err
+    assert column("b.csv", "u.rz") == pytest.approx(np.hypot(column("a.csv", "u.rz"), 100))
+    assert (
+        column("b.csv", "u.x") == pytest.approx(np.hypot(column("a.csv", "u.x"), 20)) and column("a.csv", "u.x")[0] > 5
+    )

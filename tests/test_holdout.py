@@ -25,7 +25,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.language.machine_yaml import read_machine
-from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.tables.measurements import read_measurements
 from tests.campaigns import by_engine, shipped
@@ -286,10 +285,10 @@ def test_a_fold_that_cannot_begin_where_the_fit_began_begins_where_it_ended() ->
     fit, nominal = identify(problem, names), problem.model.nominal
     labels, words = fold_labels("5", problem, measured)
 
-    def unwilling(part: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None) -> Fit:
+    def unwilling(part: Problem, selected: tuple[str, ...], start: Array, _: object) -> Fit:
         if len(part) < len(problem) - 60 or (start == nominal).all():
             raise RowsFailed(evaluate(part, start))
-        return identify(part, selected, start, states=states)
+        return identify(part, selected, start)
 
     held = cross_validate(problem, fit, labels, words, unwilling)
     plain = cross_validate(problem, fit, labels, words)

@@ -15,7 +15,6 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
 from pkmcal_cli.calibration.same_poses import loads_of, poses_alike
-from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -116,8 +115,7 @@ def _lost_words(lost: int, rows: int) -> list[str]:
 
 def _states(evaluation: Evaluation, rows: NDArray[np.intp]) -> WarmStart:
     """States of some rows; those that were not predicted are looked for again."""
-    start = evaluation.start.take(rows)
-    return replace(start, misfit=np.where(start.status == RowStatus.SOLVED, start.misfit, 0.0))
+    return evaluation.start.take(rows).renewed()
 
 
 def _by_least_squares(problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None) -> Fit:

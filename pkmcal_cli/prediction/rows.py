@@ -117,6 +117,10 @@ class WarmStart:
         """Some rows."""
         return WarmStart(self.state.take(rows), self.status[rows], self.misfit[rows])
 
+    def renewed(self) -> WarmStart:
+        """The same where no row is known to be out of reach: those without a solution are looked for again."""
+        return replace(self, misfit=np.where(self.status == RowStatus.SOLVED, self.misfit, 0.0))
+
     def put(self, rows: NDArray[np.intp], other: WarmStart) -> WarmStart:
         """These with some rows taken from `other`."""
         status, misfit = self.status.copy(), self.misfit.copy()
