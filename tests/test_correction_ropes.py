@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests.command import Done, run, table
-from tests.correction_cases import HOME, LEAST, FiveRopes, csv_text, rope_text
+from tests.correction_cases import csv_text
+from tests.five_ropes import HOME, LEAST, FiveRopes, rope_text
 from tests.truth.pinned import Array
 
 DRIVES = tuple(f"q{i}" for i in range(1, 6))

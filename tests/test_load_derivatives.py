@@ -10,7 +10,7 @@ from pkmcal_cli.model.tool_channels import with_loads
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
-from tests.correction_cases import rope_text
+from tests.five_ropes import rope_text
 from tests.support import errors_of, model
 from tests.truth.pinned import Array
 
