@@ -1,4 +1,4 @@
-"""A point on five ropes, with weight: its machine file, and the true machine."""
+"""A point on five ropes, with weight: its machine file, the true machine, and the least tensions that hold it."""
 
 from __future__ import annotations
 

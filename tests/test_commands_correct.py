@@ -11,7 +11,7 @@ import yaml
 from pkmcal_cli.correction.strained_pose import LoadedTool
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.prediction import Rows
-from tests.command import HANGPRINTER, MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, column, run, table
+from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, column, run, table
 
 BIGLIDE = str(MACHINES / "biglide.yaml")
 GRID = "x=250:450:3,y=220:320:3"
@@ -203,42 +203,6 @@ def test_travel_limits_are_kept() -> None:
         done = run("correct", "m.yaml", "t.csv", "--redundant", choice, "-o", "c.csv", "--force")
         assert done.code == 1 and "t.csv:3 (far): " in done.err and "travel limit of `q1` (" in done.err
         assert "1 of 2 targets corrected" in done.err and column("c.csv", "q1")[0] < 200
-
-
-BAD = {
-    "another machine": (["-p", "p.yaml", TRIGLIDE], 3, "these values belong to another machine"),
-    "out of reach": ([BIGLIDE, "far.csv"], 1, "far.csv:2 (f): out of reach"),
-    "no target": ([BIGLIDE, "drives.csv"], 3, "the table has no targets: none of the TCP coordinates `x`, `y`, `rz`"),
-    "too many": ([SCISSORS, "turned.csv"], 3, "no degree of freedom moves `rz` of tool point `platform`"),
-    "freedoms": ([HANGPRINTER, "six.csv"], 3, "has no `rx`"),
-    "empty": ([BIGLIDE, "empty.csv"], 3, "empty cell in column `y`"),
-    "choice": ([BIGLIDE, "t.csv", "--redundant", "minforce"], 2, "did you mean `min-force`?"),
-    "nothing": ([BIGLIDE], 2, "give either a table of targets or --grid"),
-    "both": ([BIGLIDE, "t.csv", "--grid", GRID], 2, "give either a table of targets or --grid"),
-    "json": ([BIGLIDE, "t.csv", "--json"], 2, "--json and the table both write to stdout"),
-    "circumstance": ([BIGLIDE, "t.csv", "--at", "speed=3"], 2, "unknown circumstance `speed`"),
-    "unit": ([BIGLIDE, "t.csv", "--at", "T=3 mm"], 2, "`mm` is a unit of length"),
-    "side": ([BIGLIDE, "t.csv", "--at", "dir.q1=2"], 2, "`dir.q1` is 1 or -1"),
-    "twice": ([BIGLIDE, "warm.csv", "--at", "T=20"], 2, "the table has a column `T`"),
-    "no value": ([BIGLIDE, "t.csv", "--at", "T"], 2, "`T` is not a circumstance"),
-    "grid": ([BIGLIDE, "--grid", "x=0:1:2,y=5000:6000:2"], 3, "none of 4 grid points can be used"),
-    "input": ([BIGLIDE, "t.csv", "-o", "t.csv", "--force"], 4, "t.csv"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_what_is_wrong_is_said(case: str) -> None:
-    calibrated()
-    for name, text in {
-        "t": "x,y\n300,250\n", "far": "id,x,y\nf,300,5000\n", "drives": "q1,q2\n1,2\n", "turned": "x,y,rz\n0,0,0\n",
-        "six": "x,y,z,rx\n0,0,100,0\n", "empty": "x,y\n300,250\n310,\n", "warm": "x,y,T\n300,250,22\n",
-    }.items():  # fmt: skip
-        Path(f"{name}.csv").write_text(text)
-    arguments, code, said = BAD[case]
-    if case == "another machine":
-        arguments = [TRIGLIDE, "t.csv", "-p", "p.yaml"]
-    done = clean(run("correct", *arguments))
-    assert done.code == code and said in done.err, done.err
 
 
 def test_a_table_of_poses_with_drives_is_taken_by_its_coordinates() -> None:

@@ -109,8 +109,8 @@ def write_gap(folder: Path) -> None:
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
 
 
-def _write_inputs(folder: Path) -> None:
-    """Tables, machines and parameter files that the runs read."""
+def write_all(folder: Path) -> None:
+    """Machines, tables and parameter files of these runs."""
     (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
     (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
     (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
@@ -119,14 +119,14 @@ def _write_inputs(folder: Path) -> None:
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
     for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
         (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", folder / "p.yaml", "-q", "--force").code == 0
-    assert run("calibrate", SCISSORS, SHOPFLOOR, "-o", folder / "shop.params.yaml", "-q", "--force").code == 0
+    for machine, table, name in ((TRIGLIDE, TRIGLIDE_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
+        assert run("calibrate", machine, table, "-o", folder / name, "-q", "--force").code == 0
     write_ropes(folder)
 
 
 def commands(folder: Path) -> dict[str, list[list[str]]]:
     """Runs that together show every key."""
-    _write_inputs(folder)
+    write_all(folder)
     pin, belts, partly = MACHINES / "delta4.yaml", MACHINES / "belt-router", ("--grid", "x=300:300:1,y=250:2500:2")
     return {
         "check": [
