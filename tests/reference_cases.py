@@ -42,6 +42,8 @@ class Case:
         """What the command prints with `--json`, without the provenance; files go into a folder."""
         machine, table = (str(f.relative_to(ROOT)) for f in (machine_of(self.table), self.table))
         arguments = [self.command, machine, *(() if self.command == "effects" else (table,)), "--json", "--quiet"]
+        folder = folder / self.command
+        folder.mkdir(exist_ok=True)
         if self.command in ("simulate", "correct", "improve"):
             arguments += ["-o", str(folder / f"{self.table.stem}{'.yaml' if self.command == 'improve' else '.csv'}")]
         with contextlib.chdir(ROOT):
