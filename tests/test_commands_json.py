@@ -23,10 +23,11 @@ from tests.command import (
     run,
 )
 from tests.test_slack_ropes import text, wound
-from tests.truth.campaigns import campaign, unit
+from tests.truth.campaigns import Planted, Scenario, campaign, unit
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
+    "unexplained[].hidden": "PARAMETER",
     "provenance.inputs": "FILE", "before": "KIND", "after": "KIND", "heldout.before": "KIND",
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
@@ -76,6 +77,13 @@ def odd_field(folder: Path) -> list[str]:
         replace(measured, readings=measured.true_readings + noise * rng.normal(size=noise.shape)).csv_text()
     )
     return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "field.csv"]
+
+
+def odd_shape(folder: Path) -> list[str]:
+    """A machine and a table in which one drive is off by a shape that is in no catalogue; without temperatures."""
+    measured = campaign("scissors", [Planted("odd_tanh", "q2", {"h": 50e-6})], 1, scenario=Scenario(omit=("T",)))
+    (folder / "shape.csv").write_text(measured.csv_text())
+    return [str(ROOT / "tests" / "benchmark" / "machines" / "scissors.yaml"), "shape.csv"]
 
 
 def one_lost(text: str, column: int) -> str:
@@ -152,6 +160,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
+            odd_shape(folder),
         ],
         "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
         "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
