@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.compiler.placed_effects import placed_effect, possible_effects
-from pkmcal_cli.language.effect_entries import EffectNumber
+from pkmcal_cli.language.effect_numbers import EffectNumber
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS

@@ -20,7 +20,7 @@ from pkmcal_cli.diagnosis.scoring import Search, score_all, scored
 from pkmcal_cli.diagnosis.search import stands_on_one_row
 from pkmcal_cli.diagnosis.unknown import unknown_effects
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.diagnose import prepare
+from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from tests.benchmark.setting import Setting, diagnosed
 from tests.command import MACHINES
 from tests.detected_sizes import outcome
@@ -145,9 +145,9 @@ def test_a_rival_that_rows_confirm_takes_the_place_of_one_that_they_do_not() -> 
 
 def test_readings_of_two_rows_have_no_place_to_grow_with(recwarn: pytest.WarningsRecorder) -> None:
     """The router's tape reads distances between rows; its encoders are drives."""
-    case = prepare(
-        str(MACHINES / "belt-router.yaml"), (str(MACHINES / "belt-router.csv"),), "auto", Reporter(quiet=True)
-    )
+    table = str(MACHINES / "belt-router.csv")
+    request = CaseRequest(machine=str(MACHINES / "belt-router.yaml"), measurements=(table,))
+    case = prepare(request, Reporter(quiet=True))
     nominal = linear_problem(case.problem, case.problem.model.nominal, case.selected, (), None)
     assert noise_growth(nominal, case.problem, Scale(), LEAST) == () and not recwarn.list
 

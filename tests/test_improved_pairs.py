@@ -54,7 +54,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
         select = ["--select", "l1,l2,zero@q2.o", "--holdout", "none", "-o", VALUES]
         assert clean(run("calibrate", MACHINE, "meas.csv", *select)).code == 0
         old, kept, plain = pair(), [], workflow.improve
-        patch.setattr(workflow, "improve", lambda *a: kept.append(plain(*a)) or kept[-1])
+        patch.setattr(workflow, "improve", lambda *a, **k: kept.append(plain(*a, **k)) or kept[-1])
         assert clean(run(*IMPROVE)).code == 0
         return Made(base, old, pair(), kept[0])
 
@@ -114,7 +114,7 @@ def test_improve_writes_parameters_first(made: Made, monkeypatch: pytest.MonkeyP
             raise OSError(28, "No space left on device")
         plain(source, target)
 
-    monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
+    monkeypatch.setattr(workflow, "improve", lambda *_, **__: made.found)
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", second_fails)
         done = clean(run(*IMPROVE, "--json"))
@@ -127,7 +127,7 @@ def test_improve_writes_parameters_first(made: Made, monkeypatch: pytest.MonkeyP
 def test_a_base_that_is_edited_meanwhile(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     """The values were found on another machine than the one that would be extended."""
 
-    def edited(*_: object) -> Improvement:
+    def edited(*_: object, **__: object) -> Improvement:
         text = made.base["base.yaml"].replace("length: l3, k: k3", "length: l3, k: k2")
         Path("base.yaml").write_text(text.replace("  k3: ", "  # k3: "), encoding="utf-8")
         return made.found
@@ -140,7 +140,7 @@ def test_a_base_that_is_edited_meanwhile(made: Made, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("there", [MACHINE, VALUES])
 def test_neither_is_written_where_one_exists(there: str, made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
+    monkeypatch.setattr(workflow, "improve", lambda *_, **__: made.found)
     Path(there).write_text("mine")
     done = clean(run(*(a for a in IMPROVE if a != "--force")))
     assert done.code == 4 and f"{there}: error[output]: the file already exists" in done.err
@@ -148,7 +148,7 @@ def test_neither_is_written_where_one_exists(there: str, made: Made, monkeypatch
 
 
 def test_a_base_whose_name_must_be_quoted(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
+    monkeypatch.setattr(workflow, "improve", lambda *_, **__: made.found)
     for name in ("a: b #.yaml", "x - y.yaml", "null.yaml", "quo'te\".yaml", "\u6a5f.yaml"):
         Path("base.yaml").rename(name)
         assert clean(run("improve", name, *IMPROVE[2:])).code == 0
@@ -161,7 +161,7 @@ def test_a_base_whose_name_must_be_quoted(made: Made, monkeypatch: pytest.Monkey
 
 def test_targets_behind_links(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     """The written machine finds its base under the name of the link, and under its own."""
-    monkeypatch.setattr(workflow, "improve", lambda *_: made.found)
+    monkeypatch.setattr(workflow, "improve", lambda *_, **__: made.found)
     Path("far/away").mkdir(parents=True)
     Path("near").symlink_to("far/away")
     assert clean(run(*IMPROVE[:3], "-o", "near/better.yaml", "-q")).code == 0

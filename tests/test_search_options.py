@@ -13,8 +13,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import with_prior
 from pkmcal_cli.calibration.robust import Loss, normal_figures, weights_of
 from pkmcal_cli.diagnosis.closed_loop import improve
-from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, _calibrated, diagnose
+from pkmcal_cli.diagnosis.first_fit import calibrated
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.scoring import recalibrated, score_all
+from pkmcal_cli.diagnosis.search_options import SearchOptions
 from tests.benchmark.setting import ALPHA, Ready, ready
 from tests.command import MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, clean, run
 from tests.truth.campaigns import campaign, unit
@@ -154,8 +156,9 @@ def test_what_the_data_hardly_see_is_about_nominal_wherever_fits_begin() -> None
     problem, model = replace(there.problem, sigma=200 * there.problem.sigma), there.problem.model
     start, index = model.nominal, [model.names.index(n) for n in there.selected]
     start[index] += 0.3 * model.ranges[index]
-    _, plain = _calibrated(there.candidates, problem, there.selected, SEED)
-    candidates, afar = _calibrated(replace(there.candidates, start=start), problem, there.selected, SEED)
+    options = SearchOptions(alpha=ALPHA, seed=SEED)
+    _, plain = calibrated(there.candidates, problem, there.selected, options)
+    candidates, afar = calibrated(replace(there.candidates, start=start), problem, there.selected, options)
     assert afar.directions.weak.any() and not afar.directions.null.any()
     assert candidates.start is not None and afar.before.values is not start
     assert afar.values[index] == pytest.approx(plain.values[index], abs=1e-3 * model.ranges[index].min())

@@ -13,11 +13,11 @@ from scipy.special import fdtrc
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis import run_diagnosis
+from pkmcal_cli.diagnosis import first_fit
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
 from pkmcal_cli.diagnosis.score import p_of_part
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.diagnose import prepare
+from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from tests.benchmark.setting import ready
 from tests.lookalikes.judge import written
 from tests.truth.campaigns import campaign
@@ -44,7 +44,8 @@ def test_an_effect_of_a_small_table_is_told_from_noise_that_is_larger_than_state
     campaign_ = head(0)
     with tempfile.TemporaryDirectory() as folder:
         machine, _ = written(Path(folder), campaign_)
-        case = prepare(str(machine), (str(machine.with_name("table.csv")),), "auto", Reporter(quiet=True))
+        request = CaseRequest(machine=str(machine), measurements=(str(machine.with_name("table.csv")),))
+        case = prepare(request, Reporter(quiet=True))
         found = diagnose(case.candidates, case.problem, case.selected, 0.005, 0)
     (finding,) = found.findings
     assert finding.hypothesis.name == "scale@q1" and found.scale.variance < 2
@@ -62,8 +63,8 @@ def test_rows_that_spoil_the_fit_are_left_out_of_it(monkeypatch: pytest.MonkeyPa
     def diverged(problem: Problem, *_: object, **__: object) -> Fit:
         return replace(identify(problem, there.selected), status="not_converged")
 
-    monkeypatch.setattr(run_diagnosis, "identify", diverged)
-    monkeypatch.setattr(run_diagnosis, "best_of_starts", None)
+    monkeypatch.setattr(first_fit, "identify", diverged)
+    monkeypatch.setattr(first_fit, "best_of_starts", None)
     found = diagnose(there.candidates, spoilt, there.selected, 0.005, 0)
     assert found.bad_rows == (7,) and found.verdict == "measurement_fault"
     good = identify(there.problem.without((7,)), there.selected)

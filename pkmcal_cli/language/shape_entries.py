@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-import numpy as np
-
 from pkmcal_cli.base.errors import did_you_mean
 from pkmcal_cli.effects.unexplained import FreeShape, place_and_axis
 from pkmcal_cli.language.effect_numbers import EffectNumber, Entries, WrittenEntries
@@ -101,6 +99,8 @@ def _with(entry: EffectNumber[WrittenNumber], **numbers: Any) -> EffectNumber:
 
 def _check(resolver: Resolver, name: str, entries: Entries) -> None:
     """Whether lists fit each other."""
+    import numpy as np  # imported late: reading a machine file without shapes does not need it
+
     knots, values = (np.array(entries[key].numbers) for key in ("knots", "values"))
     path: Path = ("effects", name)
     if not 3 <= len(knots) <= _MOST:
@@ -129,6 +129,8 @@ def _check(resolver: Resolver, name: str, entries: Entries) -> None:
 
 def shape_of(entries: Mapping[str, EffectNumber]) -> FreeShape:
     """The shape of entries in SI."""
+    import numpy as np
+
     knots, values = entries["knots"].numbers, entries["values"].numbers
     assert knots is not None and values is not None
     matrix = entries["cov"].matrix if "cov" in entries else None

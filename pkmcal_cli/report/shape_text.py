@@ -91,7 +91,7 @@ class ShapeText:
         asked = [f"{needs} (shows {listed(sorted(keywords), _MOST)})" for needs, keywords in by_need.items()]
         log = f" Add to the table: {'; '.join(asked)}." if asked else ""
         if self._over == "time":
-            return f"Log temperatures and home {self._place} again at intervals, to find what changes with time.{log}"
+            return f"Log temperatures of more parts, and home {self._place} again at intervals.{log}"
         step = self.along.format(self.finding.shape.width / _STEPS, 2)
         scan = f"Scan {self._place} alone in steps of {step}, in both directions, with an independent instrument"
         return f"{scan}; compensate only where it was measured.{log}"

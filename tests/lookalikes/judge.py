@@ -16,10 +16,11 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.diagnosis.findings import Finding
+from pkmcal_cli.diagnosis.run_diagnosis import diagnose
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import frozen
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.diagnose import Case, diagnosed, prepare
+from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 from tests.truth.look_alikes.look_alike import LookAlike
 
 ALPHA = 0.005
@@ -65,7 +66,7 @@ def judged(scenario: str, seed: int, campaign: LookAlike) -> Judged:
         machine, true = written(folder, campaign)
         start = time.process_time()
         case = _prepared(machine, "table")
-        d = diagnosed(case, ALPHA, 0)
+        d = diagnose(case.candidates, case.problem, case.selected, ALPHA, 0)
         seconds = time.process_time() - start
         told = _prepared(true, "table")
         good = told.problem.without(tuple(sorted(campaign.bad)))
@@ -143,7 +144,8 @@ def _start(campaign: LookAlike, model: Model) -> Array:
 
 def _prepared(machine: Path, table: str) -> Case:
     """The machine and one of the tables beside it."""
-    return prepare(str(machine), (str(machine.with_name(f"{table}.csv")),), "auto", Reporter(quiet=True))
+    request = CaseRequest(machine=str(machine), measurements=(str(machine.with_name(f"{table}.csv")),))
+    return prepare(request, Reporter(quiet=True))
 
 
 def _error(machine: Path, table: str, fitted: Problem, values: Array) -> float:
