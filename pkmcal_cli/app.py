@@ -8,6 +8,7 @@ import sys
 import traceback
 import warnings
 from contextlib import suppress
+from itertools import pairwise
 
 import typer
 
@@ -85,11 +86,20 @@ def _failed(error: Exception, arguments: list[str]) -> int:
         if os.environ.get("PKMCAL_DEBUG"):
             _tell("".join(traceback.format_exception(error)))
         _tell(error.text())
+        if _annotated(arguments):
+            from pkmcal_cli.base.annotations import of_error
+
+            _tell("\n".join(of_error(error)))
         return error.exit_code
     if isinstance(error, MemoryError):
         _tell("error[memory]: not enough memory\nhelp: use fewer rows or positions at once")
         return PkmcalError.exit_code
     return _usage_or_internal(error, arguments)
+
+
+def _annotated(arguments: list[str]) -> bool:
+    """Whether errors are wanted as annotations of files too."""
+    return "--format=github" in arguments or ("--format", "github") in pairwise(arguments)
 
 
 def _open_streams() -> None:

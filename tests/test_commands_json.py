@@ -22,6 +22,7 @@ from tests.command import (
     TRIGLIDE_DATA,
     run,
 )
+from tests.test_far_causes import router
 from tests.test_slack_ropes import text, wound
 from tests.truth.campaigns import Planted, Scenario, campaign, unit
 
@@ -33,7 +34,7 @@ NAMED = {
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
     "errors": "KIND", "outside": "COLUMN", "unexplained": "KIND",
-    "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
+    "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME",
 }  # fmt: skip
@@ -68,15 +69,22 @@ def covers(path: str, known: set[str]) -> bool:
 
 
 def odd_field(folder: Path) -> list[str]:
-    """A machine and a table with something smooth that is in no catalogue, and noise that grows with distance."""
+    """A machine and a table with something smooth that is in no catalogue."""
     measured = campaign("delta4", [unit("delta4", "smooth_field", "tracker", 3).scaled(4)], 3)
+    (folder / "field.csv").write_text(measured.csv_text())
+    return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "field.csv"]
+
+
+def growing_noise(folder: Path) -> list[str]:
+    """A machine and a table whose noise grows with distance."""
+    measured = campaign("delta4", [], 3)
     distance = np.sqrt((measured.true_readings**2).sum(axis=1, keepdims=True))
     noise = 3 * measured.sigma * (distance / np.median(distance)) ** 4
     rng = np.random.default_rng(1)
-    (folder / "field.csv").write_text(
+    (folder / "grown.csv").write_text(
         replace(measured, readings=measured.true_readings + noise * rng.normal(size=noise.shape)).csv_text()
     )
-    return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "field.csv"]
+    return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "grown.csv"]
 
 
 def odd_shape(folder: Path) -> list[str]:
@@ -155,18 +163,19 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
-            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"],
+            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
-            odd_shape(folder),
+            growing_noise(folder), odd_shape(folder), [SCISSORS, "shop.csv", "--loss", "tukey"],
+            [*map(str, router(folder, 1))],
         ],
         "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
         "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
             "--see", "scale@q1", "--points", "1", "--power", "1"]],
-        "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml"]],
+        "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml", "--loss", "tukey", "--fail-above", "chi2 2"]],
     }  # fmt: skip
 
 

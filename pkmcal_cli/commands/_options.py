@@ -49,6 +49,18 @@ FailOn = Annotated[
     str | None,
     typer.Option("--fail-on", metavar="LIST", help="Results that end with exit code 1; none: never."),
 ]
+Style = Annotated[
+    str,
+    typer.Option("--format", metavar="text|github", help="github: warnings and errors also as annotations of files."),
+]
+FailAbove = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-above",
+        metavar='"KIND VALUE"',
+        help='Exit with 1 above a limit: "heldout 20 um", fitted, chi2, std:NAME, change; can be repeated.',
+    ),
+]
 Loss = Annotated[
     str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber and tukey down-weight outliers.")
 ]

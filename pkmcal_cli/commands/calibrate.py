@@ -8,6 +8,7 @@ import typer
 
 from pkmcal_cli.commands._options import (
     Accept,
+    FailAbove,
     Force,
     Json,
     Loss,
@@ -18,6 +19,7 @@ from pkmcal_cli.commands._options import (
     Seed,
     Select,
     Starts,
+    Style,
     Uncertainty,
     as_request,
 )
@@ -42,13 +44,15 @@ def calibrate(
     uncertainty: Uncertainty = "linear",
     starts: Starts = 0,
     seed: Seed = 0,
+    fail_above: FailAbove = None,
     max_rms: Annotated[
         str | None,
-        typer.Option("--max-rms", metavar="VALUE", help="Exit with 1 if the (held-out) position rms is larger."),
+        typer.Option("--max-rms", metavar="VALUE", help="Limit of the (held-out) position rms, as --fail-above."),
     ] = None,
     accept: Accept = False,
     as_json: Json = False,
     quiet: Quiet = False,
+    style: Style = "text",
     force: Force = False,
 ) -> None:
     """Which dimensions explain the measurements, and how uncertain are they?

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Json, MachineFile, Quiet
+from pkmcal_cli.commands._options import Json, MachineFile, Quiet, Style
 
 
 def check(
@@ -14,6 +14,7 @@ def check(
     measurements: Annotated[list[str] | None, typer.Argument(metavar="MEAS.csv", help="Tables to check.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    style: Style = "text",
 ) -> None:
     """Is this machine what I mean, and does this table fit it?
 
@@ -21,4 +22,4 @@ def check(
     """
     from pkmcal_cli.workflow.check import run_check
 
-    raise typer.Exit(run_check(machine, tuple(measurements or ()), as_json, quiet))
+    raise typer.Exit(run_check(machine, tuple(measurements or ()), as_json, quiet, style))

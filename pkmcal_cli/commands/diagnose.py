@@ -16,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Prior,
     Quiet,
     Select,
+    Style,
     as_request,
 )
 
@@ -38,6 +39,7 @@ def diagnose(
     fail_on: FailOn = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    style: Style = "text",
 ) -> None:
     """Which physical effect explains the residuals that remain after calibration?
 

@@ -9,6 +9,7 @@ import typer
 from pkmcal_cli.commands._options import (
     Accept,
     Alpha,
+    FailAbove,
     FailOn,
     Force,
     Json,
@@ -18,6 +19,7 @@ from pkmcal_cli.commands._options import (
     Prior,
     Quiet,
     Select,
+    Style,
     as_request,
 )
 
@@ -47,8 +49,10 @@ def improve(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     accept: Accept = False,
     fail_on: FailOn = None,
+    fail_above: FailAbove = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    style: Style = "text",
     force: Force = False,
 ) -> None:
     """Which effects does the machine file lack, and how much do they improve held-out points?

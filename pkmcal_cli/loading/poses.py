@@ -46,6 +46,11 @@ class Place:
             return self.id or (f"--grid point {self.line}" if self.line else "the reference configuration")
         return f"{self.file}:{self.line}" + (f" ({self.id})" if self.id else "")
 
+    @property
+    def location(self) -> Location | None:
+        """Where it is in a file; None for one that is in none."""
+        return None if self.file is None else Location(self.file, self.line)
+
     def fault(self, reason: str) -> Fault:
         """Why this row cannot be used, as a fault."""
         hint = "check the columns that give the poses and their units, or remove the row"

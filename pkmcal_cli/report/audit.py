@@ -34,6 +34,9 @@ class Audit:
         title = "Outliers" + (" (down-weighted)" if robust else "")
         head = ("row", "channel", "deviation", "in std", "weight", "leverage", "change if kept")
         to.table(title, head, [self._row(d) for d in worst[:_SHOWN]])
+        for d in worst[:_SHOWN]:
+            _, channel, off, deviation, *_ = self._row(d)
+            to.mark(f"outlier: {channel} is off by {off} ({deviation} std)", self.place(d.row).location, "warning")
         if len(worst) > _SHOWN:
             to.say(f"... and {len(worst) - _SHOWN} more (--json lists all)")
         if not robust:

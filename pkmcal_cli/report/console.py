@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Literal
 
+from pkmcal_cli.base.annotations import FORMATS, Severity, annotation, of_fault
+from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.stages import Observer, unobserved
 
@@ -20,13 +22,15 @@ _WIDTH = 160  # of tables that do not go to a terminal
 
 
 class Reporter:
-    """Writes for people to stderr; when quiet, only errors."""
+    """Writes for people to stderr; when quiet, only errors. `style` "github": annotations too."""
 
-    def __init__(self, quiet: bool = False) -> None:
+    def __init__(self, quiet: bool = False, style: str = "text") -> None:
         from rich.console import Console
 
+        if style not in FORMATS:
+            raise UsageError(f"--format: `{style}` is not a format", hint=did_you_mean(style, FORMATS))
         wide = None if sys.stderr.isatty() else _WIDTH
-        self.quiet = quiet
+        self.quiet, self.annotated = quiet, style == "github"
         self.console: Console = Console(stderr=True, soft_wrap=True, highlight=False, width=wide)
         setattr(self.console, "on_broken_pipe", _nothing)  # noqa: B010  (rich would end the process)
 
@@ -44,13 +48,25 @@ class Reporter:
         for note in notes:
             self._line(f"note: {note}", "dim")
 
-    def warn(self, text: str) -> None:
-        """A warning."""
-        self._line(text, "yellow")
+    def warn(self, finding: str | Fault, where: Location | None = None) -> None:
+        """A warning; `where`: the place that a text is about."""
+        self._line(finding if isinstance(finding, str) else finding.text(), "yellow")
+        if not self.quiet:
+            self.mark(finding, where, "warning")
 
-    def fail(self, text: str) -> None:
+    def fail(self, finding: str | Fault) -> None:
         """Why the verdict is negative: shown even when quiet."""
-        self._line(text, "red", always=True)
+        self._line(finding if isinstance(finding, str) else finding.text(), "red", always=True)
+        self.mark(finding, None, "error")
+
+    def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
+        """A finding as an annotation alone, where these are asked for."""
+        if not (self.annotated and finding):
+            return
+        text = finding.strip().removeprefix("warning: ") if isinstance(finding, str) else ""
+        line = of_fault(finding) if isinstance(finding, Fault) else annotation(severity, text, where)
+        with suppress(OSError, ValueError):
+            print(line, file=sys.stderr, flush=True)
 
     def _line(self, text: str, style: str | None = None, always: bool = False) -> None:
         if always or not self.quiet:

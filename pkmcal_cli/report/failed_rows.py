@@ -29,7 +29,8 @@ class FailedRows:
         """A warning for each of the first ones, and how many there are."""
         rows = sorted(self.reasons)
         for row in rows[:_SHOWN]:
-            to.warn(f"warning: {self.place(row)}: {self.reasons[row]}: not used")
+            place = self.place(row)
+            to.warn(f"warning: {place}: {self.reasons[row]}: not used", place.location)
         if rows:
             to.warn(f"warning: {len(rows)} of {count(self.total, 'row')} {'is' if len(rows) == 1 else 'are'} not used")
 

@@ -73,7 +73,7 @@ class ImprovedFiles:
             shape = next(s for s in improvement.whole.search.shapes if s.hypothesis == hypothesis)
             return lines + shape_lines(self.machine, self.model, shape, improvement.fit, improvement.budget)
         for name in part.parameters:
-            value, std = self._estimate(name)
+            value, std = self.estimate(name)
             unit = self._unit(name)
             text = "" if unit.text == "1" else f" {unit.text}"
             more = "" if std is None else f", std: {std / unit.scale:.3g}{text}"
@@ -88,7 +88,8 @@ class ImprovedFiles:
         fit, names = self.improvement.fit, self.model.names
         return linear_intervals(fit, self.improvement.budget, np.array([names.index(n) for n in fit.selected])).std
 
-    def _estimate(self, name: str) -> tuple[float, float | None]:
+    def estimate(self, name: str) -> tuple[float, float | None]:
+        """Value and standard uncertainty, SI, of a parameter; None where it is not identified or determined."""
         fit = self.improvement.fit
         value = float(fit.values[self.model.names.index(name)])
         if name not in fit.selected:
@@ -106,7 +107,7 @@ class ImprovedFiles:
         for p in self.model.parameters:
             if p.name in effects:
                 continue
-            value, std = self._estimate(p.name)
+            value, std = self.estimate(p.name)
             unit, reason = parse_unit(p.unit or "1"), reasons.get(p.name, "")
             shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
@@ -118,7 +119,7 @@ class ImprovedFiles:
 
     def estimate_text(self, name: str) -> str:
         """An estimate with its uncertainty."""
-        value, std = self._estimate(name)
+        value, std = self.estimate(name)
         unit = self._unit(name)
         if name not in self.improvement.fit.selected:
             known = {n for h in self.improvement.accepted for n, _ in h.known}

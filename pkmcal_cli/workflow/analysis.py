@@ -75,7 +75,7 @@ def _prepare(request: AnalysisRequest) -> _Setting:
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
-        to.warn(fault.text())
+        to.warn(fault)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         _selected(request, loaded.model)
     given = request.poses is not None or request.grid is not None

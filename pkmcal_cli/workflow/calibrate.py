@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -31,16 +31,14 @@ from pkmcal_cli.prediction import Prediction
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
-from pkmcal_cli.report.figures import figure_unit
 from pkmcal_cli.report.limitations import outside_text
-from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
-from pkmcal_cli.units.dimensions import LENGTH
-from pkmcal_cli.units.measurands import Measurand
-from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
+from pkmcal_cli.workflow.gates import Gate, Judged, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
+from pkmcal_cli.workflow.result_figures import Result
 
 _FOLDS = "5"
 _SCHEMES = ("session", "cells", "none")
@@ -61,8 +59,10 @@ class CalibrationRequest:
     fit_options: FitOptions
     max_rms: str | None
     accept: bool
+    fail_above: tuple[str, ...] | None
     as_json: bool
     quiet: bool
+    style: str
     force: bool
 
 
@@ -76,7 +76,7 @@ class _Setting:
     problem: Problem
     selected: tuple[str, ...]
     start: Start
-    limit: float | None
+    limits: tuple[Gate, ...]
     apart: Measurements | None  # the rows of a file that is held out
     datum: Datum | None = None
 
@@ -89,10 +89,12 @@ class _Setting:
 
 def run_calibration(request: CalibrationRequest) -> int:
     """Calibrate, show and write; returns the exit code. Raises PkmcalError."""
-    to = Reporter(request.quiet)
+    to = Reporter(request.quiet, request.style)
     s = _prepare(request)
     to.notes(s.measured.notes)
-    for text in (*(f.text() for f in (*s.loaded.warnings, *s.measured.warnings)), *s.start.warnings):
+    for finding in (*s.loaded.warnings, *s.measured.warnings):
+        to.warn(finding)
+    for text in s.start.warnings:
         to.warn(text)
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
@@ -117,9 +119,10 @@ def run_calibration(request: CalibrationRequest) -> int:
         text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **accepted))
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
+    judged = _judged(s, report)
     if request.as_json:
-        emit_json(report.json())
-    return _exit_code(s, report, to)
+        emit_json(report.json() | {"gates": [each.json() for each in judged]})
+    return _exit_code(s, report, judged, to)
 
 
 def _prepare(request: CalibrationRequest) -> _Setting:
@@ -128,7 +131,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
     request.fit_options.check()
-    limit = _limit(request.max_rms)
+    limits = gates(request.fail_above or (), request.max_rms)
     file = _file_of(request.holdout)
     inputs = given(request.machine, *request.measurements, request.parameters, file)
     check_target(request.output, inputs, force=request.force)
@@ -146,8 +149,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
     if absurd:
         raise BadInput(absurd)
-    if limit is not None and Measurand.POSITION not in _measurands(problem):
-        raise UsageError("--max-rms: no positions were measured", hint="leave out `--max-rms`")
+    check_gates(limits, problem.model, measured_kinds(problem))
     apart = None if file is None else _apart(loaded, measured, file)
     s = _Setting(
         request=request,
@@ -156,7 +158,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         problem=problem,
         selected=selected,
         start=start,
-        limit=limit,
+        limits=limits,
         apart=apart,
     )
     check_target(request.output, s.inputs, force=request.force)
@@ -189,10 +191,6 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
     if set(other.sha256) & set(measured.sha256):
         raise UsageError(f"--holdout: the rows of `{file}` are fitted", hint="give another file, or a number of folds")
     return other
-
-
-def _measurands(problem: Problem) -> set[Measurand]:
-    return {c.measurand for k, c in enumerate(problem.model.channels) if problem.measured[:, k].any()}
 
 
 def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
@@ -260,36 +258,33 @@ def _validated(s: _Setting, fit: Fit, other: Measurements) -> HeldOut | str:
         raise unsolved(other, failure.evaluation.prediction) from None
 
 
-def _limit(text: str | None) -> float | None:
-    if text is None:
-        return None
-    value, unit = amount("--max-rms", text, fitting=(LENGTH,))
-    if unit.dimension.name != "length" or value < 0:
-        raise UsageError(f"--max-rms: `{text}` is not a length", hint='give a length such as "20 um"')
-    return value
-
-
-def _exit_code(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
-    """1 when the verdict is negative: not converged, a named parameter undetermined, the limit missed."""
-    if report.status != "converged" and not (report.implausible and s.request.accept):
-        if s.request.quiet:
-            to.fail(report.verdict())
-        return 1
+def _exit_code(s: _Setting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> int:
+    """1 when the verdict is negative: not converged, a named parameter undetermined, a limit missed; all is told."""
+    failed = report.status != "converged" and not (report.implausible and s.request.accept)
+    if failed and s.request.quiet:
+        to.fail(report.verdict())
     wanted = named(report.model, s.request.select) & set(s.selected)
     lost = [r.name for r in report.rows if r.name in wanted and r.std is None]
     if lost:
         to.fail(f"named in --select but undetermined: {', '.join(lost)}")
-        return 1
-    if s.limit is not None and (missed := _above(report, s.limit)):
-        to.fail(f"{missed}, above the limit of {s.request.max_rms}")
-        return 1
-    return 0
+    missed = missed_limits(judged, s.loaded, s.measured.files[0])
+    for fault in missed:
+        to.fail(fault)
+    return int(failed or bool(lost) or bool(missed))
 
 
-def _above(report: CalibrationReport, limit: float) -> str:
-    """Which figure misses the limit, m: the held-out one where there is one, else that of fitted rows; "" if none."""
-    held = None if isinstance(report.held_out, str) else report.held_out.after.get("position")
-    figures = held or report.after["position"]
-    figure = readable(figures.rms, figure_unit(report.machine, figures))
-    rows = "of held-out rows" if held else "of fitted rows"
-    return "" if figures.rms <= limit else f"position rms {rows}: {figure}"
+def _judged(s: _Setting, report: CalibrationReport) -> tuple[Judged, ...]:
+    """Limits of the command line and what they are held against."""
+    held = report.held_out
+    std = {r.name: None if r.std is None else r.std * parse_unit(r.unit).scale for r in report.rows}
+    result = Result(
+        machine=s.loaded.machine,
+        held_out=held if isinstance(held, str) else held.after,
+        fitted=report.after,
+        chi2_per_dof=report.fit.chi2_per_dof,
+        std=std,
+        before=(report.model, s.start.values),
+        after=(report.model, report.fit.values),
+        rows=report.problem.rows,
+    )
+    return result.judged(s.limits)

@@ -19,10 +19,10 @@ UNREADABLE = "file"
 """Code of the fault that a file cannot be read at all: that is bad input, not a finding."""
 
 
-def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bool) -> int:
+def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bool, style: str = "text") -> int:
     """Show and emit; 0 without faults, 1 with faults in machine or tables. Raises BadInput for unreadable files."""
     one_stdin(path, *measurements)
-    to = Reporter(quiet)
+    to = Reporter(quiet, style)
     try:
         loaded = load_machine(path)
     except BadInput as error:
@@ -32,7 +32,7 @@ def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bo
     show_machine(to, loaded.machine, loaded.compiled, result)
     warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
     for fault in warnings:
-        to.warn(fault.text())
+        to.warn(fault)
     result["warnings"] = [_json(f) for f in warnings]
     total = len(faults)
     if measurements:
@@ -44,7 +44,8 @@ def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bo
 def _finish(to: Reporter, result: dict[str, Any], faults: list[Fault], total: int, as_json: bool) -> int:
     """Tell the faults, emit the result; the exit code."""
     for fault in faults[:MAX_FAULTS]:
-        to.fail(fault.text() + "\n")
+        to.fail(fault)
+        to.fail("")
     if total > MAX_FAULTS:
         to.fail(f"... and {total - min(len(faults), MAX_FAULTS)} more faults")
     if as_json:
@@ -123,7 +124,7 @@ def _check_tables(
         return {"n_rows": None}, list(error.faults), error.total
     to.notes(measured.notes)
     for fault in measured.warnings:
-        to.warn(fault.text())
+        to.warn(fault)
     problem = problem_of(loaded.model, measured)
     prediction = evaluate(problem, problem.model.nominal).prediction
     lost = np.nonzero(~prediction.solved)[0]

@@ -58,7 +58,7 @@ def run_correction(request: CorrectionRequest) -> int:
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
-        to.warn(fault.text())
+        to.warn(fault)
     stated = conditions(loaded.machine, request.at)
     targets = read_targets(loaded, request.targets, request.grid, stated.values)
     model = loaded.model.for_sessions(targets.rows.session_names)

@@ -36,6 +36,7 @@ class DiagnosisRequest:
     fail_on: str | None
     as_json: bool
     quiet: bool
+    style: str
 
 
 def run_diagnosis(request: DiagnosisRequest) -> int:
@@ -49,7 +50,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
 
         check_folder(request.plots)
         check_library()
-    to = Reporter(request.quiet)
+    to = Reporter(request.quiet, request.style)
     case = prepare(request.case, to)
     with to.stages() as observe:
         diagnosis = diagnosed(case, request.alpha, request.seed, observe)

@@ -31,6 +31,8 @@ from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.fail_on import failing
+from pkmcal_cli.workflow.gates import check_gates, gates, measured_kinds, missed_limits
+from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, prepare
 
 FAILING = (*FAILURES, "implausible")
@@ -47,9 +49,11 @@ class ImproveRequest:
     alpha: float
     seed: int
     accept: bool
+    fail_above: tuple[str, ...] | None
     fail_on: str | None
     as_json: bool
     quiet: bool
+    style: str
     force: bool
 
     @property
@@ -64,9 +68,11 @@ def run_improvement(request: ImproveRequest) -> int:
     fails_on = failing(request.fail_on, FAILING)
     one_stdin(*request.inputs)
     targets = _targets(request)
-    to = Reporter(request.quiet)
+    limits = gates(request.fail_above or ())
+    to = Reporter(request.quiet, request.style)
     fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
     case = prepare(request.case, to, fewest)
+    check_gates(limits, case.candidates.model, measured_kinds(case.problem))
     if request.only is not None:
         case = replace(case, candidates=_named(case.candidates, request.only))
     apart = None if request.validation is None else _apart(case, request.validation)
@@ -86,11 +92,31 @@ def run_improvement(request: ImproveRequest) -> int:
     if targets is not None:
         written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
+    judged = _result(case, report).judged(limits)
     if request.as_json:
-        emit_json(report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)})
+        told = {"implausible": list(odd), "failures": list(failures), "gates": [each.json() for each in judged]}
+        emit_json(report.json(*written) | case.record | told)
     if improvement.broken is not None:
         raise improvement.broken
-    return int(not fails_on.isdisjoint(failures))
+    missed = missed_limits(judged, case.loaded, case.measured.files[0])
+    for fault in missed:
+        to.fail(fault)
+    return int(bool(missed) or not fails_on.isdisjoint(failures))
+
+
+def _result(case: Case, report: ImprovementReport) -> Result:
+    """What limits of the command line are held against."""
+    improvement = report.improvement
+    return Result(
+        machine=case.loaded.machine,
+        held_out=improvement.after.report,
+        fitted=improvement.after.fit,
+        chi2_per_dof=improvement.fit.chi2_per_dof,
+        std={name: report.estimate(name)[1] for name in improvement.fit.selected},
+        before=(case.candidates.model, case.candidates.begin()),
+        after=(improvement.problem.model, improvement.fit.values),
+        rows=improvement.problem.rows,
+    )
 
 
 def _improved(case: Case, validation: Problem | None, request: ImproveRequest, to: Reporter) -> Improvement:

@@ -105,7 +105,9 @@ def _told(case: Case, to: Reporter) -> tuple[str, ...]:
     to.notes(measured.notes)
     for gap in _gaps(measured):
         to.warn(f"warning: {gap}")
-    for text in (*(f.text() for f in (*case.loaded.warnings, *measured.warnings)), *case.start.warnings):
+    for finding in (*case.loaded.warnings, *measured.warnings):
+        to.warn(finding)
+    for text in case.start.warnings:
         to.warn(text)
     begin = replace(case.candidates, model=problem.model).begin()
     hints = measurement_hints(case.loaded, problem, begin, measured)

@@ -66,7 +66,7 @@ def run_simulation(request: SimulationRequest) -> int:
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
-        to.warn(fault.text())
+        to.warn(fault)
     source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
     blocks = iter(source)
     first = next(blocks, None)  # so that its sessions are known, and the head can name the table with its sha256

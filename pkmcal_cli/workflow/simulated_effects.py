@@ -37,7 +37,7 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     to = Reporter(request.quiet)
     loaded = load_machine(machine, receptive=True)
     for fault in loaded.warnings:
-        to.warn(fault.text())
+        to.warn(fault)
     poses = _poses(loaded, request, to)
     loaded = loaded.for_sessions(poses.every.rows.session_names)
     model = loaded.model

@@ -1,0 +1,31 @@
+"""How far the predicted tool point moves when a machine is known otherwise: at the same set values."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array, exp, log
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.prediction.pipeline import predict
+from pkmcal_cli.prediction.rows import Rows
+from pkmcal_cli.units.measurands import Measurand
+
+
+def tool_change(before: tuple[Model, Array], after: tuple[Model, Array], rows: Rows) -> tuple[Array, Array]:
+    """Distances (N,), m, and angles (N,), rad, between the tool of two machines with values (P,); nan where unsolved.
+
+    Angles are 0 for a tool point that has no orientation.
+    """
+    one, other = (predict(tcp_model(model), values, rows).values for model, values in (before, after))
+    channels = tcp_model(before[0]).channels
+    place = [k for k, c in enumerate(channels) if c.measurand is Measurand.POSITION]
+    turn = [k for k, c in enumerate(channels) if c.measurand is Measurand.ORIENTATION]
+    distance = np.linalg.norm(other[:, place] - one[:, place], axis=1)
+    if not turn:
+        return distance, np.where(np.isnan(distance), np.nan, 0.0)
+    if len(turn) == 1:
+        return distance, np.abs(np.remainder(other[:, turn[0]] - one[:, turn[0]] + np.pi, 2 * np.pi) - np.pi)
+    rotations = exp(np.nan_to_num(one[:, turn])), exp(np.nan_to_num(other[:, turn]))
+    between = log(np.swapaxes(rotations[0], 1, 2) @ rotations[1])
+    return distance, np.where(np.isnan(distance), np.nan, np.linalg.norm(between, axis=1))
