@@ -1,7 +1,8 @@
-"""Sensitivity of the TCP to each parameter, per range (Ecorchard 2010, eq. 20-23)."""
+"""Sensitivity of the TCP to each parameter, per range or stated size (Ecorchard 2010, eq. 20-23, figures 16-18)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,46 +10,60 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
-from pkmcal_cli.prediction import Prediction, Request, Rows, predict
+from pkmcal_cli.prediction import Method, Prediction, Request, Rows
+from pkmcal_cli.prediction.differences import predict_with_derivatives
 from pkmcal_cli.units.measurands import Measurand
 
 
 @dataclass(frozen=True)
 class ParameterSensitivity:
-    """Mean over the configurations of the TCP's shift (m) and turn (rad) for one range of a parameter (eq. 23)."""
+    """Mean over the configurations of the TCP's shift (m) and rotation (rad) for one size of a parameter (eq. 23)."""
 
     name: str
     position: float
     orientation: float
-    range: float
+    size: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """Global indices by parameter, most influential first, and the indices of every configuration (eq. 22)."""
+    """Global indices by parameter, most influential first; shifts (N, C, P) of the TCP's coordinates, m or rad.
+
+    Rows that are not solved are nan in `shifts`.
+    """
 
     parameters: tuple[ParameterSensitivity, ...]
     names: tuple[str, ...]
-    position: Array  # (N, P)
-    orientation: Array  # (N, P)
+    coordinates: tuple[str, ...]
+    shifts: Array
     prediction: Prediction
 
+    def along(self, coordinate: str) -> tuple[Array, Array]:
+        """Mean and largest (by size) shift (P,) of one coordinate, in the order of `names`."""
+        shifts = self.shifts[self.prediction.solved, self.coordinates.index(coordinate)]
+        largest = np.take_along_axis(shifts, np.abs(shifts).argmax(axis=0)[None], axis=0)[0]
+        return shifts.mean(axis=0), largest
 
-def sensitivity(model: Model, values: Array, rows: Rows, selected: tuple[str, ...]) -> Sensitivity:
-    """Sensitivities at parameter values (P,) over configurations; strained ones where the rows strain the machine."""
+
+def sensitivity(
+    model: Model, values: Array, rows: Rows, sizes: Mapping[str, float], method: Method = "exact"
+) -> Sensitivity:
+    """Sensitivities to parameters by sizes, SI, at values (P,), over configurations, strained where rows strain."""
     full = tcp_model(model)
-    prediction = predict(full, values, rows, Request(parameters=selected))
-    jacobian = prediction.jacobian
-    assert jacobian is not None
-    solved = prediction.solved
-    ranges = np.array([model.parameters[model.names.index(n)].range for n in selected])
-    scaled = jacobian[solved] * ranges
+    request = Request(method=method, parameters=tuple(sizes))
+    prediction = predict_with_derivatives(full, values, rows, request)
+    assert prediction.jacobian is not None
+    scaled = prediction.jacobian * np.array(list(sizes.values()))
     rotating = np.array([c.measurand is Measurand.ORIENTATION for c in full.channels])
-    position = np.sqrt((scaled[:, ~rotating] ** 2).sum(axis=1))
-    orientation = np.sqrt((scaled[:, rotating] ** 2).sum(axis=1))
+    solved = scaled[prediction.solved]
+    position = np.sqrt((solved[:, ~rotating] ** 2).sum(axis=1)).mean(axis=0)
+    orientation = np.sqrt((solved[:, rotating] ** 2).sum(axis=1)).mean(axis=0)
     by_parameter = [
-        ParameterSensitivity(n, float(p), float(o), float(r))
-        for n, p, o, r in zip(selected, position.mean(axis=0), orientation.mean(axis=0), ranges, strict=True)
+        ParameterSensitivity(n, float(p), float(o), float(size))
+        for (n, size), p, o in zip(sizes.items(), position, orientation, strict=True)
     ]
     ranked = sorted(by_parameter, key=lambda s: (-s.position, -s.orientation, s.name))
-    return Sensitivity(tuple(ranked), selected, position, orientation, prediction)
+    names = tuple(c.name for c in full.channels)
+    return Sensitivity(
+        parameters=tuple(ranked), names=tuple(sizes), coordinates=names, shifts=scaled, prediction=prediction
+    )

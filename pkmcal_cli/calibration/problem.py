@@ -16,7 +16,7 @@ from pkmcal_cli.calibration.whitening import Clusters
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Channel
 from pkmcal_cli.model.tool_channels import tcp_model
-from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.prediction import Method, Rows, predict
 from pkmcal_cli.units.measurands import Measurand
 
 
@@ -27,7 +27,7 @@ class Problem:
     `measured` (N, C): cells with a number and a known sigma, the only ones that a fit uses. `prior`: what is known
     besides; `unseen`: singular value below which a direction is not seen; `weight` (N, C): of the whitened readings,
     by a robust fit, None for 1; `copies`: groups of rows that are the same to the last digit, of which the first alone
-    is measured.
+    is measured; `method` of all predictions.
     """
 
     model: Model
@@ -40,6 +40,7 @@ class Problem:
     unseen: float = UNSEEN
     weight: Array | None = None
     copies: tuple[tuple[int, ...], ...] = ()
+    method: Method = "exact"
 
     def __len__(self) -> int:
         return len(self.readings)

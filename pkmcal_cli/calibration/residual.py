@@ -16,7 +16,8 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array, other_way_round
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
-from pkmcal_cli.prediction import Prediction, Request, WarmStart, predict
+from pkmcal_cli.prediction import Prediction, Request, WarmStart
+from pkmcal_cli.prediction.differences import predict_with_derivatives
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,11 @@ def evaluate(
 
     `shift` (N, A): errors of the drive readings, m or rad, by default zero.
     """
-    request = Request(parameters=parameters, by_drive=parameters is not None)
+    request = Request(problem.method, parameters=parameters, by_drive=parameters is not None)
     shift = np.zeros_like(problem.rows.readings) if shift is None else shift
     measured = np.where(problem.measured, problem.readings, np.nan)
     rows = replace(problem.rows.moved(shift), measured=measured)
-    prediction = predict(problem.model, values, rows, request, start)
+    prediction = predict_with_derivatives(problem.model, values, rows, request, start)
     return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
 
 

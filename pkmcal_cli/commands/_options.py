@@ -37,6 +37,9 @@ Select = Annotated[
     ),
 ]
 Alpha = Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")]
+Method = Annotated[
+    str, typer.Option("--method", metavar="exact|linear|rigid", help="exact, linear (the paper's one step) or rigid.")
+]
 Offset = Annotated[
     list[str] | None,
     typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),

@@ -6,7 +6,18 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Grid, Json, MachineFile, Offset, Parameters, PosesFile, Quiet, as_request
+from pkmcal_cli.commands._options import (
+    Force,
+    Grid,
+    Json,
+    MachineFile,
+    Method,
+    Offset,
+    Parameters,
+    PosesFile,
+    Quiet,
+    as_request,
+)
 
 
 def sensitivity(
@@ -18,15 +29,27 @@ def sensitivity(
         str | None,
         typer.Option("--select", metavar="NAMES", help="Parameters: auto, all, names, patterns; default: all."),
     ] = None,
+    size: Annotated[
+        list[str] | None,
+        typer.Option("--size", metavar='"[NAMES=]30 um"', help="Size in place of the ranges; can be repeated."),
+    ] = None,
+    channel: Annotated[
+        str | None, typer.Option("--channel", metavar="x", help="One coordinate of the tool point, with its sign.")
+    ] = None,
     offset: Offset = None,
+    method: Method = "exact",
+    output: Annotated[
+        str | None, typer.Option("-o", "--output", metavar="SHIFTS.csv", help="Shifts of --channel by position.")
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Which parameters move the TCP most, in position and orientation, over their ranges?
 
     Example: pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
     """
     options = locals()
-    from pkmcal_cli.workflow.analysis import AnalysisRequest, run_sensitivity
+    from pkmcal_cli.workflow.analysis import SensitivityRequest, run_sensitivity
 
-    raise typer.Exit(run_sensitivity(as_request(AnalysisRequest, options)))
+    raise typer.Exit(run_sensitivity(as_request(SensitivityRequest, options)))

@@ -6,7 +6,17 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, PosesFile, Quiet, as_request
+from pkmcal_cli.commands._options import (
+    Force,
+    Grid,
+    Json,
+    MachineFile,
+    Method,
+    Parameters,
+    PosesFile,
+    Quiet,
+    as_request,
+)
 
 
 def simulate(
@@ -14,7 +24,7 @@ def simulate(
     poses: PosesFile = None,
     grid: Grid = None,
     parameters: Parameters = None,
-    method: Annotated[str, typer.Option("--method", help="exact, linear (the paper's one step) or rigid.")] = "exact",
+    method: Method = "exact",
     noise: Annotated[str, typer.Option("--noise", metavar='declared|none|"10 um"', help="Noise to add.")] = "none",
     seed: Annotated[int, typer.Option("--seed", help="Seed of the noise.")] = 0,
     forces: Annotated[bool, typer.Option("--forces", help="Add drive forces and strain energy.")] = False,

@@ -6,13 +6,13 @@ from typing import Any
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.identifiability import Combination
-from pkmcal_cli.calibration.mean_sensitivity import Sensitivity
+from pkmcal_cli.calibration.mean_sensitivity import ParameterSensitivity, Sensitivity
 from pkmcal_cli.calibration.observability_indices import Observability
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter, bar
 from pkmcal_cli.report.number_format import finite, readable, short
 from pkmcal_cli.report.parameters import combination_json, hold_text, parameter_unit, without
-from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.units.file_units import FileUnits, Unit
 
 _WIDER = 1.5  # times the stated uncertainty: what data alone would tell is worth a word
 
@@ -22,23 +22,52 @@ UNSTRAINED = (
 )
 
 
-def show_sensitivity(to: Reporter, model: Model, units: FileUnits, sensitivity: Sensitivity, rows: int) -> None:
-    """Ranked table with bars."""
-    largest = max((p.position for p in sensitivity.parameters), default=0.0) or 1.0
+def show_sensitivity(to: Reporter, model: Model, units: FileUnits, result: Sensitivity, word: str) -> None:
+    """Ranked table with bars; word: what a size is, "range" or "size"."""
+    largest = max((p.position for p in result.parameters), default=0.0) or 1.0
     table = []
-    for p in sensitivity.parameters:
-        unit = parameter_unit(model, p.name)
+    for p in result.parameters:
         shift, turn = readable(p.position, units.length), readable(p.orientation, units.angle)
-        table.append((p.name, f"+-{p.range / unit.scale:.4g} {unit.text}", shift, bar(p.position / largest), turn))
-    title = f"Mean TCP shift and rotation per parameter range, {count(rows, 'position')} (eq. 23)"
-    to.table(title, ("parameter", "range", "shift", "", "rotation"), table)
+        table.append((p.name, _size(model, p), shift, bar(p.position / largest), turn))
+    rows = count(int(result.prediction.solved.sum()), "position")
+    title = f"Mean TCP shift and rotation per parameter {word}, {rows} (eq. 23)"
+    to.table(title, ("parameter", word, "shift", "", "rotation"), table)
 
 
-def sensitivity_json(model: Model, units: FileUnits, sensitivity: Sensitivity, rows: int) -> dict[str, Any]:
-    """Ranked as in the table; orientation in rad."""
+def show_along(to: Reporter, model: Model, units: FileUnits, result: Sensitivity, word: str, coordinate: str) -> None:
+    """The same of one coordinate: its mean shift, with its sign, and the largest one."""
+    unit = unit_along(units, coordinate)
+    every = dict(zip(result.names, zip(*result.along(coordinate), strict=True), strict=True))
+    longest = max((abs(mean) for mean, _ in every.values()), default=0.0) or 1.0
+    table = [
+        (p.name, _size(model, p), readable(every[p.name][0], unit), bar(abs(every[p.name][0]) / longest),
+         readable(every[p.name][1], unit))
+        for p in sorted(result.parameters, key=lambda p: -abs(every[p.name][0]))
+    ]  # fmt: skip
+    rows = count(int(result.prediction.solved.sum()), "position")
+    title = f"Shift of {coordinate} per parameter {word}, {rows}"
+    to.table(title, ("parameter", word, "mean", "", "largest"), table)
+
+
+def unit_along(units: FileUnits, coordinate: str) -> Unit:
+    """Unit of a coordinate of the tool point."""
+    return units.angle if coordinate.startswith("r") else units.length
+
+
+def _size(model: Model, parameter: ParameterSensitivity) -> str:
+    unit = parameter_unit(model, parameter.name)
+    return f"+-{parameter.size / unit.scale:.4g} {unit.text}"
+
+
+def sensitivity_json(model: Model, units: FileUnits, result: Sensitivity, coordinate: str | None) -> dict[str, Any]:
+    """Ranked by the shift of the TCP; orientation in rad."""
+    ranges = {p.name: p.range for p in model.parameters}
+    along = {n: {"mean": None, "largest": None, "channel_unit": None} for n in result.names}
+    if coordinate is not None:
+        along = _along_json(result, coordinate, unit_along(units, coordinate))
     listed = []
-    for p in sensitivity.parameters:
-        unit = parameter_unit(model, p.name)
+    for p in result.parameters:
+        own = parameter_unit(model, p.name)
         listed.append(
             {
                 "name": p.name,
@@ -46,11 +75,22 @@ def sensitivity_json(model: Model, units: FileUnits, sensitivity: Sensitivity, r
                 "orientation": finite(p.orientation),
                 "unit": units.length.text,
                 "orientation_unit": "rad",
-                "range": p.range / unit.scale,
-                "range_unit": unit.text,
+                "range": ranges[p.name] / own.scale,
+                "range_unit": own.text,
+                "size": p.size / own.scale,
+                **along[p.name],
             }
         )
-    return {"n_rows": rows, "parameters": listed}
+    rows = int(result.prediction.solved.sum())
+    return {"n_rows": rows, "channel": coordinate, "parameters": listed}
+
+
+def _along_json(result: Sensitivity, coordinate: str, unit: Unit) -> dict[str, dict[str, Any]]:
+    """Mean and largest shift of one coordinate, by parameter."""
+    return {
+        name: {"mean": finite(mean / unit.scale), "largest": finite(largest / unit.scale), "channel_unit": unit.text}
+        for name, mean, largest in zip(result.names, *(a.tolist() for a in result.along(coordinate)), strict=True)
+    }
 
 
 def show_observability(to: Reporter, model: Model, observability: Observability, rows: int) -> None:

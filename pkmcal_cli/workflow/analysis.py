@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.mean_sensitivity import sensitivity
 from pkmcal_cli.calibration.observability_indices import observability
@@ -17,11 +20,13 @@ from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_pa
 from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.report.analysis_report import (
     UNSTRAINED,
     observability_json,
     sensitivity_json,
+    show_along,
     show_observability,
     show_sensitivity,
 )
@@ -29,8 +34,10 @@ from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
-from pkmcal_cli.workflow.arguments import one_stdin, require_measured, selection
+from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_measured, selection
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
+from pkmcal_cli.workflow.shift_table import write_shifts
+from pkmcal_cli.workflow.stated_sizes import stated_sizes
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
 
@@ -48,6 +55,17 @@ class AnalysisRequest:
     quiet: bool
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensitivityRequest(AnalysisRequest):
+    """The arguments of `sensitivity`; channel: a coordinate of the tool point."""
+
+    size: tuple[str, ...] | None
+    channel: str | None
+    method: str
+    output: str | None
+    force: bool
+
+
 @dataclass(frozen=True)
 class _Setting:
     """What both analyses start from."""
@@ -57,6 +75,7 @@ class _Setting:
     selected: tuple[str, ...]
     set: PoseSet
     to: Reporter
+    inputs: Mapping[str, str]
 
     def predicted(self, prediction: Prediction, poses: PoseSet) -> PoseSet:
         """The poses that were predicted, the others told. Raises BadInput with rows of a table, or with none left."""
@@ -86,7 +105,8 @@ def _prepare(request: AnalysisRequest) -> _Setting:
     for text in start.warnings:
         to.warn(text)
     readings = _offset_readings(model, poses.poses.rows, request.offset or ())
-    return _Setting(loaded, start.values, selected, poses.with_readings(readings), to)
+    inputs = loaded.inputs | start.inputs | poses.inputs
+    return _Setting(loaded, start.values, selected, poses.with_readings(readings), to, inputs)
 
 
 def _selected(request: AnalysisRequest, model: Model) -> tuple[str, ...]:
@@ -118,20 +138,48 @@ def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Arra
     return readings
 
 
-def run_sensitivity(request: AnalysisRequest) -> int:
-    """Show and emit sensitivities; returns the exit code. Raises PkmcalError."""
+def run_sensitivity(request: SensitivityRequest) -> int:
+    """Show and emit sensitivities, write shifts by position; returns the exit code. Raises PkmcalError."""
+    _check_sensitivity(request)
     s = _prepare(request)
     tool = required_tool_point(s.loaded)
     model, units = s.loaded.model, s.loaded.machine.file_units
-    result = sensitivity(model, s.values, s.set.poses.rows, s.selected)
+    channel = None if request.channel is None else _coordinate(model, request.channel)
+    sizes = stated_sizes(model, s.selected, request.size or ())
+    result = sensitivity(model, s.values, s.set.poses.rows, sizes, checked_method(request.method))
     used = s.predicted(result.prediction, s.set)
     s.to.notes([tool.text] if s.set.tool is None else [])
-    show_sensitivity(s.to, model, units, result, len(used.kept))
+    word = "size" if request.size else "range"
+    if channel is None:
+        show_sensitivity(s.to, model, units, result, word)
+    else:
+        show_along(s.to, model, units, result, word, channel)
     s.show_loads(s.set)
+    if request.output is not None and channel is not None:
+        write_shifts(request.output, s.loaded, s.inputs, result, s.set, channel, force=request.force)
     if request.as_json:
         head = {"tool_point": tool.name, **used.failed.json()}
-        emit_json(head | sensitivity_json(model, units, result, len(used.kept)))
+        emit_json(head | sensitivity_json(model, units, result, channel))
     return 0
+
+
+def _check_sensitivity(request: SensitivityRequest) -> None:
+    """Whether the options go together. Raises UsageError and OutputError."""
+    if request.output is None:
+        return
+    if request.channel is None:
+        raise UsageError("-o writes shifts of one coordinate", hint="name it: `--channel x`")
+    if request.as_json and is_stream(request.output):
+        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+
+
+def _coordinate(model: Model, name: str) -> str:
+    """A coordinate of the tool point. Raises UsageError."""
+    known = [c.name for c in tcp_model(model).channels]
+    if name not in known:
+        raise UsageError(f"--channel: the tool point has no coordinate `{name}`", hint=did_you_mean(name, known))
+    return name
 
 
 def run_observability(request: AnalysisRequest) -> int:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, get_args
 
-from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.loading.load_machine import NO_SENSORS, SENSOR
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import Method
 
 if TYPE_CHECKING:
     from pkmcal_cli.calibration.problem import Problem
@@ -31,6 +33,23 @@ def require_measured(problem: Problem) -> None:
         return
     what = NO_SENSORS if not problem.model.channels else "nothing would be measured: no channel has a `sigma`"
     raise BadInput.single(what, Location(problem.model.name), SENSOR, "sensors")
+
+
+def checked_method(text: str) -> Method:
+    """A method of prediction. Raises UsageError."""
+    known: tuple[Method, ...] = get_args(Method)
+    for method in known:
+        if text == method:
+            return method
+    raise UsageError(f"--method: `{text}` is not a method", hint=did_you_mean(text, known))
+
+
+def by_method(problem: Problem, method: Method) -> Problem:
+    """The same table, predicted by a method. Raises UsageError where it cannot be fitted by this one."""
+    partner = problem.rows.partner
+    if method != "exact" and partner is not None and (partner >= 0).any():
+        raise UsageError(f"--method {method}: measurements join rows of the table", hint="leave out `--method`")
+    return replace(problem, method=method)
 
 
 def selection(model: Model, text: str, option: str = "--select") -> tuple[str, ...]:

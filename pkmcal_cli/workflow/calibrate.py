@@ -35,7 +35,7 @@ from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import given, one_stdin, selection
+from pkmcal_cli.workflow.arguments import by_method, checked_method, given, one_stdin, selection
 from pkmcal_cli.workflow.gates import Gate, Judged, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
 from pkmcal_cli.workflow.result_figures import Result
@@ -56,6 +56,7 @@ class CalibrationRequest:
     select: str
     holdout: str | None
     parameters: str | None
+    method: str
     fit_options: FitOptions
     max_rms: str | None
     accept: bool
@@ -116,12 +117,13 @@ def run_calibration(request: CalibrationRequest) -> int:
         to.say("accepted (`--accept`)")
     if request.output is not None:
         accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
-        text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **accepted))
+        how = {} if request.method == "exact" else {"method": request.method}
+        text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **how, **accepted))
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     judged = _judged(s, report)
     if request.as_json:
-        emit_json(report.json() | {"gates": [each.json() for each in judged]})
+        emit_json(report.json() | {"method": request.method, "gates": [each.json() for each in judged]})
     return _exit_code(s, report, judged, to)
 
 
@@ -131,6 +133,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
     request.fit_options.check()
+    method = checked_method(request.method)
     limits = gates(request.fail_above or (), request.max_rms)
     file = _file_of(request.holdout)
     inputs = given(request.machine, *request.measurements, request.parameters, file)
@@ -139,7 +142,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
     measured = load_measurements(loaded, request.measurements)
-    problem = problem_of(loaded.model, measured)
+    problem = by_method(problem_of(loaded.model, measured), method)
     selected = selection(problem.model, request.select)
     start = load_parameters(problem.model, request.parameters)
     declared = loaded.model.for_sessions(measured.sessions)
@@ -247,7 +250,7 @@ def _held_out(s: _Setting, fit: Fit) -> HeldOut | str:
 
 def _validated(s: _Setting, fit: Fit, other: Measurements) -> HeldOut | str:
     """Figures on the rows of another file."""
-    problem = problem_of(s.loaded.model, other)
+    problem = by_method(problem_of(s.loaded.model, other), s.problem.method)
     if not problem.count:
         return f"no reading in {other.files[0]} has a sigma"
     if fit.status != "converged":

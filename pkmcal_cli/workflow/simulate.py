@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
@@ -21,7 +21,7 @@ from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_c
 from pkmcal_cli.loading.poses import Poses, PoseSource
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction import Method, Prediction, Request, Rows, WarmStart, predict
+from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.touching import touching
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -31,7 +31,7 @@ from pkmcal_cli.report.loads import Loads, limited
 from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.simulated_noise import Noise
 from pkmcal_cli.workflow.simulated_rows import Tally
@@ -132,10 +132,7 @@ def _names_others(block: Poses | None) -> bool:
 
 def _checked(request: SimulationRequest) -> str:
     """The target, when the arguments go together. Raises UsageError and OutputError."""
-    if request.method not in get_args(Method):
-        raise UsageError(
-            f"--method: `{request.method}` is not a method", hint=did_you_mean(request.method, get_args(Method))
-        )
+    checked_method(request.method)
     if request.seed < 0:
         raise UsageError(f"--seed: {request.seed} is negative", hint="give a whole number from 0")
     target = "-" if request.output is None else request.output

@@ -1,0 +1,60 @@
+"""Derivatives of methods that do not end at equilibrium, by central differences; those of `exact` are analytic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction.pipeline import predict
+from pkmcal_cli.prediction.rows import Prediction, Request, Rows, WarmStart
+
+_SHARE = 1e-3  # of a parameter's range
+_TRAVEL = 1e-7  # of the machine's size, or rad: step of a drive
+
+
+def predict_with_derivatives(
+    model: Model, values: Array, rows: Rows, request: Request, start: WarmStart | None = None
+) -> Prediction:
+    """As `predict`, with the derivatives that are asked for by any method. Raises ValueError for joined rows."""
+    if request.method == "exact":
+        return predict(model, values, rows, request, start)
+    bare = replace(request, parameters=None, by_drive=False)
+    here = predict(model, values, rows, bare)
+    jacobian = by_drive = None
+    if request.parameters is not None:
+        shape = (*here.values.shape, len(request.parameters))
+        jacobian = np.zeros(shape)
+        for k, (h, moved) in enumerate(_parameter_steps(model, values, request.parameters)):
+            above, below = (predict(model, at, rows, bare).values for at in moved)
+            jacobian[..., k] = (above - below) / (2 * h)
+    if request.by_drive:
+        if rows.partner is not None and (rows.partner >= 0).any():
+            raise ValueError(f"method {request.method} has no derivatives across rows")
+        by_drive = np.zeros((*here.values.shape, rows.readings.shape[1]))
+        for a, step in enumerate(_TRAVEL * np.where(_lengths(model), model.length, 1.0) / model.gains):
+            shift = np.zeros_like(rows.readings)
+            shift[:, a] = step
+            above, below = (predict(model, values, rows.moved(s), bare).values for s in (shift, -shift))
+            by_drive[..., a] = (above - below) / (2 * step)
+    return replace(here, jacobian=jacobian, by_drive=by_drive)
+
+
+def _parameter_steps(
+    model: Model, values: Array, names: tuple[str, ...]
+) -> Iterator[tuple[float, tuple[Array, Array]]]:
+    """Steps, SI, and values (P,) that much above and below."""
+    for name in names:
+        k = model.names.index(name)
+        h = _SHARE * (model.parameters[k].range or max(abs(float(values[k])), 1.0))
+        step = np.zeros_like(values)
+        step[k] = h
+        yield h, (values + step, values - step)
+
+
+def _lengths(model: Model) -> Array:
+    """Which drives (A,) move a length."""
+    return np.array([model.topology.moves_length(d) for d in model.topology.drives])

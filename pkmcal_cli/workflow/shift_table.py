@@ -1,0 +1,37 @@
+"""The table that `sensitivity -o` writes: by how much one coordinate moves at each position, for each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pkmcal_cli.calibration.mean_sensitivity import Sensitivity
+from pkmcal_cli.csv_files.writer import Values, open_writer
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.report.analysis_report import unit_along
+from pkmcal_cli.workflow.pose_set import PoseSet
+
+
+def write_shifts(
+    target: str,
+    loaded: LoadedMachine,
+    inputs: Mapping[str, str],
+    result: Sensitivity,
+    poses: PoseSet,
+    coordinate: str,
+    *,
+    force: bool,
+) -> None:
+    """Columns `id`, the coordinates of the tool point, then `shift.PARAMETER`. Raises OutputError."""
+    units, done = loaded.machine.file_units, np.nonzero(result.prediction.solved)[0]
+    fine = "urad" if coordinate.startswith("r") else "um"
+    columns: list[tuple[str, str | None]] = [("id", None)]
+    columns += [(name, unit_along(units, name).text) for name in result.coordinates]
+    columns += [(f"shift.{name}", fine) for name in result.names]
+    places = [poses.poses.place(int(k)) for k in done]
+    cells: list[Values] = [[p.id or str(p.line or 1) for p in places]]
+    cells += list(result.prediction.values[done].T)
+    cells += list(result.shifts[done, result.coordinates.index(coordinate)].T)
+    with open_writer(target, columns, inputs, digits=9, force=force) as writer:
+        writer.write(cells)
