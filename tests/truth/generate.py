@@ -57,12 +57,15 @@ class Campaign:
     noise_angle: float
     error_seed: int
     noise_seed: int
+    strain: Array | None = None  # (N, drives) by which drives are off the nominal set values, m
+    stiffness: bool = False  # whether stiffnesses have errors too
+    noise_force: float = 0.0  # N, of the drives' forces; 0: they are not measured
 
     def planted(self) -> dict[str, float]:
         """True parameters, SI: nominal plus a normal error of sd range / 2, the same for the same name and
         seed, for those that the machine file identifies."""
         machine, true = self.machine, dict(self.machine.nominal)
-        free = identified(list(true))
+        free = identified(list(true)) | ({n for n in true if n.startswith("k")} if self.stiffness else set())
         for name, value in machine.nominal.items():
             if name not in free:
                 continue
@@ -72,21 +75,32 @@ class Campaign:
 
     def set_values(self) -> Array:
         """Drive positions (N, drives) in m, rounded to 1 nm."""
-        return np.round(self.machine.inverse(self.poses), 9)
+        return np.round(self.machine.inverse(self.poses) + (0.0 if self.strain is None else self.strain), 9)
 
     @cached_property
     def _true_readings(self) -> Array:
-        found = self.machine.forward(self.set_values(), self.planted()).tcp
-        return found[:, : len(self.machine.channels)]
+        found = self.machine.forward(self.set_values(), self.planted())
+        tcp = found.tcp[:, : len(self.machine.channels)]
+        return np.hstack([tcp, found.drive_force]) if self.noise_force else tcp
 
     def true_readings(self) -> Array:
-        """Readings (N, channels) in m and rad without noise."""
+        """Readings (N, channels) in m, rad and N without noise."""
         return self._true_readings
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is measured: coordinates, then forces of drives (f1, f2, ...) where these have noise."""
+        forces = (f"f{k}" for k in range(1, len(self.machine.drives) + 1)) if self.noise_force else ()
+        return (*self.machine.channels, *forces)
+
+    def sigma(self, channel: str) -> float:
+        """Standard deviation of a channel's noise, SI."""
+        return {"r": self.noise_angle, "f": self.noise_force}.get(channel[0], self.noise)
+
     def readings(self) -> Array:
-        """Readings (N, channels) in m and rad with noise."""
+        """Readings (N, channels) in m, rad and N with noise."""
         true = self.true_readings()
-        sigma = [self.noise_angle if c.startswith("r") else self.noise for c in self.machine.channels]
+        sigma = [self.sigma(c) for c in self.channels]
         draw = np.random.default_rng(self.noise_seed).normal(size=true.shape)
         noisy: Array = true + np.array(sigma) * draw
         return noisy
@@ -108,6 +122,23 @@ def spread(count: int, lower: list[float], upper: list[float]) -> Array:
     share = (0.5 + np.outer(np.arange(1, count + 1), root ** -np.arange(1.0, k + 1))) % 1
     poses: Array = np.array(lower) + share * (np.array(upper) - np.array(lower))
     return poses
+
+
+def in_turn(rows: int, drives: int, moved: tuple[int, ...], by: float) -> Array:
+    """Offsets (rows, drives), m: one drive after the other of those that are moved, forwards and backwards."""
+    states = [(drive, sign) for drive in moved for sign in (1.0, -1.0)]
+    out = np.zeros((rows, drives))
+    for row in range(rows):
+        drive, sign = states[row % len(states)]
+        out[row, drive] = sign * by
+    return out
+
+
+def strained_scissors() -> Campaign:
+    """The Scissors with its redundant drives 0.1 mm off: internal forces that let stiffnesses be seen."""
+    poses = grid((-203, 203, 10), (-200, 200, 8))
+    strain = in_turn(len(poses), 4, (1, 2), 0.1 * dim.MM)
+    return Campaign(PINNED["scissors"](), poses, 0.5 * UM, 0.0, 104, 212, strain=strain, stiffness=True, noise_force=20.0)
 
 
 def campaigns() -> dict[str, Campaign]:
@@ -138,7 +169,8 @@ def campaigns() -> dict[str, Campaign]:
     seeds = dict(zip(poses, (*range(1, 7), 10, 11), strict=True))
     error_seeds = {name: 100 + seed for name, seed in seeds.items()}
     error_seeds |= {"triglide-nonredundant": 101, "gantry-bow": 110}
-    return {
+    strained = {"scissors-strained": strained_scissors()}
+    return strained | {
         name: Campaign(
             machines[name](),
             poses[name],
@@ -164,12 +196,23 @@ def in_file_units(machine: Machine | Hexapod7 | Gantry, name: str, value: float)
     return {"value": float(value / dim.MM), "unit": "mm"}
 
 
+def _strain(campaign: Campaign) -> str:
+    """How far the set values strain the nominal machine."""
+    if campaign.strain is None:
+        return "strain-free"
+    moved = np.nonzero(campaign.strain.any(axis=0))[0]
+    names = " and ".join(campaign.machine.drives[k] for k in moved)
+    return f"but {names} in turn {np.abs(campaign.strain).max() / dim.MM:g} mm off, forwards and backwards"
+
+
 def provenance(name: str, campaign: Campaign) -> Mapping[str, Any]:
     """What the sidecar says."""
     machine = campaign.machine
     noise: dict[str, str] = {"position": f"{campaign.noise / UM:g} um"}
     if campaign.noise_angle:
         noise["orientation"] = f"{campaign.noise_angle / UM:g} urad"
+    if campaign.noise_force:
+        noise["force"] = f"{campaign.noise_force:g} N"
     planted: dict[str, Any] = {
         "distribution": "nominal + normal error, standard deviation = range / 2",
         "parameters": {n: in_file_units(machine, n, v) for n, v in campaign.planted().items()},
@@ -184,7 +227,7 @@ def provenance(name: str, campaign: Campaign) -> Mapping[str, Any]:
         "kind": "simulated",
         "generator": "python -m tests.truth.generate",
         "method": METHOD[type(machine)] + "; independent of the engine, no code in common",
-        "control": "all drives position-controlled; set values of the nominal machine, strain-free",
+        "control": f"all drives position-controlled; set values of the nominal machine, {_strain(campaign)}",
         "seed": {"errors": campaign.error_seed, "noise": campaign.noise_seed},
         "rows": len(campaign.poses),
         "noise": {"distribution": "normal", "standard_deviation": noise},
@@ -196,15 +239,17 @@ def write(name: str, campaign: Campaign, folder: Path) -> None:
     """Writes NAME.csv and its sidecar."""
     machine = campaign.machine
     columns = [f"{q} [mm]" for q in machine.drives]
-    columns += [f"{c} [rad]" if c.startswith("r") else f"{c} [mm]" for c in machine.channels]
+    units = {"r": ("rad", 1.0, 9), "f": ("kN", 1e3, 6)}
+    shown = [(c, *units.get(c[0], ("mm", dim.MM, 6))) for c in campaign.channels]
+    several = "grid." if campaign.noise_force else ""  # of several instruments columns say which
+    columns += [f"{c if c[0] == 'f' else several + c} [{unit}]" for c, unit, _, _ in shown]
     with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["id", *columns])
         rows = zip(campaign.set_values(), campaign.readings(), strict=True)
         for number, (travel, reading) in enumerate(rows, 1):
             cells = [f"{q / dim.MM:.6f}" for q in travel]
-            for channel, value in zip(machine.channels, reading, strict=True):
-                cells.append(f"{value:.9f}" if channel.startswith("r") else f"{value / dim.MM:.6f}")
+            cells += [f"{value / scale:.{digits}f}" for (*_, scale, digits), value in zip(shown, reading, strict=True)]
             out.writerow([number, *cells])
     with (folder / f"{name}.csv.provenance.yaml").open("w", encoding="utf-8") as file:
         yaml.safe_dump(provenance(name, campaign), file, sort_keys=False, width=100)
