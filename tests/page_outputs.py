@@ -1,4 +1,4 @@
-"""`python -m tests.page_outputs`: what the commands of the pages print, written anew into the pages.
+"""`python -m tests.page_outputs [PAGE.md ...]`: what the commands of the pages print, written anew into the pages.
 
 Lines that a page leaves out ("...") stay left out: each run of shown lines goes where it is most like what is printed.
 """
@@ -54,14 +54,17 @@ def renewed(shown: Sequence[str], real: Sequence[str]) -> list[str]:
     return out
 
 
-def main() -> None:
-    """Write the pages; tell the commands whose output is another."""
+def main(pages: Sequence[str]) -> None:
+    """Write the pages, or those named; tell the commands whose output is another."""
     files = all_files()
     for page in SHOWING:
+        if pages and page.name not in pages:
+            continue
         text = page.read_text(encoding="utf-8")
         for shown in list(commands(text)):
             with tempfile.TemporaryDirectory() as folder:
                 (Path(folder) / "machines").symlink_to(MACHINES)
+                (Path(folder) / "docs").symlink_to(ROOT / "docs")
                 write(Path(folder), files)
                 os.chdir(folder)
                 real = output(done(shown.line))
@@ -70,11 +73,11 @@ def main() -> None:
             assert fits(now, real), shown.line
             if tuple(now) != shown.output:
                 print(f"{page.name}: {shown.line}", file=sys.stderr)
-                old = "\n".join([f"$ {shown.line}", *shown.output])
+                old = "\n".join([f"$ {shown.line}", *shown.output, ""])
                 assert text.count(old) == 1, shown.line
-                text = text.replace(old, "\n".join([f"$ {shown.line}", *now]))
+                text = text.replace(old, "\n".join([f"$ {shown.line}", *now, ""]))
         page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.command import (
+    GRID,
     HANGPRINTER,
     HANGPRINTER_DATA,
     MACHINES,
@@ -158,7 +159,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],
             [SCISSORS, "--grid", "x=0:0:1,y=0:320:2", "-p", "shop.params.yaml", "-o", "shop.commands.csv"],
         ],
-        "sensitivity": [[TRIGLIDE, *partly]],
+        "sensitivity": [[TRIGLIDE, *partly], [TRIGLIDE, "--grid", GRID, "--channel", "x"]],
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],

@@ -54,6 +54,7 @@ def test_machine_files_say_what_they_are(file: Path) -> None:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where the commands of a page are run: the shipped machines, and the files that the page writes."""
     (tmp_path / "machines").symlink_to(MACHINES)
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
     write(tmp_path, FILES)
     monkeypatch.chdir(tmp_path)
     return tmp_path

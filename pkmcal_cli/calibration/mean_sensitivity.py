@@ -14,6 +14,9 @@ from pkmcal_cli.prediction import Method, Prediction, Request, Rows
 from pkmcal_cli.prediction.differences import predict_with_derivatives
 from pkmcal_cli.units.measurands import Measurand
 
+NO_SHIFT = 1e-12
+"""Shift, m or rad, below which there is none but rounding."""
+
 
 @dataclass(frozen=True)
 class ParameterSensitivity:
@@ -62,8 +65,13 @@ def sensitivity(
         ParameterSensitivity(n, float(p), float(o), float(size))
         for (n, size), p, o in zip(sizes.items(), position, orientation, strict=True)
     ]
-    ranked = sorted(by_parameter, key=lambda s: (-s.position, -s.orientation, s.name))
+    order = sorted(by_parameter, key=lambda s: (-ranked(s.position), -ranked(s.orientation), s.name))
     names = tuple(c.name for c in full.channels)
     return Sensitivity(
-        parameters=tuple(ranked), names=tuple(sizes), coordinates=names, shifts=scaled, prediction=prediction
+        parameters=tuple(order), names=tuple(sizes), coordinates=names, shifts=scaled, prediction=prediction
     )
+
+
+def ranked(shift: float) -> float:
+    """Size by which shifts (m or rad) are ranked: rounding errors decide nothing."""
+    return 0.0 if abs(shift) < NO_SHIFT else float(f"{abs(shift):.9g}")

@@ -64,6 +64,13 @@ FailAbove = Annotated[
         help='Exit with 1 above a limit: "heldout 20 um", fitted, chi2, std:NAME, change; can be repeated.',
     ),
 ]
+MaxRms = Annotated[
+    str | None, typer.Option("--max-rms", metavar="VALUE", help="Limit of the (held-out) position rms, as --fail-above.")
+]
+Holdout = Annotated[
+    str | None,
+    typer.Option("--holdout", metavar="K|session|cells|FILE.csv|none", help="Data to hold out; default: 5 folds."),
+]
 Loss = Annotated[
     str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber and tukey down-weight outliers.")
 ]

@@ -29,6 +29,8 @@ _PLACES = ("ground", "frames")
 _LEFT_OUT = {
     "limits", "sigma", "sigma_is", "sigma_per_length", "correlation", "period", "column", "unit", "reads", "reading",
 }  # fmt: skip
+_COMMAND = {"control", "redundant", "force"}
+"""Of an actuator: how it is commanded, not what the machine is; values found under one control hold under another."""
 _AXES = {"along", "axis", "axes"}
 _POINTS = {"between", "at", "to"}
 _SETS = {"fixed"}
@@ -89,6 +91,7 @@ def fingerprint_of(machine: Machine) -> Fingerprint:
         "machine": {"space": machine.space, "gravity": _form(machine.gravity)},
         "parameters": {name: p.per or "" for name, p in machine.parameters.items()},
         **{section: _forms(getattr(machine, section), owners) for section in _whole()},
+        "actuators": {name: _drive(drive) for name, drive in machine.actuators.items()},
         **{section: _forms(_dependent(getattr(machine, section)), owners) for section in _PLACES},
         "sensors": _forms(_own(machine), owners),
         "effects": {name: _effect(name, entries, machine) for name, entries in machine.effects.items()},
@@ -117,6 +120,11 @@ def _hash(form: Any) -> str:
 
 def _forms(things: Mapping[str, Any], owners: Mapping[str, str]) -> dict[str, Any]:
     return {name: _form(thing, owners) for name, thing in things.items()}
+
+
+def _drive(actuator: Entity) -> Any:
+    """Of an actuator, whatever its control."""
+    return {key: form for key, form in _form(actuator).items() if key not in _COMMAND}
 
 
 def _form(value: Any, owners: Mapping[str, str] | None = None, key: str = "") -> Any:

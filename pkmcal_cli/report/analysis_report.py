@@ -6,7 +6,7 @@ from typing import Any
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.identifiability import Combination
-from pkmcal_cli.calibration.mean_sensitivity import ParameterSensitivity, Sensitivity
+from pkmcal_cli.calibration.mean_sensitivity import NO_SHIFT, ParameterSensitivity, Sensitivity, ranked
 from pkmcal_cli.calibration.observability_indices import Observability
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter, bar
@@ -24,11 +24,11 @@ UNSTRAINED = (
 
 def show_sensitivity(to: Reporter, model: Model, units: FileUnits, result: Sensitivity, word: str) -> None:
     """Ranked table with bars; word: what a size is, "range" or "size"."""
-    largest = max((p.position for p in result.parameters), default=0.0) or 1.0
+    largest = max((ranked(p.position) for p in result.parameters), default=0.0) or 1.0
     table = []
     for p in result.parameters:
-        shift, turn = readable(p.position, units.length), readable(p.orientation, units.angle)
-        table.append((p.name, _size(model, p), shift, bar(p.position / largest), turn))
+        shift, turn = _shift(p.position, units.length), _shift(p.orientation, units.angle)
+        table.append((p.name, _size(model, p), shift, bar(ranked(p.position) / largest), turn))
     rows = count(int(result.prediction.solved.sum()), "position")
     title = f"Mean TCP shift and rotation per parameter {word}, {rows} (eq. 23)"
     to.table(title, ("parameter", word, "shift", "", "rotation"), table)
@@ -38,15 +38,19 @@ def show_along(to: Reporter, model: Model, units: FileUnits, result: Sensitivity
     """The same of one coordinate: its mean shift, with its sign, and the largest one."""
     unit = unit_along(units, coordinate)
     every = dict(zip(result.names, zip(*result.along(coordinate), strict=True), strict=True))
-    longest = max((abs(mean) for mean, _ in every.values()), default=0.0) or 1.0
-    table = [
-        (p.name, _size(model, p), readable(every[p.name][0], unit), bar(abs(every[p.name][0]) / longest),
-         readable(every[p.name][1], unit))
-        for p in sorted(result.parameters, key=lambda p: -abs(every[p.name][0]))
-    ]  # fmt: skip
+    longest = max((ranked(float(mean)) for mean, _ in every.values()), default=0.0) or 1.0
+    table = []
+    for p in sorted(result.parameters, key=lambda p: (-ranked(float(every[p.name][0])), p.name)):
+        mean, most = (float(shift) for shift in every[p.name])
+        table.append((p.name, _size(model, p), _shift(mean, unit), bar(ranked(mean) / longest), _shift(most, unit)))
     rows = count(int(result.prediction.solved.sum()), "position")
     title = f"Shift of {coordinate} per parameter {word}, {rows}"
     to.table(title, ("parameter", word, "mean", "", "largest"), table)
+
+
+def _shift(value: float, unit: Unit) -> str:
+    """A shift, m or rad; rounding errors are none."""
+    return readable(value if abs(value) > NO_SHIFT else 0.0, unit)
 
 
 def unit_along(units: FileUnits, coordinate: str) -> Unit:

@@ -40,7 +40,7 @@ Figures = Mapping[str, Sequence[Figure] | str]
 """By what limits name (`heldout`, `fitted`, `chi2`, `std:l1`, `change`): figures, or why there are none."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Gate:
     """A limit, SI: on `figure` (a key of Figures), of one `kind` of error where it names one ("fitted:length 1 mm")."""
 
@@ -116,14 +116,17 @@ def _gate(text: str) -> Gate:
     if name != "std" and (unit.dimension == NUMBER) != (name == "chi2"):
         lacking = "has no unit" if unit.dimension == NUMBER else "is not a number"
         raise UsageError(f"{OPTION}: `{text}`: `{value.strip()}` {lacking}", hint=_EXAMPLE)
-    return Gate(text, figure if name == "std" else name, "" if name == "std" else part, limit, unit)
+    own = {"figure": figure, "kind": ""} if name == "std" else {"figure": name, "kind": part}
+    return Gate(text=text, limit=limit, unit=unit, **own)
 
 
 def _largest_rms(text: str) -> Gate:
     limit, unit = _limit(MAX_RMS, text)
     if unit.dimension != LENGTH:
         raise UsageError(f"{MAX_RMS}: `{text}` is not a length", hint='give a length such as "20 um"')
-    return Gate(text, "heldout", "position", limit, unit, option=MAX_RMS, otherwise="fitted")
+    return Gate(
+        text=text, figure="heldout", kind="position", limit=limit, unit=unit, option=MAX_RMS, otherwise="fitted"
+    )
 
 
 def _limit(option: str, text: str) -> tuple[float, Unit]:

@@ -12,6 +12,8 @@ from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.analysis_report import unit_along
 from pkmcal_cli.workflow.pose_set import PoseSet
 
+_PLACES = 12  # of m or rad: what is less is rounding
+
 
 def write_shifts(
     target: str,
@@ -31,7 +33,7 @@ def write_shifts(
     columns += [(f"shift.{name}", fine) for name in result.names]
     places = [poses.poses.place(int(k)) for k in done]
     cells: list[Values] = [[p.id or str(p.line or 1) for p in places]]
-    cells += list(result.prediction.values[done].T)
+    cells += list(np.round(result.prediction.values[done], _PLACES).T + 0.0)
     cells += list(result.shifts[done, result.coordinates.index(coordinate)].T)
     with open_writer(target, columns, inputs, digits=9, force=force) as writer:
         writer.write(cells)

@@ -31,7 +31,10 @@ class PosedTable:
         self.machine, self.model, self.joined = machine, model, joined
         self.covariates, self.sessions = [n for n in covariates if n != "session"], "session" in covariates
         self.drives = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
-        self.forces = [a for a in range(len(model.actuators)) if given and a not in self.drives]
+        pulling = [a for a in range(len(model.actuators)) if a not in self.drives]
+        stated = [machine.actuators[a.name].force for a in model.actuators]
+        self.unstated = [a for a in pulling if (own := stated[a]) is None or own.otherwise is None]
+        self.forces = pulling if given else self.unstated
         self.known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
         self.columns += [("session", None)] if self.sessions else []
@@ -61,7 +64,9 @@ class PosedTable:
         return [*cells, *(rows.columns[n] for n in self.covariates), *(rows.readings[:, a] for a in self.drives)]
 
     def force_cells(self, forces: Array) -> list[Values]:
-        """Columns of forces (N, A)."""
+        """Columns of forces (N, A); a drive whose force nobody states pulls with none."""
+        forces = forces.copy()
+        forces[:, self.unstated] = np.nan_to_num(forces[:, self.unstated])
         with np.errstate(invalid="ignore", divide="ignore"):
             return [forces[:, a] / scale for a, scale in zip(self.forces, self.scales, strict=True)]
 

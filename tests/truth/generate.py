@@ -46,7 +46,7 @@ def identified(names: list[str]) -> set[str]:
     return {n for n in names if not n.startswith("k") and n != "gamma"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Campaign:
     """A measurement file: machine, poses (N, k) in m and rad, sd of the noise of a position in m and of an
     orientation in rad, seeds of the parameter errors and of the noise."""
@@ -138,7 +138,17 @@ def strained_scissors() -> Campaign:
     """The Scissors with its redundant drives 0.1 mm off: internal forces that let stiffnesses be seen."""
     poses = grid((-203, 203, 10), (-200, 200, 8))
     strain = in_turn(len(poses), 4, (1, 2), 0.1 * dim.MM)
-    return Campaign(PINNED["scissors"](), poses, 0.5 * UM, 0.0, 104, 212, strain=strain, stiffness=True, noise_force=20.0)
+    return Campaign(
+        machine=PINNED["scissors"](),
+        poses=poses,
+        noise=0.5 * UM,
+        noise_angle=0.0,
+        error_seed=104,
+        noise_seed=212,
+        strain=strain,
+        stiffness=True,
+        noise_force=20.0,
+    )
 
 
 def campaigns() -> dict[str, Campaign]:
@@ -172,12 +182,12 @@ def campaigns() -> dict[str, Campaign]:
     strained = {"scissors-strained": strained_scissors()}
     return strained | {
         name: Campaign(
-            machines[name](),
-            poses[name],
-            noise[name],
-            10e-6 if name == "hexapod7" else 0.0,
-            error_seeds[name],
-            200 + seed,
+            machine=machines[name](),
+            poses=poses[name],
+            noise=noise[name],
+            noise_angle=10e-6 if name == "hexapod7" else 0.0,
+            error_seed=error_seeds[name],
+            noise_seed=200 + seed,
         )
         for name, seed in seeds.items()
     }
