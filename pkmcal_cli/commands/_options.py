@@ -65,7 +65,7 @@ FailAbove = Annotated[
     ),
 ]
 MaxRms = Annotated[
-    str | None, typer.Option("--max-rms", metavar="VALUE", help="Limit of the (held-out) position rms, as --fail-above.")
+    str | None, typer.Option("--max-rms", metavar="VALUE", help="Limit of the position rms, as --fail-above.")
 ]
 Holdout = Annotated[
     str | None,

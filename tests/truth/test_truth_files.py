@@ -18,14 +18,15 @@ UNITS = {"mm": dim.MM, "rad": 1.0, "deg": np.radians(1), "kN/mm": dim.KN_PER_MM,
 @pytest.mark.parametrize("name", CAMPAIGNS)
 def test_shipped_file_is_the_generators(name: str) -> None:
     campaign = CAMPAIGNS[name]
-    channels = campaign.machine.channels
+    channels = campaign.channels
     table = np.loadtxt(FOLDER / f"{name}.csv", delimiter=",", skiprows=1)
     travel, readings = np.split(table[:, 1:], [len(campaign.machine.drives)], axis=1)
-    scale = np.array([1.0 if c.startswith("r") else dim.MM for c in channels])
+    scale = np.array([{"r": 1.0, "f": 1e3}.get(c[0], dim.MM) for c in channels])  # of the file's units, SI
+    last = np.array([1e-9 if c.startswith("r") else 1e-6 for c in channels])  # digit of the file
     assert np.abs(travel * dim.MM - campaign.set_values()).max() < 1.1e-9
-    assert np.abs(readings * scale - campaign.readings()).max() < 1.1e-9
+    assert (np.abs(readings - campaign.readings() / scale) / last).max() < 1.1
     noise = readings * scale - campaign.true_readings()
-    sigma = np.array([campaign.noise_angle if c.startswith("r") else campaign.noise for c in channels])
+    sigma = np.array([campaign.sigma(c) for c in channels])
     assert np.sqrt((noise**2).mean(0)) / sigma == pytest.approx(1, abs=0.25)
 
 
