@@ -156,7 +156,7 @@ def test_commands_to_go_on_with_can_be_run() -> None:
     words = line.partition("pkmcal ")[2].replace("EFFECT", "clearance@rod5").split()
     assert clean(run(*words, "--points", "1")).code == 0
     piped = run("diagnose", SCISSORS, "-", stdin=Path(SHOPFLOOR).read_text(encoding="utf-8")).err
-    assert "MEAS.csv --see EFFECT" in piped
+    assert "MEAS.csv --aim EFFECT" in piped
 
 
 def test_what_is_provisional_has_its_reason(tmp_path: Path) -> None:

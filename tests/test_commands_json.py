@@ -173,9 +173,9 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [*map(str, router(folder, 1))],
         ],
         "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
-        "plan": [[SCISSORS, SHOPFLOOR, "--separate", "backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
+        "plan": [[SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
-            "--see", "scale@q1", "--points", "1", "--power", "1"]],
+            "--aim", "scale@q1", "--points", "1", "--power", "1"]],
         "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml", "--loss", "tukey", "--fail-above", "chi2 2"]],
     }  # fmt: skip
 

@@ -178,7 +178,7 @@ def test_campaigns_of_a_plan_are_counted() -> None:
     """Of every kind, as many campaigns as asked for; the hardest place of it, with the size that the plan promises."""
     machine = MACHINES / "triglide-nonredundant.yaml"
     grid = ("--grid", "x=200:700:6,y=170:380:5")
-    done = run("plan", machine, *grid, "--power", 2, "--see", "scale@q1,backlash@q2", "--points", 1, "--json")
+    done = run("plan", machine, *grid, "--power", 2, "--aim", "scale@q1,backlash@q2", "--points", 1, "--json")
     nothing, *effects = done.json["power"]
     assert nothing["effect"] is None and nothing["named"] == nothing["in_set"] == 0 and nothing["n_campaigns"] == 2
     assert {(e["effect"], e["at"]) for e in effects} == {("scale", "q1"), ("backlash", "q2")}

@@ -26,16 +26,17 @@ def plan(
     grid: Grid = None,
     parameters: Parameters = None,
     select: Select = "auto",
-    see: Annotated[
-        str | None, typer.Option("--see", metavar="EFFECT", help="Add points that best show this effect.")
+    aim: Annotated[
+        str | None,
+        typer.Option(
+            "--aim",
+            metavar="PURPOSE",
+            help='Add points for: uncertainty, "l1 5 um", l1,l3, an effect (backlash@q2), separate:EFFECT,EFFECT.',
+        ),
     ] = None,
-    separate: Annotated[
-        str | None, typer.Option("--separate", metavar="EFFECT,EFFECT", help="Add points that separate these effects.")
+    points: Annotated[
+        int | None, typer.Option("--points", min=1, max=400, help='Points to add; default 8, up to 100 for "l1 5 um".')
     ] = None,
-    determine: Annotated[
-        str | None, typer.Option("--determine", metavar="NAME,...", help="Add points for these parameters (D-optimal).")
-    ] = None,
-    points: Annotated[int, typer.Option("--points", min=1, max=400, help="Number of points to add.")] = 8,
     power: Annotated[
         int,
         typer.Option("--power", metavar="K", min=0, max=1000, help="Simulate and diagnose K campaigns of each effect."),
@@ -53,7 +54,7 @@ def plan(
 ) -> None:
     """Which effects can this measurement detect and separate, and which points should be added?
 
-    Example: pkmcal plan machines/scissors.yaml --grid "x=-200:200:6,y=-200:200:6" --separate backlash@q1,backlash@q2
+    Example: pkmcal plan machines/scissors.yaml --grid "x=-200:200:6,y=-200:200:6" --aim backlash@q1
     """
     options = locals()
     from pkmcal_cli.workflow.plan import PlanRequest, run_plan

@@ -151,10 +151,12 @@ class Chosen:
     after: float
 
 
-def best_points(linear: Linear, blocks: Array, planned: int, aim: Aim, count: int) -> Chosen:
+def best_points(
+    linear: Linear, blocks: Array, planned: int, aim: Aim, count: int, *, exchange: bool = True
+) -> Chosen:
     """The best `count` rows to add to the first `planned` ones; `blocks` (M, C, q): whitened rows of all columns.
 
-    Greedy, then exchanged one by one while that is better (Fedorov).
+    Greedy, in the order of their gain; then, with `exchange`, exchanged one by one while that is better (Fedorov).
     """
     rows, prior, groups = _arranged(linear, blocks, aim)
     start = np.einsum("mca,mcb->ab", rows[:planned], rows[:planned]) + np.diag(prior)
@@ -162,7 +164,7 @@ def best_points(linear: Linear, blocks: Array, planned: int, aim: Aim, count: in
     chosen: list[int] = []
     for _ in range(min(count, len(rows) - planned)):
         chosen.append(search.best(chosen))
-    chosen = search.exchanged(chosen) if count <= _EXCHANGED else chosen
+    chosen = search.exchanged(chosen) if exchange and count <= _EXCHANGED else chosen
     return Chosen(np.array(chosen, dtype=np.intp), search.figure([]), search.figure(chosen))
 
 

@@ -77,7 +77,8 @@ class Poses:
 
     reachable (N,): False where no drive readings were found for a pose of the tool point. measured (N, C): which
     channels a table has readings of; None where it has none at all, or poses only. touched (N, C): channels of probes
-    with a known reading that touch there by the table; None for poses of a grid.
+    with a known reading that touch there by the table; None for poses of a grid. sides (N, A): of approach, as the
+    table states them, nan where it does not; None where it has no such column.
     """
 
     rows: Rows
@@ -85,6 +86,7 @@ class Poses:
     place: Callable[[int], Place]
     measured: NDArray[np.bool_] | None = None
     touched: NDArray[np.bool_] | None = None
+    sides: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -97,8 +99,9 @@ class Poses:
     def take(self, rows: NDArray[np.intp]) -> Poses:
         """Some rows, which keep their places."""
         measured, touched = (None if c is None else c[rows] for c in (self.measured, self.touched))
+        sides = None if self.sides is None else self.sides[rows]
         place = lambda k: self.place(int(rows[k]))  # noqa: E731
-        return Poses(self.rows.take(rows), self.reachable[rows], place, measured, touched)
+        return Poses(self.rows.take(rows), self.reachable[rows], place, measured, touched, sides)
 
 
 @dataclass(kw_only=True)
@@ -192,9 +195,12 @@ def _joined(model: Model, blocks: list[Poses]) -> Poses:
         k = bisect_right(starts, row) - 1
         return blocks[k].place(row - starts[k])
 
-    rows = with_directions(joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators])
+    rows, names = joined_rows([b.rows for b in blocks]), [a.name for a in model.actuators]
+    stated = [rows.columns.get(f"dir.{name}", np.full(len(rows), np.nan)) for name in names]
+    sides = np.stack(stated, axis=1) if any(f"dir.{name}" in rows.columns for name in names) else None
+    measured, touched = together([b.measured for b in blocks]), together([b.touched for b in blocks])
     reachable = np.concatenate([b.reachable for b in blocks])
-    return Poses(rows, reachable, place, together([b.measured for b in blocks]), together([b.touched for b in blocks]))
+    return Poses(with_directions(rows, names), reachable, place, measured, touched, sides)
 
 
 @dataclass

@@ -7,12 +7,11 @@ from typing import Any
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.bench_measurements import BenchProposal
-from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen, Plan, Visibility
+from pkmcal_cli.diagnosis.experiment_design import Aim, Plan, Visibility
 from pkmcal_cli.diagnosis.power import Rates
-from pkmcal_cli.diagnosis.score import minimal_detectable
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.report.added_points import Added
 from pkmcal_cli.report.analysis_report import UNSTRAINED
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.detectable_sizes import sizes_json, sizes_text, worst_text
@@ -33,7 +32,6 @@ _HEADERS = (
     "remark",
 )
 _WIDE = ("smallest detectable", "smallest separable", "cosine")  # columns that a narrow terminal does without
-_ENOUGH = 2.0  # standard deviations of the prior: the plausible size
 _GAINS = 5  # parameters of which a measurement on the bench is told
 _ORDER = ("detectable", "weak", "invisible")
 
@@ -47,14 +45,12 @@ class PlanReport:
         plan: Plan,
         *,
         at_nominal: bool,
-        aim: Aim | None,
-        added: Problem | None,
-        chosen: Chosen | None,
+        added: Added | None,
         bench: tuple[BenchProposal, ...],
         rates: tuple[Rates, ...],
     ) -> None:
         self.machine, self.plan, self.at_nominal = machine, plan, at_nominal
-        self.aim, self.added, self.chosen, self.bench = aim, added, chosen, bench
+        self.added, self.bench = added, bench
         self.model, self.rates = plan.problem.model, rates
 
     def json(self) -> dict[str, Any]:
@@ -64,8 +60,8 @@ class PlanReport:
             "effects": [self._json(v) for v in self.plan.visibilities],
             "groups": [list(g) for g in self.plan.groups],
             "not_testable": [{"effect": k, "needs": why} for k, why in self.plan.candidates.not_testable],
-            "aim": self._aim_json(),
-            "points": self._points(),
+            "aim": None if self.added is None else self.added.json(self.model),
+            "points": [] if self.added is None else self.added.cells(self.model),
             "bench": [self._bench_json(p) for p in self.bench],
             "power": [rates_json(self.model, r) for r in self.rates],
         }
@@ -111,32 +107,6 @@ class PlanReport:
             "absorbed_by": list(v.absorbed_by),
         }
 
-    def _aim_json(self) -> dict[str, Any] | None:
-        if self.aim is None or self.chosen is None:
-            return None
-        before, after = self._figures()
-        what = "mdb" if self.aim.kind != "determine" else "log_determinant"
-        return {"kind": self.aim.kind, "figure": what, "before": finite(before), "after": finite(after)}
-
-    def _figures(self) -> tuple[float, float]:
-        """Before and after: minimal detectable size in prior standard deviations, or log determinant."""
-        assert self.aim is not None and self.chosen is not None
-        pair = (self.chosen.before, self.chosen.after)
-        return pair if self.aim.kind == "determine" else (minimal_detectable(pair[0]), minimal_detectable(pair[1]))
-
-    def _points(self) -> list[dict[str, Any]]:
-        if self.added is None:
-            return []
-        out = []
-        for readings, k in zip(self.added.rows.readings, range(len(self.added)), strict=True):
-            cells: dict[str, Any] = {}
-            for a, actuator in enumerate(self.model.actuators):
-                unit = parse_unit(actuator.unit)
-                cells[actuator.name] = finite(unit.from_si(float(readings[a])))
-                cells[f"dir.{actuator.name}"] = finite(float(self.added.rows.columns[f"dir.{actuator.name}"][k]))
-            out.append(cells)
-        return out
-
     def show(self, to: Reporter) -> None:
         """Tables for people."""
         counts = {s: sum(v.status == s for v in self.plan.visibilities) for s in _ORDER}
@@ -179,49 +149,22 @@ class PlanReport:
         return v.hypothesis.name, *sizes, v.rival, f"{v.cosine:.2f}" if v.rival else "", why
 
     def _show_added(self, to: Reporter) -> None:
-        if self.aim is None or self.added is None:
+        if self.added is None:
             return
-        words = {
-            "see": "smallest detectable size",
-            "separate": "smallest separable size",
-            "determine": "log determinant of the information matrix",
-        }[self.aim.kind]
-        before, after = (self._figure_text(x) for x in self._figures())
-        to.say()
-        to.say(f"{count(len(self.added), 'further point')}: {words} {before} -> {after}")
-        if self.aim.kind == "separate" and not self._figures()[1] < _ENOUGH:
-            self._show_without_points(to)
-        if self.aim.kind == "see" and not self._figures()[1] < _ENOUGH:
+        self.added.show(to, self.model)
+        if self.added.aim.kind == "separate" and self.added.short:
+            self._show_without_points(to, self.added.aim)
+        if self.added.aim.kind == "see" and self.added.short:
             to.say("These points cannot show it at a plausible size. Add more points, or measure in another way.")
-        names = [a.name for a in self.model.actuators]
-        headers = tuple(f"{a.name} [{parse_unit(a.unit).text}]" for a in self.model.actuators)
-        cells = [
-            tuple(f"{float(p[n]):.6g} {'+' if (p[f'dir.{n}'] or 0) > 0 else '-'}" for n in names)
-            for p in self._points()
-        ]
-        to.table("Points to add (set values; + approach from below, - from above)", headers, cells, left=0)
 
-    def _show_without_points(self, to: Reporter) -> None:
+    def _show_without_points(self, to: Reporter, aim: Aim) -> None:
         """What tells effects apart where no pose does."""
         to.say("These points cannot separate them at plausible sizes. Add more points, or another measurement:")
         known = catalogue()
-        assert self.aim is not None
         for h in self.plan.candidates.single:
-            if h.parameters in self.aim.parameters and h.effect in known:
+            if h.parameters in aim.parameters and h.effect in known:
                 action = cause_effect_action(known[h.effect], h.at, "")[2]
                 to.say(f"  {h.name}: {action}")
-
-    def _figure_text(self, value: float) -> str:
-        """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""
-        assert self.aim is not None
-        if self.aim.kind == "determine":
-            return f"{value:.4g}"
-        declared = [self.model.parameters[self.model.names.index(n)] for g in self.aim.parameters for n in g]
-        alike = {(p.range, p.unit) for p in declared}
-        if len(alike) == 1 and len(declared) == len(self.aim.parameters):
-            plausible = declared[0].range
-            return detectable_size(0.5 * value * plausible, plausible, parse_unit(declared[0].unit or "1"))
-        return "never" if value > NEVER else f"{50 * value:.3g} % of the plausible size"
 
     def _unit(self, v: Visibility) -> Unit:
         return parse_unit(self.model.parameters[self.model.names.index(v.parameter)].unit or "1")

@@ -58,7 +58,7 @@ class VisibilityReport(DiagnosisValues):
         to.say()
         to.table("Effects that these data cannot show", ("effect", "smallest detectable", "plausible", "remark"), rows)
         more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
-        to.say(f"{more}points that would show one: {command('plan', *self.files(), '--see', 'EFFECT')}")
+        to.say(f"{more}points that would show one: {command('plan', *self.files(), '--aim', 'EFFECT')}")
 
 
 def _hardest(seen: VisibleSizes) -> float:

@@ -9,50 +9,75 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.writer import open_writer
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.workflow.sides import moves_together
+from pkmcal_cli.workflow.approaches import Approaches
 
 DATUM_EVERY = 20  # rows between visits of the datum pose
-_OVERRUN = 0.01  # of a drive's travel in the plan: how far away the approach begins
-_SHORT = 1e-3  # m or rad, where a drive stands still in the whole plan
+PACE = 20.0  # s a row: the way there, coming to rest, reading
+_ORDERS = 30  # random orders, of which that is taken in which time goes least with sides and poses
+_TOLD = 0.05  # correlation below which nothing is worth a word
 
 
 def write_schedule(
-    loaded: LoadedMachine, rows: Rows, seed: int, target: str, inputs: Collection[str], force: bool
-) -> int:
-    """Write a table of poses in the order of measurement; returns the number of its rows. Raises OutputError.
+    loaded: LoadedMachine,
+    rows: Rows,
+    ways: Approaches,
+    seed: int,
+    target: str,
+    inputs: Collection[str],
+    *,
+    force: bool,
+) -> list[str]:
+    """Write a table of poses in the order of measurement; returns what is to be said of it. Raises OutputError.
 
-    Rows in random order, each approached from its side (`dir.ACTUATOR`); where drives move one by one, beginning at
-    `approach.ACTUATOR`. The first pose again every 20 rows. What joins rows is kept (`to`).
+    Rows in random order, each approached from `approach.ACTUATOR`, all drives together, so from its sides
+    (`dir.ACTUATOR`); the first pose again every 20 rows. What joins rows is kept (`to`).
     """
-    model, rng = loaded.model, np.random.default_rng(seed)
+    model = loaded.model
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
     names, units = [model.actuators[a].name for a in held], [model.actuators[a].unit for a in held]
-    side = np.stack([rows.columns[f"dir.{n}"] for n in names], axis=1)
-    begin = _begin(model, rows.readings, side, held)
-    order = _with_datum([int(k) for k in rng.permutation(len(rows))])
+    side, begin = ways.side[:, held], (rows.readings + ways.back)[:, held]
+    drawn, together = _order(side, rows.readings[:, held], np.random.default_rng(seed))
+    order = _with_datum(drawn)
     index = np.array([row for row, _ in order])
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
     partners = _partners(rows, order, ids)
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in partners]]
     headers += [(loaded.machine.actuators[n].column or n, u) for n, u in zip(names, units, strict=True)]
     headers += [(f"dir.{n}", None) for n in names]
-    columns = [ids, *partners, *rows.readings[index][:, held].T, *side[index].T]
-    if not moves_together(loaded):
-        headers += [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
-        columns += [*begin[index].T]
+    headers += [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
+    columns = [ids, *partners, *rows.readings[index][:, held].T, *side[index].T, *begin[index].T]
     with open_writer(target, headers, inputs, digits=9, force=force) as writer:
         writer.write(columns)
-    return len(ids)
+    return _told(target, order, together)
 
 
-def _begin(model: Model, readings: Array, side: Array, held: list[int]) -> Array:
-    """Where drives begin to approach readings (N, A) from their sides (N, h), within their limits: (N, h)."""
-    there, limits = readings[:, held], np.array([model.actuators[a].limits for a in held])
-    overrun = _OVERRUN * np.ptp(there, axis=0)
-    begin = there - side * np.where(overrun > 0, overrun, _SHORT)
-    return np.asarray(np.clip(begin, limits[:, 0], limits[:, 1]))
+def _told(target: str, order: list[tuple[int, bool]], together: float) -> list[str]:
+    """Length, duration and order of a schedule in words."""
+    visits = sum(datum for _, datum in order)
+    minutes = max(1, round(len(order) * PACE / 60))
+    said = [
+        f"written: {target} ({len(order)} rows in the order of measurement, {visits} of them at the datum pose)",
+        f"about {minutes} min at {PACE:g} s a row; warm up first: go to and fro until the datum pose reads the same",
+    ]
+    if together > _TOLD:
+        said.append(f"time goes with sides or poses by a correlation of {together:.2f} at most")
+    return said
+
+
+def _order(side: Array, readings: Array, rng: np.random.Generator) -> tuple[list[int], float]:
+    """Rows in a random order in which time, and its square, go least with sides and poses (N, h); that correlation."""
+    columns = np.hstack([side, readings])
+    columns = columns - columns.mean(axis=0)
+    size = np.sqrt((columns**2).sum(axis=0))
+    columns = columns[:, size > 0] / size[size > 0]
+    time = np.linspace(-1.0, 1.0, len(side))
+    clock = np.stack([time, time**2 - (time**2).mean()], axis=1)
+    clock /= np.maximum(np.sqrt((clock**2).sum(axis=0)), 1e-300)
+    orders = [rng.permutation(len(side)) for _ in range(_ORDERS)]
+    worst = [float(np.abs(columns[order].T @ clock).max(initial=0.0)) for order in orders]
+    best = int(np.argmin(worst))
+    return [int(k) for k in orders[best]], worst[best]
 
 
 def _partners(rows: Rows, order: list[tuple[int, bool]], ids: list[str]) -> list[list[str]]:

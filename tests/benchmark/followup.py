@@ -1,7 +1,7 @@
 """Where two effects do the same: further points chosen to tell them apart, and the diagnosis with these.
 
-The points are chosen as `pkmcal plan --separate` does, out of poses that the simulator can reach; they are measured
-after the campaign, in the same set-up.
+The points are chosen as `pkmcal plan --aim separate:A,B` does, out of poses that the simulator can reach; they are
+measured after the campaign, in the same set-up.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ REASONS = f"""
 - **Sigma 20 % too small**: the tests are then based on an estimate of sigma, which is itself uncertain.
 - **Alias pairs.** On these machines most pairs are the same everywhere: the scale of a drive and a turn of its
   carriage, the scale of all drives and that of the instrument, the temperature of base and tool where nothing turns. No
-  pose can separate them. `plan --separate` reports this, and what else would separate them (a calibrated length, a
+  pose can separate them. `plan --aim separate:` reports this, and what else would separate them (a calibrated length, a
   sensor on each part). These pairs count only if it predicts a difference of {ENOUGH:g} MDB with {LADDER[0]} to
   {LADDER[-1]} further points.
 - **Time**: with a clearance or wind-up, the sign of the forces changes from step to step, and fits take up to 20 steps

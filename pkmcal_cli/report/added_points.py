@@ -1,0 +1,130 @@
+"""Points that a plan adds, for what, and what they bring: figures, sentences, tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen
+from pkmcal_cli.diagnosis.score import minimal_detectable
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.number_format import NEVER, detectable_size, finite, readable
+from pkmcal_cli.report.parameters import parameter_unit
+from pkmcal_cli.units.unit_text import parse_unit
+
+_ENOUGH = 2.0  # standard deviations of the prior: the plausible size
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A parameter's standard uncertainty, SI, by the plan, and with the fewest points that reach a limit, if any do."""
+
+    name: str
+    limit: float
+    before: float
+    after: float
+
+    @property
+    def done(self) -> bool:
+        """Whether the limit is kept."""
+        return self.after <= self.limit
+
+
+@dataclass(frozen=True)
+class Added:
+    """Points chosen for an aim, as a problem; reached: where the aim is a standard uncertainty."""
+
+    aim: Aim
+    points: Problem
+    chosen: Chosen
+    reached: Reached | None = None
+
+    @property
+    def figures(self) -> tuple[float, float]:
+        """Before and after: standard uncertainty, SI; log determinant; minimal detectable size in prior deviations."""
+        if self.reached is not None:
+            return self.reached.before, self.reached.after
+        pair = (self.chosen.before, self.chosen.after)
+        return pair if self.aim.kind == "determine" else (minimal_detectable(pair[0]), minimal_detectable(pair[1]))
+
+    @property
+    def short(self) -> bool:
+        """Whether plausible sizes still cannot be seen or separated."""
+        return self.aim.kind != "determine" and not self.figures[1] < _ENOUGH
+
+    def json(self, model: Model) -> dict[str, Any]:
+        """The aim and its figure."""
+        before, after = self.figures
+        unit, scale = None, 1.0
+        if self.reached is not None:
+            own = parameter_unit(model, self.reached.name)
+            unit, scale = own.text, own.scale
+        what = "std" if self.reached is not None else "log_determinant" if self.aim.kind == "determine" else "mdb"
+        return {
+            "kind": self.aim.kind,
+            "figure": what,
+            "before": finite(before / scale),
+            "after": finite(after / scale),
+            "unit": unit,
+            "reached": None if self.reached is None else self.reached.done,
+        }
+
+    def cells(self, model: Model) -> list[dict[str, Any]]:
+        """Set values and sides of every point."""
+        out = []
+        for k, readings in enumerate(self.points.rows.readings):
+            cells: dict[str, Any] = {}
+            for a, actuator in enumerate(model.actuators):
+                unit = parse_unit(actuator.unit)
+                cells[actuator.name] = finite(unit.from_si(float(readings[a])))
+                cells[f"dir.{actuator.name}"] = finite(float(self.points.rows.columns[f"dir.{actuator.name}"][k]))
+            out.append(cells)
+        return out
+
+    def show(self, to: Reporter, model: Model) -> None:
+        """What the points bring, and where they are."""
+        to.say()
+        to.say(self._summary(model))
+        if not len(self.points):
+            return
+        names = [a.name for a in model.actuators]
+        headers = tuple(f"{a.name} [{parse_unit(a.unit).text}]" for a in model.actuators)
+        sides = {1.0: "+", -1.0: "-"}
+        rows = [
+            tuple(f"{float(p[n]):.6g} {sides.get(p[f'dir.{n}'] or 0.0, '')}".rstrip() for n in names)
+            for p in self.cells(model)
+        ]
+        to.table("Points to add (set values; + approach from below, - from above)", headers, rows, left=0)
+
+    def _summary(self, model: Model) -> str:
+        points = count(len(self.points), "further point")
+        if self.reached is not None:
+            unit = parameter_unit(model, self.reached.name)
+            before, after = (readable(x, unit) if math.isfinite(x) else "undetermined" for x in self.figures)
+            limit = readable(self.reached.limit, unit)
+            if self.reached.done and not len(self.points):
+                return f"no further point: standard uncertainty of {self.reached.name} {before}, wanted {limit}"
+            words = f"{points}: standard uncertainty of {self.reached.name} {before} -> {after}, wanted {limit}"
+            return words if self.reached.done else f"{words}: NOT REACHED; more points (--points), or measure otherwise"
+        words = {
+            "see": "smallest detectable size",
+            "separate": "smallest separable size",
+            "determine": "log determinant of the information matrix",
+        }[self.aim.kind]
+        before, after = (self._figure_text(model, x) for x in self.figures)
+        return f"{points}: {words} {before} -> {after}"
+
+    def _figure_text(self, model: Model, value: float) -> str:
+        """An aim's figure: a size in its unit, or as a share of the plausible ones where effects differ."""
+        if self.aim.kind == "determine":
+            return f"{value:.4g}"
+        declared = [model.parameters[model.names.index(n)] for g in self.aim.parameters for n in g]
+        alike = {(p.range, p.unit) for p in declared}
+        if len(alike) == 1 and len(declared) == len(self.aim.parameters):
+            plausible = declared[0].range
+            return detectable_size(0.5 * value * plausible, plausible, parse_unit(declared[0].unit or "1"))
+        return "never" if value > NEVER else f"{50 * value:.3g} % of the plausible size"

@@ -1,0 +1,182 @@
+"""From where a pose is approached: the tool point steps back, and the drives' sides follow from the inverse model.
+
+So every side that a plan states can be had, with all drives of a redundant machine together. On the way back the drives
+move at once, each straight to its set value; what they then hold against each other, beyond what they do at the pose
+itself, is kept below a share of what they may.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.internal_force import InternalForces
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.prediction.touching import tcp_places
+
+_TRIES = 16  # directions in which the tool point may step back
+_SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried
+_OVERRUN = 0.01  # of a drive's travel among the poses: by which it overruns at least
+_LEAST = 1e-3  # m or rad: the same where it hardly travels
+_LONGEST = 0.05  # of the machine's size, or rad: step of the tool point
+_GAP = 1e-6  # of the machine's size: by which drives that move straight may be apart on the way
+_STILL = 0.1  # of the overrun: a drive that moves less has no side
+_SMALL = 1e-4  # of the machine's size, or rad: step for the directions in which drives move
+_HALVINGS = 4
+_INTERNAL = 0.05  # of `force_limit`: internal force on the way beyond that at the pose
+_ON_THE_WAY = (1.0, 0.75, 0.5, 0.25)  # of the way back
+FORCES = "forces on the way to it, or at it, beyond `force_limit`"
+NO_WAY = "no pose beside it to approach from"
+
+
+@dataclass(frozen=True)
+class Approaches:
+    """By how much drives (N, A) are off where an approach begins; sides (N, A), -1, 1, or 0 for one that rests.
+
+    refused: why poses cannot be approached, by their numbers.
+    """
+
+    back: Array
+    side: Array
+    refused: Mapping[int, str] = field(default_factory=dict)
+
+    def take(self, rows: NDArray[np.intp]) -> Approaches:
+        """Some of them, none of which is refused."""
+        return Approaches(self.back[rows], self.side[rows])
+
+    def followed_by(self, others: Approaches) -> Approaches:
+        """Both as one, of which none is refused."""
+        return Approaches(np.vstack([self.back, others.back]), np.vstack([self.side, others.side]))
+
+    def columns(self, model: Model) -> dict[str, Array]:
+        """Sides as columns of rows."""
+        return {f"dir.{a.name}": column for a, column in zip(model.actuators, self.side.T, strict=True)}
+
+
+def approaches(
+    model: Model, values: Array, rows: Rows, poses: Array, rng: np.random.Generator, wanted: Array | None = None
+) -> Approaches:
+    """Approaches of rows (N) at poses (N, 6) of the tool point, at parameter values (P,), from random directions.
+
+    wanted (N, A): sides that are preferred, 0 or nan where any will do.
+    """
+    held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
+    overrun = np.full(rows.readings.shape[1], np.inf)
+    overrun[held] = np.maximum(_OVERRUN * np.ptp(rows.readings[:, held], axis=0), _LEAST)
+    sides = np.zeros(rows.readings.shape) if wanted is None else np.nan_to_num(wanted)
+    back, found = _steps_back(model, poses, overrun, sides, rng)
+    refused = {int(k): NO_WAY for k in np.nonzero(~found)[0]}
+    back, safe = _shortened(model, values, rows, np.where(found[:, None], np.nan_to_num(back), 0.0))
+    refused |= {int(k): FORCES for k in np.nonzero(found & ~safe)[0]}
+    still = np.abs(back) < _STILL * np.where(np.isinf(overrun), _LEAST, overrun)
+    return Approaches(back, np.where(still, 0.0, -np.sign(back)), refused)
+
+
+def _steps_back(
+    model: Model, poses: Array, overrun: Array, wanted: Array, rng: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
+    """By how much drives (N, A) are off where approaches begin, and which (N,) there are; shorter ones at borders."""
+    back, found = np.zeros(wanted.shape), np.zeros(len(poses), dtype=bool)
+    for share in _SHORTER:
+        left = np.nonzero(~found)[0]
+        if len(left):
+            back[left], found[left] = _best_step(model, poses[left], share * overrun, wanted[left], rng)
+    return back, found
+
+
+def _best_step(
+    model: Model, poses: Array, overrun: Array, wanted: Array, rng: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The same for one length of steps: within reach and travel, and the workspace where the poses are in it.
+
+    Of a few random directions that with most of the wanted sides, then one in which every drive moves by its overrun,
+    or, where none is, that in which the laziest drive moves most.
+    """
+    count, limits = len(poses), np.array([a.limits for a in model.actuators])
+    size, held = np.where(np.arange(6) < 3, model.length, 1.0), model.independent_coordinates
+    unit, every = _directions(held, _TRIES * count, rng) * size, np.tile(poses, (_TRIES, 1))
+    there = np.tile(drive_positions(model, poses, held=held).readings, (_TRIES, 1))
+    slope = (there - drive_positions(model, every - _SMALL * unit, held=held).readings) / _SMALL
+    share = np.abs(np.nan_to_num(slope)) / overrun  # overruns per size of the machine
+    moving = share.max(axis=0, initial=0.0) > 0
+    if not moving.any():
+        return np.zeros((count, len(limits))), np.zeros(count, dtype=bool)
+    laziest = share[:, moving].min(axis=1)
+    step = np.minimum(1.0 / np.maximum(laziest, 1e-12), _LONGEST)
+    step = _nearly_straight(model, every, step, unit, there)
+    back = drive_positions(model, every - step[:, None] * unit, held=held)
+    good = back.reached & ~np.isnan(there).any(axis=1)
+    good &= ((back.readings >= limits[:, 0]) & (back.readings <= limits[:, 1])).all(axis=1)
+    if model.workspace is not None:
+        good &= model.workspace.holds(back.poses, back.readings) | ~model.workspace.holds(every, there)
+    suits = (np.sign(slope) * np.tile(wanted, (_TRIES, 1)) >= 0).mean(axis=1)
+    worth = np.where(good, 2.0 * suits + np.round(np.minimum(step * laziest, 1.0), 3), -1.0).reshape(_TRIES, count)
+    best, row = worth.argmax(axis=0), np.arange(count)
+    off = np.nan_to_num(back.readings - there).reshape(_TRIES, count, -1)[best, row]
+    return off, worth[best, row] >= 0
+
+
+def _nearly_straight(model: Model, poses: Array, step: Array, unit: Array, there: Array) -> Array:
+    """Steps (N,) shortened until drives that move straight, all at once, stay where the inverse model has them.
+
+    Of a redundant machine, which else would be strained on the way: the gap grows with the square of the step.
+    """
+    if not model.overdetermined:
+        return step
+    held = model.independent_coordinates
+    back, middle = (drive_positions(model, poses - (s * step)[:, None] * unit, held=held).readings for s in (1.0, 0.5))
+    gap = np.abs((middle - 0.5 * (back + there)) * model.gains)
+    worst = np.nan_to_num(gap, nan=np.inf).max(axis=1)
+    return np.asarray(step * np.minimum(1.0, np.sqrt(_GAP * model.length / np.maximum(worst, 1e-300))))
+
+
+def _directions(held: tuple[str, ...], count: int, rng: np.random.Generator) -> Array:
+    """Unit directions (N, 6) in the coordinates that the tool point moves independently."""
+    free = [DIRECTIONS.index(c) for c in held]
+    drawn = rng.normal(size=(count, len(free)))
+    out = np.zeros((count, 6))
+    out[:, free] = drawn / np.sqrt((drawn**2).sum(axis=1, keepdims=True))
+    return out
+
+
+def _shortened(model: Model, values: Array, rows: Rows, back: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Ways back (N, A), shortened until forces are within limits, and which (N,) are; all, where no limit is stated."""
+    limits = np.array([a.force_limit for a in model.actuators])
+    if not np.isfinite(limits).any():
+        return back, np.ones(len(back), dtype=bool)
+    back, safe = back.copy(), np.zeros(len(back), dtype=bool)
+    for _ in range(_HALVINGS):
+        left = np.nonzero(~safe)[0]
+        if not len(left):
+            break
+        safe[left] = _safe(model, values, rows.take(left), back[left], limits)
+        back[left[~safe[left]]] *= 0.5
+    return back, safe
+
+
+def _safe(model: Model, values: Array, rows: Rows, back: Array, limits: Array) -> NDArray[np.bool_]:
+    """Whether internal forces on the way (N,) exceed those at the pose by little, and all forces are within limits."""
+    found = drive_positions(model, tcp_places(model, values, rows), values, derivatives=True)
+    assert found.by_pose is not None
+    internal = InternalForces.of(model, values, np.nan_to_num(found.by_pose))
+    there = _forces(model, values, rows)
+    good = np.asarray((np.abs(there) <= limits).all(axis=1))
+    for share in _ON_THE_WAY:
+        on_way = _forces(model, values, rows.moved(share * back))
+        more = np.abs(internal.part(on_way) - internal.part(there))
+        good &= (more <= _INTERNAL * limits).all(axis=1) & (np.abs(on_way) <= limits).all(axis=1)
+    return good
+
+
+def _forces(model: Model, values: Array, rows: Rows) -> Array:
+    """Forces (N, A) of the drives; inf where the machine does not get there."""
+    found = predict(model, values, rows, Request(forces=True))
+    assert found.forces is not None
+    return np.where(found.solved[:, None], np.nan_to_num(found.forces), np.inf)

@@ -1,0 +1,71 @@
+"""Points that a plan may add: random poses within reach and workspace, each approached in a way that can be had."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem, design_problem
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.loading.pose_channels import known_channels, planned_channels
+from pkmcal_cli.loading.workspace_poses import out_of_workspace
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from pkmcal_cli.prediction.touching import tcp_places, touching
+from pkmcal_cli.workflow.approaches import Approaches, approaches
+from pkmcal_cli.workflow.touched_poses import readings_at_touch
+
+_ROUNDS = 10  # draws of candidate points, until there are enough in the workspace
+_WIDER = 0.1  # by which share of the plan's box candidates may lie outside it
+
+
+def candidate_points(
+    loaded: LoadedMachine, problem: Problem, values: Array, size: int, seed: int
+) -> tuple[Problem, Approaches]:
+    """Random points with covariates of the plan, and how they are approached. Raises BadInput where there is none."""
+    model, rng = problem.model, np.random.default_rng(seed)
+    poses, readings = _drawn(loaded, tcp_places(model, values, problem.rows), size, rng)
+    some = rng.integers(0, len(problem), len(readings))  # whose covariates they have
+    columns = {name: column[some] for name, column in problem.rows.columns.items()}
+    rows = Rows(readings, np.full(readings.shape, np.nan), columns)
+    towards = approaches(model, values, rows, poses, rng)
+    columns |= towards.columns(model)
+    rows = Rows(readings, rows.forces, columns)
+    touched = known_channels(model) & problem.measured.all(axis=0)  # probes that touch at every pose of the plan
+    rows, done = touching(model, values, rows, readings_at_touch(model, np.tile(touched, (len(rows), 1))))
+    done[list(towards.refused)] = False
+    good = np.nonzero(done & predict(model, values, rows, Request()).solved)[0]
+    channels = planned_channels(model, None, np.tile(touched, (len(good), 1)))
+    return design_problem(model, rows.take(good), channels), towards.take(good)
+
+
+def _drawn(loaded: LoadedMachine, places: Array, size: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Random poses (n, 6) in the workspace, and their drive readings (n, A). Raises BadInput where there is none.
+
+    In coordinates that it does not limit, and where there is none: in the box of places (N, 6), and a little around it.
+    """
+    model, workspace = loaded.model, loaded.model.workspace
+    low, high = places.min(axis=0), places.max(axis=0)
+    wide, held = _WIDER * (high - low), model.independent_coordinates
+    low, high = low - wide, high + wide
+    limits = np.array([a.limits for a in model.actuators])
+    if workspace is not None:
+        ends = np.stack(workspace.bounds)
+        limited = np.isfinite(ends).all(axis=0)
+        low, high = np.where(limited, ends, [low, high])
+        held = model.tool_motion.most_of([c for c, some in zip(DIRECTIONS, limited, strict=True) if some])
+    found: list[tuple[Array, Array]] = []
+    for _ in range(_ROUNDS if workspace is not None else 1):
+        drawn = rng.uniform(low, high, (size, len(DIRECTIONS)))
+        drawn[:, [k for k, c in enumerate(DIRECTIONS) if c not in held]] = np.nan
+        inverse = drive_positions(model, drawn, held=held)
+        good = inverse.reached & ((inverse.readings >= limits[:, 0]) & (inverse.readings <= limits[:, 1])).all(axis=1)
+        good &= True if workspace is None else workspace.holds(inverse.poses, inverse.readings)
+        found.append((inverse.poses[good], inverse.readings[good]))
+        if sum(len(poses) for poses, _ in found) >= size:
+            break
+    poses, readings = (np.concatenate(parts)[:size] for parts in zip(*found, strict=True))
+    if workspace is not None and not len(poses):
+        raise out_of_workspace(loaded)
+    return poses, readings
