@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, column, run
 from tests.support import model
+from tests.truth.generate import campaigns
 from tests.truth.machines import PINNED
 
 GRID = ("--grid", "x=-200:200:5,y=-200:200:5")
@@ -218,6 +220,33 @@ def test_approaches_are_moves_of_the_tool_point_where_drives_move_together(tmp_p
     for share in (0.0, 0.5, 1.0):
         forces = truth.forward(1e-3 * (begin + share * (q - begin))).drive_force
         assert np.abs(forces).max() < (5.0 if share != 0.5 else 2000.0), "N; nine digits make 1 N"
+
+
+def test_forces_stay_within_limits_at_poses_and_on_the_way(tmp_path: Path) -> None:
+    """The Scissors with errors planted, which strain it by up to 25 kN, in the independent simulator: poses beyond the
+    limit are skipped and counted; on the way internal forces are at most 5 % of the limit more than at the pose.
+    """
+    truth, names, si = PINNED["scissors"](), ("q1", "q2", "q3", "q4"), campaigns()["scissors"].planted()
+    nominal = truth.inverse([[x, y] for x in np.linspace(-0.2, 0.2, 7) for y in np.linspace(-0.2, 0.2, 7)])
+    highest = np.abs(truth.forward(nominal, si).drive_force).max(axis=1)
+    limit = float(np.round(np.quantile(highest, 0.7), -1))
+    planted = yaml.safe_load((MACHINES / "scissors.csv.provenance.yaml").read_text())["planted"]["parameters"]
+    (tmp_path / "p.yaml").write_text(yaml.safe_dump({"parameters": planted}))
+    (tmp_path / "m.yaml").write_text(
+        f"extends: {SCISSORS}\nactuators: {{{', '.join(f'{n}: {{force_limit: {limit / 1e3} kN}}' for n in names)}}}\n"
+    )
+    file = tmp_path / "plan.csv"
+    grid = ("--grid", "x=-200:200:7,y=-200:200:7")
+    done = clean(run("plan", tmp_path / "m.yaml", *grid, "-p", tmp_path / "p.yaml", "-o", file))
+    skipped = [int(n) for n in re.findall(r"^skipped: (\d+) of 49 .*`force_limit`", done.err, re.MULTILINE)]
+    assert done.code == 0 and len(skipped) == 1
+    q, begin = (np.stack([column(file, f"{k}{n}") for n in names], axis=1) * 1e-3 for k in ("", "approach."))
+    assert 49 - skipped[0] == len(np.unique(q.round(6), axis=0))
+    there = truth.forward(q, si).drive_force
+    for share in (0.0, 0.25, 0.5, 0.75):
+        forces = truth.forward(begin + share * (q - begin), si).drive_force
+        assert np.abs(forces).max() <= limit and np.abs(forces - there).max() <= 0.05 * limit + 5
+    assert 0 < (highest > limit).sum() <= skipped[0] < 49
 
 
 def test_one_seed_one_plan() -> None:

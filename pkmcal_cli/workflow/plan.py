@@ -131,8 +131,7 @@ def _approached(
     places = tcp_places(model, values, resting)
     ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), given)
     if ways.refused:
-        poses = poses.without(ways.refused)
-        poses.failed.show(to)
+        poses = poses.without(ways.refused)  # told with those that cannot be predicted
         kept = np.delete(np.arange(len(rows)), list(ways.refused))
         if not len(kept):
             raise BadInput.single(next(iter(ways.refused.values())), Location(model.name), _APART, "approach")
