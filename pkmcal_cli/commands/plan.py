@@ -37,6 +37,12 @@ def plan(
     points: Annotated[
         int | None, typer.Option("--points", min=1, max=400, help='Points to add; default 8, up to 100 for "l1 5 um".')
     ] = None,
+    next: Annotated[
+        bool, typer.Option("--next", help="Points to measure next, from the table measured so far, until --aim is met.")
+    ] = False,
+    budget: Annotated[
+        int | None, typer.Option("--budget", min=1, max=400, help="Rows that --next may use, those measured included.")
+    ] = None,
     power: Annotated[
         int,
         typer.Option("--power", metavar="K", min=0, max=1000, help="Simulate and diagnose K campaigns of each effect."),

@@ -89,8 +89,11 @@ class Added:
         """What the points bring, and where they are."""
         to.say()
         to.say(self._summary(model))
-        if not len(self.points):
-            return
+        if len(self.points):
+            self.show_points(to, model)
+
+    def show_points(self, to: Reporter, model: Model) -> None:
+        """Set values and sides of the points."""
         names = [a.name for a in model.actuators]
         headers = tuple(f"{a.name} [{parse_unit(a.unit).text}]" for a in model.actuators)
         sides = {1.0: "+", -1.0: "-"}

@@ -35,6 +35,7 @@ from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.approaches import Approaches, approaches
 from pkmcal_cli.workflow.arguments import given, one_stdin, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
+from pkmcal_cli.workflow.next_points import next_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
@@ -43,6 +44,7 @@ from pkmcal_cli.workflow.touched_poses import touching_poses
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
 _FEW, _MANY = 8, 100  # points to add by default: as many, or up to so many for a stated uncertainty
+_NEXT = 'write e.g. pkmcal plan M.yaml MEAS.csv --next --budget 40 --aim "l1 5 um"'
 _APART = "choose poses further inside the workspace, or check `force_limit`"
 
 
@@ -57,6 +59,8 @@ class PlanRequest:
     select: str
     aim: str | None
     points: int | None
+    next: bool
+    budget: int | None
     power: int
     alpha: float
     output: str | None
@@ -70,6 +74,8 @@ def run_plan(request: PlanRequest) -> int:
     """Show what a plan can do and which points to add; returns the exit code. Raises PkmcalError."""
     _check(request)
     to = Reporter(request.quiet)
+    if request.next:
+        return _run_next(request, to)
     loaded, poses = _read(request, to)
     selected = selection(loaded.model, request.select)
     start = load_parameters(loaded.model, request.parameters)
@@ -106,6 +112,22 @@ def run_plan(request: PlanRequest) -> int:
     if request.as_json:
         emit_json({"tool_point": tool and tool.name, **report.json(), **used.failed.json()})
     return 0
+
+
+def _run_next(request: PlanRequest, to: Reporter) -> int:
+    """Points to measure next, of a table that grows; 1 where the budget does not do."""
+    assert request.poses is not None and request.budget is not None
+    found = next_points(
+        machine=request.machine, table=request.poses, parameters=request.parameters, select=request.select,
+        aim=request.aim, budget=request.budget, seed=request.seed, to=to,
+    )  # fmt: skip
+    found.show(to)
+    inputs = dict.fromkeys(given(request.machine, request.poses, request.parameters), "")
+    if len(found.added.points):
+        _write(request, found.loaded, found.added.points.rows, found.ways, inputs, to)
+    if request.as_json:
+        emit_json(found.json())
+    return int(found.status == "not_reached")
 
 
 def _write(
@@ -183,6 +205,10 @@ def _check(request: PlanRequest) -> None:
     """Whether the arguments go together, and the result can be written. Raises UsageError and OutputError."""
     if request.as_json and request.output is not None and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    if request.next and (request.poses is None or request.budget is None):
+        raise UsageError("--next needs the table measured so far, and `--budget N`", hint=_NEXT)
+    if request.budget is not None and not request.next:
+        raise UsageError("--budget is for --next", hint=_NEXT)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
     check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)

@@ -1,0 +1,196 @@
+"""`plan --next`: from a table that grows, the points to measure next, until a parameter is as well known as is wanted.
+
+What is left to do follows from what was measured: parameters as fitted, noise as the residuals show it. So a surprise
+(more noise, poses that cannot be had) changes the next points instead of spoiling the plan.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.errors import BadInput, UsageError
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.observability_indices import observability
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.experiment_design import best_points, whitened_blocks, with_rows
+from pkmcal_cli.diagnosis.hypotheses import candidates_of
+from pkmcal_cli.diagnosis.linear import linear_problem
+from pkmcal_cli.gross_errors.hints import nothing_measured
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements, load_parameters
+from pkmcal_cli.report.added_points import Added, Reached
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.number_format import finite, readable
+from pkmcal_cli.report.parameters import parameter_unit
+from pkmcal_cli.workflow.approaches import Approaches
+from pkmcal_cli.workflow.arguments import selection
+from pkmcal_cli.workflow.calibrate import unsolved
+from pkmcal_cli.workflow.candidate_points import candidate_points
+from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+
+_POOL = 400
+_ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
+_NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
+_NOISY = 1.5  # times the stated noise, from which on it is worth a word
+_EXAMPLE = 'write e.g. --aim "l1 5 um"'
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextPoints:
+    """How well the parameter is known by `rows` measured, and what is to be measured next; noise: times the stated."""
+
+    loaded: LoadedMachine
+    rows: int
+    budget: int
+    noise: float
+    added: Added
+    ways: Approaches
+    needed: int
+    value: float  # of the parameter as it is known now, SI
+
+    @property
+    def status(self) -> str:
+        """`reached`: stop; `continue`; `not_reached`: the budget is spent, or will not do."""
+        assert self.added.reached is not None
+        if self.added.reached.before <= self.added.reached.limit:
+            return "reached"
+        return "continue" if len(self.added.points) else "not_reached"
+
+    def show(self, to: Reporter) -> None:
+        """The verdict first, then the points."""
+        reached, unit = self.added.reached, parameter_unit(self.loaded.model, self._name)
+        assert reached is not None
+        known = f"{self._name} is known to {_text(reached.before, unit)}"
+        wanted = f"wanted {readable(reached.limit, unit)}"
+        if self.status == "reached":
+            to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {wanted}")
+        elif self.status == "not_reached":
+            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {wanted}; measure otherwise, or more")
+        else:
+            after = _text(reached.after, unit)
+            more = f"about {count(self.needed, 'further row')} needed (then {after} expected)"
+            to.say(f"continue: {known}, {wanted}; {more}; next {len(self.added.points)}:")
+        if self.noise > _NOISY:
+            what = f"warning: residuals are {self.noise:.2g} times the stated noise"
+            to.warn(f"{what}: `pkmcal diagnose` looks for a cause")
+        if len(self.added.points):
+            self.added.show_points(to, self.loaded.model)
+
+    @property
+    def _name(self) -> str:
+        assert self.added.reached is not None
+        return self.added.reached.name
+
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        model = self.loaded.model
+        return {
+            "status": self.status,
+            "n_rows": self.rows,
+            "budget": self.budget,
+            "needed": self.needed,
+            "noise": finite(self.noise),
+            "aim": self.added.json(model),
+            "points": self.added.cells(model),
+        }
+
+
+def _text(std: float, unit: Any) -> str:
+    return readable(std, unit) if math.isfinite(std) else "nothing (undetermined)"
+
+
+def next_points(
+    machine: str, table: str, parameters: str | None, select: str, aim: str | None, budget: int, seed: int, to: Reporter
+) -> NextPoints:
+    """The points to measure next. Raises PkmcalError."""
+    loaded = load_machine(machine, receptive=True)
+    measured = load_measurements(loaded, [table])
+    to.notes(measured.notes)
+    loaded = loaded.for_sessions(measured.sessions)
+    problem = problem_of(loaded.model, measured)
+    if not problem.count:
+        raise BadInput([nothing_measured(loaded, problem)])
+    selected = selection(problem.model, select)
+    start = load_parameters(problem.model, parameters)
+    wanted = wanted_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
+    if wanted is None or wanted.limit is None:
+        raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
+    try:
+        fit = calibrated(problem, selected, start.values, FitOptions(), np.asarray(measured.session))
+    except RowsFailed as failure:
+        raise unsolved(measured, failure.evaluation.prediction) from None
+    done = np.nonzero(problem.measured.any(axis=1))[0]
+    now = _Now(
+        problem=problem.take(done),
+        lost=np.delete(problem.rows.readings, done, axis=0),
+        values=fit.robust.fit.values,
+        selected=fit.robust.fit.selected,
+        std=fit.intervals.std,
+        noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
+    )
+    return _proposed(loaded, now, wanted, budget, seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Now:
+    """What was measured, set values (n, A) that could not be, and what follows: values (P,), std (p,), noise."""
+
+    problem: Problem
+    lost: Array
+    values: Array
+    selected: tuple[str, ...]
+    std: Array
+    noise: float
+
+
+def _proposed(loaded: LoadedMachine, now: _Now, wanted: WantedAim, budget: int, seed: int) -> NextPoints:
+    """Next points by the design that the fitted machine asks for, with the noise that was seen."""
+    ((name,),) = wanted.aim.parameters
+    assert wanted.limit is not None
+    std = float(now.std[now.selected.index(name)]) if name in now.selected else math.nan
+    std = math.inf if math.isnan(std) else std
+    planned = _design_std(now, name)
+    wider = std / planned if math.isfinite(std) and math.isfinite(planned) else max(now.noise, 1.0)
+    left = budget - len(now.problem) if std > wanted.limit else 0
+    pool, ways = candidate_points(loaded, now.problem, now.values, max(_POOL, 2 * left), seed + len(now.problem))
+    far = _far(pool.rows.readings, now)
+    pool, ways = pool.take(far), ways.take(far)
+    linear = linear_problem(with_rows(now.problem, pool), now.values, now.selected, [], None)
+    blocks = whitened_blocks(linear, len(now.problem) + len(pool))
+    chosen = best_points(linear, blocks, len(now.problem), wanted.aim, max(left, 0), exchange=False)
+    stricter = replace(wanted, limit=wanted.limit / wider)
+    chosen, reached = fewest(now.problem, pool, chosen, stricter, now.values, now.selected)
+    needed = len(chosen.rows)
+    batch = chosen.rows if needed <= _ALL_AT_ONCE else chosen.rows[: math.ceil(needed / 2)]
+    batch = batch if reached.done else batch[:0]
+    told = Reached(name, wanted.limit, std, wider * reached.after)
+    added = Added(wanted.aim, pool.take(batch), replace(chosen, rows=batch), told)
+    return NextPoints(
+        loaded=loaded, rows=len(now.problem), budget=budget, noise=now.noise, added=added, ways=ways.take(batch),
+        needed=needed, value=float(now.values[now.problem.model.names.index(name)]),
+    )  # fmt: skip
+
+
+def _design_std(now: _Now, name: str) -> float:
+    """What the rows promise at the stated noise, SI; inf where the parameter is not determined."""
+    found = observability(now.problem, now.values, now.selected)
+    k = found.selected.index(name)
+    return math.inf if found.directions.undetermined()[k] else float(found.std[k])
+
+
+def _far(readings: Array, now: _Now) -> NDArray[np.intp]:
+    """Candidates (n, A) that are not near set values at which nothing could be measured."""
+    if not len(now.lost):
+        return np.arange(len(readings))
+    travel = np.ptp(now.problem.rows.readings, axis=0)
+    scale = np.where(travel > 0, travel, 1.0) * _NEAR
+    apart = np.abs(readings[:, None] - now.lost[None]) / scale
+    return np.nonzero((apart.max(axis=2) > 1).all(axis=1))[0]
