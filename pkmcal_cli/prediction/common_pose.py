@@ -17,7 +17,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
-from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.model import LEAST_MISFIT, Model
 
 _NEAREST = 4  # starts of each row
 _SAME = 1e-4  # poses nearer than this, in sizes or rad, are one
@@ -41,7 +41,7 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
     freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
     best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
     rival = np.full(rows, np.inf)
-    todo = np.nonzero(model.in_doubt(best.size))[0]
+    todo = np.nonzero(best.size > LEAST_MISFIT)[0]
     if not len(todo):
         return CommonPose(best.state, best.size, rival, best.singular)
     which = _nearest(freedoms, coefficients[todo], starts)  # (m, k)
