@@ -78,7 +78,7 @@ def _poses(model: Model) -> ClosedPoses:
     workspace, freedoms, starts = model.workspace, model.freedoms, model.starts
     if workspace is None or model.posed.point != model.tool.point:
         return starts
-    columns = [DIRECTIONS.index(name) for name in model.motion_of(model.posed).sets[0]]
+    columns = [DIRECTIONS.index(name) for name in freedoms.coordinates]
     low, high = (bounds[columns] / freedoms.unit for bounds in workspace.bounds)
     if not np.isfinite([low, high]).all():
         return starts

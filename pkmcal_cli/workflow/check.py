@@ -78,7 +78,7 @@ def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
     if found is None:
         return []
     units = loaded.machine.file_units
-    names = loaded.model.motion_of(loaded.model.posed).sets[0]
+    names = loaded.model.freedoms.coordinates
     place = ", ".join(
         f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
         for name, value in zip(names, found.pose, strict=True)
