@@ -26,6 +26,7 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, Index
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
 from pkmcal_cli.prediction.rigid_pose import (
     largest_strain,
@@ -112,6 +113,8 @@ def _equilibrium(
     apart = _apart(model, coefficients, rows.state)
     solved = rows.status == RowStatus.SOLVED
     fits = solved & ~(apart > np.maximum(LEAST_MISFIT, _GROWN * rows.misfit))
+    if (solved & ~fits).any() and substructure_holds(model):
+        fits |= solved & (apart < model.expected_misfit)  # no other assembly is near
     doubtful = np.nonzero(~fits & ~_still_out_of_reach(rows))[0]
     if not len(doubtful):
         return rows
