@@ -53,11 +53,11 @@ def wound(seed: int, count: int = ROWS) -> tuple[Array, Array]:
     return places, np.linalg.norm(places[:, None] - ANCHORS, axis=2) + rng.normal(0, 2e-3, (count, 5))
 
 
-def minimum(place: Array, lengths: Array) -> Array:
+def minimum(place: Array, lengths: Array, anchors: Array = ANCHORS) -> Array:
     """Place of least energy of ropes that only pull, less the work of the weight."""
 
     def potential(x: Array) -> tuple[float, Array]:
-        chord = x - ANCHORS
+        chord = x - anchors
         now = np.linalg.norm(chord, axis=1)
         e = np.maximum(now - lengths, 0)
         pull = STIFFNESS / lengths * e
