@@ -44,3 +44,14 @@ def test_the_papers_methods_name_their_substructure(method: str, tmp_path: Path)
     assert f"--method {method}: the rigid pose is that of q1, q4, without q2, q3" in done.err
     exact = run(*args, "--json")
     assert "substructure" not in exact.json and "the rigid pose" not in exact.err
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_forces_within_the_limits_of_all_drives_are_no_warning(everywhere: bool, limited: tuple[Path, Path]) -> None:
+    """Where a drive states no limit, parts that are strained by more than ranges explain are."""
+    machine, table = limited
+    drives = ("q1", "q2", "q3") if everywhere else ("q1", "q2")
+    limits = ", ".join(f"{drive}: {{force_limit: 1 MN}}" for drive in drives)
+    machine.write_text(f"extends: {TRIGLIDE}\nactuators: {{{limits}}}\n", encoding="utf-8")
+    told = run("simulate", machine, table).err
+    assert ("warning: the actuators strain the structure" in told) is not everywhere and "force_limit" not in told
