@@ -86,3 +86,29 @@ def test_an_axis_that_the_tool_does_not_show(stacked: bool, redundant: int, tmp_
     assert found.solved.all()
     assert np.abs(found.values - true).max() < 1e-9
     assert singular_drives(m) is not None
+
+
+def test_two_assemblies_that_fit_equally_well_are_refused(tmp_path: Path) -> None:
+    """All joints of base and plate on a line each: mirrored at the base's line all legs are as long.
+
+    Next to the reference configuration it says which; far off, turned by 140 deg, nothing does.
+    """
+    feet, plate = np.array([-0.6, -0.1, 0.25, 0.6]), np.array([-0.15, 0.12, -0.05, 0.15])
+    ground = ", ".join(f"B{i}: [{1e3 * x:g}, 0]" for i, x in enumerate(feet, 1))
+    points = ", ".join(f"P{i}: [{1e3 * x:g}, 0]" for i, x in enumerate(plate, 1))
+    drives = ", ".join(f"q{i}: {{drives: leg{i}, offset: o{i}{', redundant: true' * (i == 4)}}}" for i in range(1, 5))
+    m = built(
+        tmp_path,
+        "units: {length: mm, angle: deg, force: N}\nspace: planar\nranges: {length: 0.1}\n"
+        f"ground: {{{ground}}}\nbodies: {{plate: {{at: [0, 300], turn: 20, points: {{{points}}}}}}}\n"
+        'parameters: {"o{i}": {each: {i: [1, 2, 3, 4]}, nominal: 100}}\n'
+        'bars: {"leg{i}": {each: {i: [1, 2, 3, 4]}, between: ["B{i}", "P{i}"], EA: 20 MN}}\n'
+        f"actuators: {{{drives}}}\n"
+        "sensors: {t: {at: plate, reads: [x, y], sigma: 1 um, frame: machine}}\n",
+    )
+    pose = np.array([[0.02, 0.28, 25 * DEG], [-0.002056983720688188, 0.2752776304249219, -2.4871994879357313]])
+    c, s = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
+    readings = np.hypot(c * plate + pose[:, :1] - feet, s * plate + pose[:, 1:2]) - OFFSET
+    found = predict(m, m.nominal, Rows.at(readings))
+    assert np.abs(found.values[0] - pose[0, :2]).max() < 1e-9
+    assert not found.solved[1] and found.reason(1).startswith("two assemblies fit")
