@@ -152,7 +152,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "simulate": [
             [TRIGLIDE, "far.csv", "-o", "out.csv"],
             [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
-            ["ropes.yaml", "lengths.csv", "-o", "slack.csv"],
+            ["ropes.yaml", "lengths.csv", "-o", "slack.csv"], [TRIGLIDE, "far.csv", "--method", "rigid", "-o", "1.csv"],
         ],
         "correct": [
             [TRIGLIDE, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -45,18 +46,18 @@ def built(folder: Path, redundant: tuple[int, ...]) -> Model:
     return load_machine(str(file)).model
 
 
-def wound(seed: int) -> tuple[Array, Array]:
+def wound(seed: int, count: int = ROWS) -> tuple[Array, Array]:
     """Places (n, 3), and natural lengths of ropes (n, 5) off by 2 mm: some cannot reach, others are too long."""
     rng = np.random.default_rng(seed)
-    places = np.array([0, 0, 0.3]) + rng.uniform(-1, 1, (ROWS, 3)) * [0.5, 0.4, 0.5]
-    return places, np.linalg.norm(places[:, None] - ANCHORS, axis=2) + rng.normal(0, 2e-3, (ROWS, 5))
+    places = np.array([0, 0, 0.3]) + rng.uniform(-1, 1, (count, 3)) * [0.5, 0.4, 0.5]
+    return places, np.linalg.norm(places[:, None] - ANCHORS, axis=2) + rng.normal(0, 2e-3, (count, 5))
 
 
-def minimum(place: Array, lengths: Array) -> Array:
+def minimum(place: Array, lengths: Array, anchors: Array = ANCHORS) -> Array:
     """Place of least energy of ropes that only pull, less the work of the weight."""
 
     def potential(x: Array) -> tuple[float, Array]:
-        chord = x - ANCHORS
+        chord = x - anchors
         now = np.linalg.norm(chord, axis=1)
         e = np.maximum(now - lengths, 0)
         pull = STIFFNESS / lengths * e
@@ -82,6 +83,20 @@ def test_which_ropes_carry_follows_from_the_energy(redundant: tuple[int, ...], t
     assert found.forces is not None
     assert np.abs(found.forces - np.maximum(reach, 0) * STIFFNESS / lengths).max() < 2e-3  # N, of the minimiser
     assert (found.forces[slack] == 0).all()
+
+
+@pytest.mark.slow
+def test_a_thousand_poses_with_every_choice_of_redundant_ropes(tmp_path: Path) -> None:
+    places, lengths = wound(9, 1000)
+    true = np.array([minimum(p, l) for p, l in zip(places, lengths, strict=True)])
+    every = []
+    for redundant in combinations(range(1, 6), 2):
+        made = built(tmp_path, redundant)
+        found = predict(made, made.nominal, Rows.at(lengths))
+        assert found.solved.all()
+        assert np.abs(found.values - true).max() < 1e-8  # of the minimiser
+        every.append(found.values)
+    assert np.ptp(every, axis=0).max() < 1e-11
 
 
 def test_rows_with_slack_ropes_in_any_order_alone_and_started_warm(tmp_path: Path) -> None:

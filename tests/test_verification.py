@@ -16,6 +16,7 @@ LINES = PAGE.split("|---|---|---|\n")[1].splitlines()
 QUICK = (
     verification.frames,
     verification.bending,
+    verification.poses,
     verification.ropes,
     verification.paper_triglide,
     verification.paper_scissors,

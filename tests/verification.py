@@ -26,6 +26,7 @@ from tests.measured import (
 )
 from tests.support import SHIPPED, displacement
 from tests.truth.machines import PINNED
+from tests.verification_poses import poses
 from tests.verification_ropes import ropes
 from tests.verification_row import Row
 
@@ -166,6 +167,7 @@ PARTS: list[Callable[[], list[Row]]] = [
     bending,
     energy,
     substructures,
+    poses,
     force_control,
     gantry,
     jacobian,

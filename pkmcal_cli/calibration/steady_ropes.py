@@ -20,13 +20,16 @@ _ROUNDS = 3
 
 
 def steady_fit(problem: Problem, fit: Fit) -> Fit:
-    """The fit without rows near the kink of a rope; with them (`Fit.kinked`) where too few others are left."""
+    """The fit without rows near the kink of a rope; with them (`Fit.kinked`) where the others determine less.
+
+    A fit that ends at a kink does not converge; without these rows it may, even if it then determines less.
+    """
     left_out: dict[int, str] = {}
     best = fit
     for _ in range(_ROUNDS):
         near = {r: why for r, why in near_kinks(problem, best).items() if r not in left_out}
         if not near:
-            return best
+            break
         left_out |= near
         rest = problem.without(left_out)
         if 2 * len(left_out) > len(problem) or rest.count <= len(fit.selected):
@@ -35,10 +38,11 @@ def steady_fit(problem: Problem, fit: Fit) -> Fit:
             other = identify(rest, fit.selected, best.values)
         except RowsFailed:
             return replace(fit, kinked=tuple(left_out))
-        if other.status != "converged" or other.directions.held.sum() > fit.directions.held.sum():
+        if fit.status == "converged" and other.directions.held.sum() > fit.directions.held.sum():
             return replace(fit, kinked=tuple(left_out))
         best = replace(other, before=fit.before, failed={**fit.failed, **left_out, **other.failed})
-    return best
+    # a fit may end at a kink of rows that are left out next
+    return best if best.status == "converged" or not left_out else replace(fit, kinked=tuple(left_out))
 
 
 def near_kinks(problem: Problem, fit: Fit) -> Mapping[int, str]:

@@ -23,6 +23,7 @@ from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import Index
 
 _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
+_LUCKY = 3e-4  # a step that is shorter than this share of the last one says nothing of the next
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding
 
 
@@ -180,11 +181,11 @@ class _Run:
 
 
 def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool_]:
-    """Error after a step of Newton: about size^3 / previous^2, as the steps shrink quadratically."""
+    """Error after a step of Newton: about size^3 / previous^2, as steps shrink quadratically (by luck, more)."""
     small = size <= tolerance
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = size / previous
-        predicted = size * ratio**2
+        predicted = size * np.maximum(ratio, _LUCKY) ** 2
     return np.asarray(small | (np.isfinite(previous) & (ratio < 1e-2) & (predicted <= 0.1 * tolerance)))
 
 

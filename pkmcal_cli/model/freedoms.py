@@ -82,13 +82,17 @@ class ClosedPoses:
 
 @dataclass(frozen=True, kw_only=True)
 class Freedoms:
-    """A mechanism whose drives are released and whose TCP is held at its f independent coordinates."""
+    """A mechanism whose drives are released and whose TCP is held at its f independent coordinates.
+
+    Drives of what the TCP does not show hold their commanded positions, and are not among the D.
+    """
 
     system: System
     length: float  # size of the machine, m
     held: Index  # (f,) coefficients of the TCP's coordinates
     unit: Array  # (f,) size of the machine, or 1 rad
     drives: Index  # (D,) those that hold a position
+    coordinates: tuple[str, ...]  # (f,)
     gains: Index  # (D,) coefficients of their gains
     size: Array  # (D,) size of the machine, or 1 rad
     turn: Array  # (D,) 2 pi where a whole turn changes nothing, else infinite

@@ -224,26 +224,26 @@ class Model:
     @cached_property
     def overdetermined(self) -> bool:
         """Whether the drives' positions determine the pose more than once, and a point's pose says where that is."""
-        motion = self.motion_of(self.posed)
-        shown = motion.shown == motion.freedoms
-        return bool(self.redundant_drives) and shown and len(self.held_drives) > motion.freedoms
+        more = self.redundant_drives and len(self.held_drives) > self.motion_of(self.posed).freedoms
+        return bool(more) and self.held_points.completing(self.posed) is not None
 
     @cached_property
     def freedoms(self) -> Freedoms:
         """The mechanism with its drives released, a point held at its independent coordinates."""
-        topology, posed = self.topology, self.posed
-        names, groups = self.motion_of(posed).sets[0], [topology.aims[g] for g in posed.aims]
+        topology, posed, own = self.topology, self.posed, self.held_points.completing(self.posed) or ()
+        names, groups = self.held_points.motion(posed, own).sets[0], [topology.aims[g] for g in posed.aims]
         held = {name: group.rest.start + k for group in groups for k, name in enumerate(group.element.strains)}
-        drives = np.array([a for a, d in enumerate(topology.drives) if not d.force_controlled], dtype=np.intp)
+        drives = np.array([a for a, d in enumerate(topology.drives) if not (d.force_controlled or a in own)], dtype=int)
         commanded = np.array([topology.drives[a].coefficient for a in drives], dtype=np.intp)
         unit = np.array([self.length if name in ("x", "y", "z") else 1.0 for name in names])
         lengths = [topology.moves_length(topology.drives[a]) for a in drives]
         return Freedoms(
-            system=self.holding(names, posed),
+            system=self.held_points.system(posed, names, own),
             length=self.length,
             held=np.array([held[name] for name in names], dtype=np.intp),
             unit=unit,
             drives=drives,
+            coordinates=names,
             gains=np.array([self.actuators[a].gain_coefficient for a in drives], dtype=np.intp),
             size=np.where(lengths, self.length, 1.0),
             turn=np.where(lengths, np.inf, 2 * np.pi),

@@ -43,8 +43,7 @@ def singular_drives(model: Model) -> SingularDrives | None:
     jacobian = poses.jacobian  # (n, D, f)
     usable = poses.closed & _within_limits(model, poses) & ~poses.singular
     names = [model.actuators[a].name for a in freedoms.drives]
-    redundant = [model.topology.drives[a].redundant for a in freedoms.drives]
-    kept = [k for k, spare in enumerate(redundant) if not spare]
+    kept = _kept(model)
     if not usable[0] or len(kept) != jacobian.shape[2]:
         return None
     usable &= _within_workspace(model, poses)
@@ -59,12 +58,27 @@ def singular_drives(model: Model) -> SingularDrives | None:
     return SingularDrives(poses.poses[first] * freedoms.unit, better)
 
 
+def substructure_holds(model: Model) -> bool:
+    """Whether the substructure holds the platform at all poses about the reference configuration that all drives hold.
+
+    For an overdetermined model.
+    """
+    poses, kept = model.starts, _kept(model)
+    usable = poses.closed & ~poses.singular
+    return len(kept) == poses.jacobian.shape[2] and bool(_held_by(poses.jacobian, kept)[usable].all())
+
+
+def _kept(model: Model) -> list[int]:
+    """Drives of the substructure, by number among those that hold a position."""
+    return [k for k, a in enumerate(model.freedoms.drives) if not model.topology.drives[a].redundant]
+
+
 def _poses(model: Model) -> ClosedPoses:
     """The reference configuration, poses about it, and poses all over the workspace where one is declared."""
     workspace, freedoms, starts = model.workspace, model.freedoms, model.starts
     if workspace is None or model.posed.point != model.tool.point:
         return starts
-    columns = [DIRECTIONS.index(name) for name in model.motion_of(model.posed).sets[0]]
+    columns = [DIRECTIONS.index(name) for name in freedoms.coordinates]
     low, high = (bounds[columns] / freedoms.unit for bounds in workspace.bounds)
     if not np.isfinite([low, high]).all():
         return starts

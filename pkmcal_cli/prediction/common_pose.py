@@ -17,9 +17,9 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
-from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.model import LEAST_MISFIT, Model
 
-_NEAREST = 4  # starts of each row
+_AT_ONCE, _TRIED = 4, 12  # starts of each row that are tried together, and as long as none leads to little misfit
 _SAME = 1e-4  # poses nearer than this, in sizes or rad, are one
 
 
@@ -41,20 +41,26 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
     freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
     best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
     rival = np.full(rows, np.inf)
-    todo = np.nonzero(model.in_doubt(best.size))[0]
-    if not len(todo):
-        return CommonPose(best.state, best.size, rival, best.singular)
-    which = _nearest(freedoms, coefficients[todo], starts)  # (m, k)
-    tried = _descended(freedoms, np.repeat(coefficients[todo], which.shape[1], axis=0), starts, which.ravel())
-    for k in range(which.shape[1]):
-        found, before = tried.take(np.arange(k, which.size, which.shape[1])), best.take(todo)
-        apart = np.abs(found.poses - before.poses).max(axis=1) > _SAME
-        better = found.size < before.size
-        other = np.where(better, before.size, found.size)
-        rival[todo] = np.where(apart, np.minimum(rival[todo], other), rival[todo])
-        won = np.nonzero(better)[0]
-        best = best.put(todo[won], found.take(won))
+    for tried in range(0, _TRIED, _AT_ONCE):
+        todo = np.nonzero(best.size > LEAST_MISFIT)[0]
+        if not len(todo):
+            break
+        which = _nearest(freedoms, coefficients[todo], starts)[:, tried : tried + _AT_ONCE]  # (m, k)
+        found = _descended(freedoms, np.repeat(coefficients[todo], which.shape[1], axis=0), starts, which.ravel())
+        for k in range(which.shape[1]):
+            best = _better(best, rival, todo, found.take(np.arange(k, which.size, which.shape[1])))
     return CommonPose(best.state, best.size, rival, best.singular)
+
+
+def _better(best: ClosedPoses, rival: Array, rows: Index, found: ClosedPoses) -> ClosedPoses:
+    """The better of the best poses and others found for some rows; `rival` (n,), of the next best, is set."""
+    before = best.take(rows)
+    apart = np.abs(found.poses - before.poses).max(axis=1) > _SAME
+    better = found.size < before.size
+    other = np.where(better, before.size, found.size)
+    rival[rows] = np.where(apart, np.minimum(rival[rows], other), rival[rows])
+    won = np.nonzero(better)[0]
+    return best.put(rows[won], found.take(won))
 
 
 def _descended(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses, which: Index) -> ClosedPoses:
@@ -64,9 +70,9 @@ def _descended(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses, whi
 
 
 def _nearest(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses) -> NDArray[np.intp]:
-    """Numbers (n, k) of the starts at which the drives are nearest to their commanded positions."""
+    """Numbers (n, K) of the starts, those first at which the drives are nearest to their commanded positions."""
     asked = (coefficients[:, freedoms.commanded] - freedoms.reference) / freedoms.size  # (n, D)
     away = starts.misfit - asked[:, None]  # (n, K, D)
     away -= np.where(np.isfinite(freedoms.turn), freedoms.turn, 0.0) * np.round(away / freedoms.turn)
     far = (away**2).sum(axis=2)
-    return np.argsort(np.where(starts.closed, far, np.inf), axis=1, kind="stable")[:, :_NEAREST]
+    return np.argsort(np.where(starts.closed, far, np.inf), axis=1, kind="stable")

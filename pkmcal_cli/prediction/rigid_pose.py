@@ -18,7 +18,8 @@ from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
-from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
 
 _CLOSED, _REGULAR = 1e-9, 0.1  # sizes of the machine, and det J over that of the reference configuration
@@ -34,9 +35,14 @@ def substructure_pose(model: Model, coefficients: Array, effort: Effort) -> tupl
     gone = relaxed_coefficients(model, coefficients, without_stress(state, model.released), model.redundant_drives)
     freedoms = model.freedoms
     away = np.abs((gone - coefficients)[:, freedoms.commanded] / freedoms.size).max(axis=1)
-    regular = regularity(model.rigid, model.reference_mode, coefficients, state, model.length)
-    away[(away > _CLOSED) & (regular < _REGULAR)] = np.inf  # next to a singular pose another one fits nearly as well
-    doubt = np.nonzero((status != RowStatus.SOLVED) | model.in_doubt(away))[0]
+    doubt = status != RowStatus.SOLVED
+    if (away[~doubt] > _CLOSED).any():
+        if substructure_holds(model):
+            regular = regularity(model.rigid, model.reference_mode, coefficients, state, model.length)
+            doubt |= (away > _CLOSED) & ((away > LEAST_MISFIT) | (regular < _REGULAR))
+        else:  # a pose of another branch may leave the redundant drives nearly where they are commanded
+            doubt |= away > _CLOSED
+    doubt = np.nonzero(doubt)[0]
     if not len(doubt):
         return state, status
     some = coefficients[doubt]

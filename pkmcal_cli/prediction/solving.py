@@ -25,7 +25,8 @@ from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, Index
-from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
 from pkmcal_cli.prediction.rigid_pose import (
     largest_strain,
@@ -111,7 +112,9 @@ def _equilibrium(
         return rows
     apart = _apart(model, coefficients, rows.state)
     solved = rows.status == RowStatus.SOLVED
-    fits = solved & ~(model.in_doubt(np.where(solved, apart, 0.0)) & (apart > _GROWN * rows.misfit))
+    fits = solved & ~(apart > np.maximum(LEAST_MISFIT, _GROWN * rows.misfit))
+    if (solved & ~fits).any() and substructure_holds(model):
+        fits |= solved & (apart < model.expected_misfit)  # no other assembly is near
     doubtful = np.nonzero(~fits & ~_still_out_of_reach(rows))[0]
     if not len(doubtful):
         return rows
@@ -134,7 +137,7 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     status, apart = rows.status.copy(), _apart(model, coefficients, rows.state)
     status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
     slack = _any_slack(model, coefficients, rows.state)  # a slack rope is longer than the pose needs: no misfit
-    status[(np.maximum(pose.misfit, pose.rival) < model.expected_misfit) & ~slack] = RowStatus.AMBIGUOUS
+    status[(np.maximum(pose.misfit, pose.rival) < LEAST_MISFIT) & ~slack] = RowStatus.AMBIGUOUS
     misfit = np.where(slack, apart, pose.misfit)
     far = np.nonzero(misfit > max(_TORN, model.expected_misfit))[0]
     status[far] = RowStatus.OUT_OF_REACH

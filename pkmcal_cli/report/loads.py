@@ -95,8 +95,12 @@ class Loads:
         self.slack_rows += len(prediction.slack)
 
     def _disagreeing(self, prediction: Prediction) -> NDArray[np.bool_]:
-        """Rows (N,) whose drives are apart by more than is no doubt, and of which more are taut than hold the pose."""
-        compared = prediction.solved & (prediction.misfit > 0)
+        """Rows (N,) whose drives are apart by more than is no doubt, and of which more are taut than hold the pose.
+
+        Where all drives state their largest forces, these say what is too much: ropes may be tensioned on purpose.
+        """
+        stated = np.isfinite([a.force_limit for a in self.model.actuators]).all()
+        compared = prediction.solved & (prediction.misfit > 0) & (not stated)
         if not compared.any():  # a frame without drives has no pose
             return compared
         slack = np.zeros(len(compared), dtype=np.intp)

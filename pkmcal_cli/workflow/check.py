@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault
@@ -78,7 +79,7 @@ def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
     if found is None:
         return []
     units = loaded.machine.file_units
-    names = loaded.model.motion_of(loaded.model.posed).sets[0]
+    names = loaded.model.freedoms.coordinates
     place = ", ".join(
         f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
         for name, value in zip(names, found.pose, strict=True)
@@ -116,6 +117,7 @@ def _check_tables(
     from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
     from pkmcal_cli.loading.load_machine import load_measurements
     from pkmcal_cli.loading.poses import place_of
+    from pkmcal_cli.report.loads import Loads
 
     try:
         measured = load_measurements(loaded, paths)
@@ -139,6 +141,8 @@ def _check_tables(
         hints.append(nothing_measured(loaded, problem))
     sessions = count(len(measured.sessions), "session")
     to.say(f"{count(len(problem), 'row')}, {count(problem.count, 'measured value')}, {sessions}")
+    loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(place_of, measured), prediction.start)
+    loads.show(to)
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
-    counts["warnings"] = [*(f.what for f in measured.warnings), *copied]
+    counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings]
     return counts, hints + faults, len(hints) + len(lost)

@@ -92,10 +92,24 @@ def run_simulation(request: SimulationRequest) -> int:
         to.warn(text)
     if work.tally.touched:
         to.notes([touches_text(model, work.tally.touched, work.tally.rows)])
+    to.notes(_substructure_notes(model, request.method))
     _tell(to, work, by_row=source.points is None)
     if request.as_json:
         emit_json({"tool_point": tool and tool.name} | _json(work, head))
     return 1 if work.tally.n_failed and source.points is None else 0
+
+
+def _substructure(model: Model) -> list[str]:
+    """The drives that are not redundant, whose rigid pose the paper's methods begin with."""
+    return [d.name for d in model.held_drives if not d.redundant]
+
+
+def _substructure_notes(model: Model, method: str) -> list[str]:
+    """Which drives give the rigid pose of the paper's methods; without redundant drives it is given by all."""
+    if method == "exact" or not model.redundant_drives:
+        return []
+    redundant = ", ".join(d.name for d in model.redundant_drives)
+    return [f"--method {method}: the rigid pose is that of {', '.join(_substructure(model))}, without {redundant}"]
 
 
 def _error_map(request: SimulationRequest, loaded: LoadedMachine, model: Model, start: Start) -> ErrorMap:
@@ -263,5 +277,6 @@ def _json(work: _Work, head: dict[str, Any]) -> dict[str, Any]:
         "channels": channels,
         "loads": work.loads.json(),
         "provenance": head,
+        **({} if request.method == "exact" else {"substructure": _substructure(model)}),
         **({} if work.errors is None else {"uncertainty": work.errors.json()}),
     }

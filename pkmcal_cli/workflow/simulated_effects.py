@@ -23,6 +23,7 @@ from pkmcal_cli.prediction import Prediction, Request, predict
 from pkmcal_cli.report.analysis_report import UNSTRAINED
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.effects_report import Absent, EffectsReport
+from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.effects_request import EffectsRequest
@@ -47,10 +48,11 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     selected = _selected(model, request.select)
     candidates = candidates_of(model, selected, with_directions(poses.every.rows, [a.name for a in model.actuators]))
     values = np.append(start.values, candidates.model.nominal[len(model.parameters) :])
-    problem, still = _predicted(to, loaded.machine.file_units, candidates.model, values, poses)
+    problem, still, poses = _predicted(to, loaded.machine.file_units, candidates.model, values, poses)
     simulated = simulated_effects(candidates, problem, values, selected, still)
     report = EffectsReport(problem.model, len(problem), simulated, _absent(loaded, model, candidates))
     report.show(to)
+    Loads.of(problem.model, values, problem.rows, poses.poses.place, still.start).show(to)
     if request.parameters is None and any(s.reason == UNLOADED for s in simulated):
         to.say(UNSTRAINED)
     if request.as_json:
@@ -77,8 +79,8 @@ def _selected(model: Model, text: str) -> tuple[str, ...]:
 
 def _predicted(
     to: Reporter, units: FileUnits, model: Model, values: Array, poses: PoseSet
-) -> tuple[Problem, Prediction]:
-    """What is read at the poses that can be predicted; others are told. Raises BadInput where none can."""
+) -> tuple[Problem, Prediction, PoseSet]:
+    """What is read at the poses that can be predicted, and these; others are told. Raises BadInput where none can."""
     names = [a.name for a in model.actuators]
     still = predict(model, values, with_directions(poses.poses.rows, names), Request(forces=True))
     if reasons := {int(k): still.reason(int(k)) for k in np.nonzero(~still.solved)[0]}:
@@ -94,7 +96,7 @@ def _predicted(
         model = replace(model, channels=tuple(replace(c, unit=own[c.dimension]) for c in model.channels))
         still, measured = predict(model, values, rows, Request(forces=True), still.start), None
     problem = design_problem(model, rows, measured)
-    return replace(problem, measured=problem.measured & np.isfinite(still.values)), still
+    return replace(problem, measured=problem.measured & np.isfinite(still.values)), still, poses
 
 
 def _absent(loaded: LoadedMachine, model: Model, candidates: Candidates) -> tuple[Absent, ...]:

@@ -25,4 +25,5 @@ def check_groups(machine: WrittenMachine, source: SourceMap, faults: FaultList, 
         for index, member in enumerate(members):
             if member not in known:
                 what = f"`{member}` is no drive, guide, element, sensor or point of the base"
-                faults.add(source.fault("unknown-name", what, (*path, index), did_you_mean(member, sorted(known))))
+                hint = did_you_mean(member, sorted(known)) or "name a part that the machine has, or delete this member"
+                faults.add(source.fault("unknown-name", what, (*path, index), hint))

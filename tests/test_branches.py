@@ -1,0 +1,114 @@
+"""Branches of redundant machines: ranges of any width, methods of the paper, drives of what the tool does not show."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.singular_drives import singular_drives
+from pkmcal_cli.prediction import Method, Request, Rows, predict
+from tests.truth.redundant import DEG
+
+FEET = np.array([[-0.6, -0.45], [0.6, -0.45], [0.6, 0.45], [-0.6, 0.45]])
+PLATE = np.array([[-0.12, -0.08], [0.12, -0.08], [0.12, 0.08], [-0.12, 0.08]])
+OFFSET = 0.1
+COUNT = 150
+SLIDE = "  car: {guide: rail, at: 0, points: {C: [0, 0]}}\nguides: {rail: {at: [0, 900]}}\n"
+STACKED = "  car: {guide: rail, at: 0, points: {tip: [0, 30]}}\nguides: {rail: {body: plate}}\n"
+
+
+def text(redundant: int, wide: float, more: str = "", drive: str = "", tool: str = "tool") -> str:
+    """A platform on four legs in the plane; ranges of `wide` mm."""
+    ground = ", ".join(f"B{i}: [{1e3 * x:g}, {1e3 * y:g}]" for i, (x, y) in enumerate(FEET, 1))
+    plate = ", ".join(f"P{i}: [{1e3 * x:g}, {1e3 * y:g}]" for i, (x, y) in enumerate(PLATE, 1))
+    drives = "".join(
+        f"  q{i}: {{drives: leg{i}, offset: o{i}{', redundant: true' * (i == redundant)}}}\n" for i in range(1, 5)
+    )
+    return (
+        "units: {length: mm, angle: deg, force: N}\nspace: planar\n"
+        f"ranges: {{length: {wide}}}\nground: {{{ground}}}\n"
+        f"bodies:\n  plate: {{at: [0, 0], points: {{{plate}, tool: [0, 0]}}}}\n{more}"
+        'parameters: {"o{i}": {each: {i: [1, 2, 3, 4]}, nominal: 100}}\n'
+        'bars: {"leg{i}": {each: {i: [1, 2, 3, 4]}, between: ["B{i}", "P{i}"], EA: 20 MN}}\n'
+        f"actuators:\n{drives}{drive}"
+        f"sensors:\n  t: {{at: {tool}, reads: [x, y, rz], frame: machine, "
+        "sigma: {position: 1 um, orientation: 1 urad}}\n"
+    )
+
+
+def built(folder: Path, written: str) -> Model:
+    (folder / "m.yaml").write_text(written, encoding="utf-8")
+    return load_machine(str(folder / "m.yaml")).model
+
+
+@cache
+def poses() -> tuple[Array, Array]:
+    """Poses (n, 3) turned by up to 25 deg, and what the legs' drives read there (n, 4)."""
+    rng = np.random.default_rng(0)
+    pose = rng.uniform(-1, 1, (COUNT, 3)) * [0.2, 0.2, 25 * DEG]
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    points = np.einsum("nij,kj->nki", turn, PLATE) + pose[:, None, :2]
+    return pose, np.linalg.norm(points - FEET, axis=2) - OFFSET
+
+
+@pytest.mark.parametrize("method", ["exact", "linear", "rigid"])
+@pytest.mark.parametrize("redundant", [1, 3])
+@pytest.mark.parametrize("wide", [0.1, 1.0, 20.0])
+def test_ranges_do_not_excuse_another_assembly(wide: float, redundant: int, method: Method, tmp_path: Path) -> None:
+    """All drives agree on one pose, however little is known of the machine: that one and no other is found."""
+    pose, readings = poses()
+    m = built(tmp_path, text(redundant, wide))
+    found = predict(m, m.nominal, Rows.at(readings), Request(method=method))
+    assert found.solved.all()
+    assert np.abs(found.values - pose).max() < 1e-9
+
+
+@pytest.mark.parametrize("redundant", [1, 2, 3, 4])
+@pytest.mark.parametrize("stacked", [False, True], ids=["beside", "on the platform"])
+def test_an_axis_that_the_tool_does_not_show(stacked: bool, redundant: int, tmp_path: Path) -> None:
+    """A slide beside the platform, or one on it that carries the tool: four freedoms, of which a point shows three."""
+    pose, readings = poses()
+    travel = np.random.default_rng(1).uniform(-0.3, 0.3, COUNT)
+    more = (STACKED, "  s: {moves: car}\n", "tip") if stacked else (SLIDE, "  s: {moves: car}\n")
+    m = built(tmp_path, text(redundant, 0.1, *more))
+    found = predict(m, m.nominal, Rows.at(np.column_stack([readings, travel])))
+    c, s, true = np.cos(pose[:, 2]), np.sin(pose[:, 2]), pose.copy()
+    if stacked:
+        true[:, 0] += c * travel - s * 0.03
+        true[:, 1] += s * travel + c * 0.03
+    assert found.solved.all()
+    assert np.abs(found.values - true).max() < 1e-9
+    assert singular_drives(m) is not None
+
+
+def test_two_assemblies_that_fit_equally_well_are_refused(tmp_path: Path) -> None:
+    """All joints of base and plate on a line each: mirrored at the base's line all legs are as long.
+
+    Next to the reference configuration it says which; far off, turned by 140 deg, nothing does.
+    """
+    feet, plate = np.array([-0.6, -0.1, 0.25, 0.6]), np.array([-0.15, 0.12, -0.05, 0.15])
+    ground = ", ".join(f"B{i}: [{1e3 * x:g}, 0]" for i, x in enumerate(feet, 1))
+    points = ", ".join(f"P{i}: [{1e3 * x:g}, 0]" for i, x in enumerate(plate, 1))
+    drives = ", ".join(f"q{i}: {{drives: leg{i}, offset: o{i}{', redundant: true' * (i == 4)}}}" for i in range(1, 5))
+    m = built(
+        tmp_path,
+        "units: {length: mm, angle: deg, force: N}\nspace: planar\nranges: {length: 0.1}\n"
+        f"ground: {{{ground}}}\nbodies: {{plate: {{at: [0, 300], turn: 20, points: {{{points}}}}}}}\n"
+        'parameters: {"o{i}": {each: {i: [1, 2, 3, 4]}, nominal: 100}}\n'
+        'bars: {"leg{i}": {each: {i: [1, 2, 3, 4]}, between: ["B{i}", "P{i}"], EA: 20 MN}}\n'
+        f"actuators: {{{drives}}}\n"
+        "sensors: {t: {at: plate, reads: [x, y], sigma: 1 um, frame: machine}}\n",
+    )
+    pose = np.array([[0.02, 0.28, 25 * DEG], [-0.002056983720688188, 0.2752776304249219, -2.4871994879357313]])
+    c, s = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
+    readings = np.hypot(c * plate + pose[:, :1] - feet, s * plate + pose[:, 1:2]) - OFFSET
+    found = predict(m, m.nominal, Rows.at(readings))
+    assert np.abs(found.values[0] - pose[0, :2]).max() < 1e-9
+    assert not found.solved[1] and found.reason(1).startswith("two assemblies fit")
