@@ -1,0 +1,178 @@
+"""What is written for a control, and the error of the tool point that remains once it is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.assessment import Assessment
+from pkmcal_cli.correction.commands import Correction, depends_on_sides
+from pkmcal_cli.correction.strained_pose import LoadedTool, held_drives
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_INTERNAL = 1e-3  # weight of a drive's travel beside that of the tool point: what moves only forces is kept small
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportCase:
+    """A correction that is to be written for a control.
+
+    given (N,): circumstances of the targets as they were given, before sides of approach were derived; names (N,);
+    covariance: names and matrix of the parameters, None where unknown; dwell: s; feed: mm/min or deg/min.
+    """
+
+    machine: Machine
+    model: Model
+    values: Array
+    assessment: Assessment
+    given: Rows
+    names: Sequence[str]
+    covariance: tuple[tuple[str, ...], Array] | None
+    dwell: float
+    feed: float
+
+    @property
+    def made(self) -> Correction:
+        """The correction itself."""
+        return self.assessment.correction
+
+    @cached_property
+    def tool(self) -> LoadedTool:
+        """The tool point with all loads."""
+        return LoadedTool(self.model, self.made.aim.held)
+
+    @cached_property
+    def usable(self) -> Index:
+        """Numbers (n,) of the rows that have corrected set values, and set values of the nominal machine."""
+        made = self.made
+        return np.array([k for k in made.good if np.isfinite(made.before.tool[k]).all()], dtype=np.intp)
+
+    @cached_property
+    def drives(self) -> Index:
+        """Drives (D,) that a control commands."""
+        return held_drives(self.model)
+
+    @property
+    def commanded(self) -> Array:
+        """Set values (n, A) of the nominal machine."""
+        return self.made.aim.rows.readings[self.usable]
+
+    @property
+    def corrected(self) -> Array:
+        """Corrected set values (n, A)."""
+        return self.made.rows.readings[self.usable]
+
+    @property
+    def poses(self) -> Array:
+        """Wanted poses (n, 6) of the tool point."""
+        return self.made.aim.poses[self.usable]
+
+    @property
+    def wanted(self) -> Array:
+        """Wanted coordinates (n, h)."""
+        return self.made.aim.wanted[self.usable]
+
+    @property
+    def circumstances(self) -> Rows:
+        """Rows (n,) as they were given."""
+        return self.given.take(self.usable)
+
+    @property
+    def sided(self) -> bool:
+        """Whether it matters from which side a drive is approached."""
+        return depends_on_sides(self.model)
+
+    def sides(self, set_values: Array) -> NDArray[np.int_]:
+        """Sides (n, D) from which drives are approached at set values (n, A): 1, -1, 0 unknown."""
+        rows = self._directed(set_values)
+        columns = [rows.columns[f"dir.{self.model.actuators[a].name}"] for a in self.drives]
+        return np.stack(columns, axis=1).astype(int)
+
+    def _directed(self, set_values: Array) -> Rows:
+        rows = replace(self.circumstances, readings=set_values)
+        return with_directions(rows, [a.name for a in self.model.actuators])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Errors (n, h + D, D) in m by set values: of the tool point, and a little of each drive's travel.
+
+        So what is fitted to corrected set values is best at the tool point, and strains redundant drives least.
+        """
+        rows = self.made.rows.take(self.usable)
+        by_tool = self.tool.at(self.values, rows, self.wanted, "readings").by_tool[:, :, self.drives]
+        size = np.where(self.tool.turning, self.model.length, 1.0)
+        travel = _INTERNAL * np.diag(self.model.gains[self.drives])
+        return np.concatenate([by_tool * size[:, None], np.broadcast_to(travel, (len(by_tool), *travel.shape))], axis=1)
+
+    def errors(self, draft: Draft) -> Array:
+        """Errors (n, h) of the tool point with a draft installed: a prediction from scratch, as by `simulate`."""
+        rows = self._directed(draft.commands)
+        return self.tool.at(draft.values, rows, self.wanted).tool - self.wanted
+
+    def unit(self, drive: int) -> Unit:
+        """In which unit controls count a drive: mm, in for files in inches, deg."""
+        if self.model.actuators[drive].dimension == "angle":
+            return parse_unit("deg")
+        return parse_unit("in" if self.machine.units.length == "in" else "mm")
+
+    def name(self, drive: int) -> str:
+        """The name of a drive."""
+        return self.model.actuators[drive].name
+
+    @property
+    def positions(self) -> Array:
+        """Wanted x, y, z (n, 3), m."""
+        return self.poses[:, :3]
+
+    @property
+    def turned(self) -> tuple[str, ...]:
+        """Coordinates held that are angles."""
+        return tuple(c for c in self.made.aim.held if c in DIRECTIONS[3:])
+
+    def refuse(self, keyword: str, what: str, hint: str) -> BadInput:
+        """The error of a format that cannot hold this machine."""
+        return BadInput.single(f"--as {keyword}: {what}", Location(self.model.name), hint, "format")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """What would be installed.
+
+    commands (n, A): what the control then sends at the usable targets, by its own rule and the digits written;
+    values (P,): of the machine's parameters then; texts: from lines of remarks to texts by part, "" where there is one
+    only; notes: what is to be said of it; entries: for JSON.
+    """
+
+    commands: Array
+    values: Array
+    texts: Callable[[Sequence[str]], Mapping[str, str]]
+    notes: tuple[str, ...] = ()
+    entries: Sequence[Mapping[str, object]] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A form of what a control takes.
+
+    keyword: what `--as` says; title: what it is; sources: addresses of its public specification; suffix: of its files;
+    parts: whether it writes a file for every drive; draft: makes it.
+    """
+
+    keyword: str
+    title: str
+    sources: tuple[str, ...]
+    suffix: str
+    draft: Callable[[ExportCase], Draft]
+    parts: bool = False
