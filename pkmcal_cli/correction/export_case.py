@@ -13,6 +13,7 @@ from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.commands import Correction, depends_on_sides
+from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.strained_pose import LoadedTool, held_drives
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.covariates import with_directions
@@ -29,14 +30,16 @@ _INTERNAL = 1e-3  # weight of a drive's travel beside that of the tool point: wh
 class ExportCase:
     """A correction that is to be written for a control.
 
-    given (N,): circumstances of the targets as they were given, before sides of approach were derived; names (N,);
-    covariance: names and matrix of the parameters, None where unknown; dwell: s; feed: mm/min or deg/min.
+    given (N,): circumstances of the targets as they were given, before sides of approach were derived; names (n,) of
+    the usable ones; choice: what redundant drives are used for; covariance: names and matrix of the parameters, None
+    where unknown; dwell: s; feed: mm/min or deg/min.
     """
 
     machine: Machine
     model: Model
     values: Array
     assessment: Assessment
+    choice: Choice
     given: Rows
     names: Sequence[str]
     covariance: tuple[tuple[str, ...], Array] | None

@@ -67,8 +67,8 @@ def run_correction(request: CorrectionRequest) -> int:
     for fault in loaded.warnings:
         to.warn(fault.text())
     if export is not None:
-        inputs = given(request.machine, request.targets, request.parameters)
-        export.check([drive.name for drive in loaded.model.actuators], inputs)
+        names = given(request.machine, request.targets, request.parameters)
+        export.check([drive.name for drive in loaded.model.actuators], names)
     stated = conditions(loaded.machine, request.at)
     targets = read_targets(loaded, request.targets, request.grid, stated.values)
     model = loaded.model.for_sessions(targets.rows.session_names)
@@ -120,8 +120,8 @@ def _export(request: CorrectionRequest) -> Export | None:
         return None
     target = "-" if request.output is None else request.output
     return Export(
-        format=format_named(request.as_format), target=target, dwell=request.dwell, feed=request.feed,
-        force=request.force,
+        format=format_named(request.as_format), target=target, choice=request.choice, dwell=request.dwell,
+        feed=request.feed, force=request.force,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text, write_together
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.export_case import ExportCase, Format
+from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start
 from pkmcal_cli.loading.targets import Targets
 from pkmcal_cli.model.model import Model
@@ -27,6 +28,7 @@ class Export:
 
     format: Format
     target: str
+    choice: Choice
     dwell: float
     feed: float
     force: bool
@@ -59,7 +61,8 @@ def exported(
     made = result.correction
     given = targets.rows.take(made.kept)
     case = ExportCase(
-        machine=loaded.machine, model=model, values=start.values, assessment=result, given=given, names=[],
+        machine=loaded.machine, model=model, values=start.values, assessment=result, choice=export.choice, given=given,
+        names=[],
         covariance=start.covariance, dwell=export.dwell, feed=export.feed,
     )  # fmt: skip
     if not len(case.usable):
