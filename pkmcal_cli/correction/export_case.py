@@ -15,8 +15,8 @@ from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.commands import Correction, depends_on_sides
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.strained_pose import LoadedTool, held_drives
-from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.mechanism.topology import Index
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -35,7 +35,7 @@ class ExportCase:
     where unknown; dwell: s; feed: mm/min or deg/min.
     """
 
-    machine: Machine
+    loaded: LoadedMachine
     model: Model
     values: Array
     assessment: Assessment
@@ -128,7 +128,7 @@ class ExportCase:
         """In which unit controls count a drive: mm, in for files in inches, deg."""
         if self.model.actuators[drive].dimension == "angle":
             return parse_unit("deg")
-        return parse_unit("in" if self.machine.units.length == "in" else "mm")
+        return parse_unit("in" if self.loaded.machine.units.length == "in" else "mm")
 
     def name(self, drive: int) -> str:
         """The name of a drive."""

@@ -61,7 +61,7 @@ def exported(
     made = result.correction
     given = targets.rows.take(made.kept)
     case = ExportCase(
-        machine=loaded.machine, model=model, values=start.values, assessment=result, choice=export.choice, given=given,
+        loaded=loaded, model=model, values=start.values, assessment=result, choice=export.choice, given=given,
         names=[],
         covariance=start.covariance, dwell=export.dwell, feed=export.feed,
     )  # fmt: skip

@@ -37,7 +37,7 @@ class Adjustment:
 
 def adjustments(case: ExportCase) -> list[Adjustment]:
     """In the order of the machine file. Raises BadInput where nothing is adjustable."""
-    parameters = {n: p for n, p in case.machine.parameters.items() if p.adjustable and n in case.model.names}
+    parameters = {n: p for n, p in case.loaded.machine.parameters.items() if p.adjustable and n in case.model.names}
     if not parameters:
         hint = 'mark what shims and screws set: `zl: {nominal: 0, adjustable: "rail A, left end"}`'
         raise case.refuse("adjust", "no parameter of the machine file is `adjustable`", hint)
@@ -45,7 +45,7 @@ def adjustments(case: ExportCase) -> list[Adjustment]:
 
 
 def _adjustment(case: ExportCase, name: str) -> Adjustment:
-    parameter, k = case.machine.parameters[name], case.model.names.index(name)
+    parameter, k = case.loaded.machine.parameters[name], case.model.names.index(name)
     unit = parse_unit(parameter.unit or "1")
     std = _std(case, name) / unit.scale
     known = std if std > 0 else abs(parameter.range) / unit.scale * 10.0**-_UNKNOWN

@@ -69,7 +69,7 @@ def _unit(length: bool) -> tuple[Unit, int]:
 def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     """Points of the tool, and set values (n, A) that the control makes of them."""
     held = case.made.aim.held
-    if case.turned and case.machine.space == "spatial":
+    if case.turned and case.loaded.machine.space == "spatial":
         what = f"words for orientations ({', '.join(case.turned)}) differ between controls"
         raise case.refuse(keyword, what, "use `--as gcode-drives`")
     if len(held) != len(case.drives):

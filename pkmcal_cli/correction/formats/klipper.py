@@ -88,7 +88,7 @@ def _winch(case: ExportCase) -> Draft:
 
 def _draft(case: ExportCase) -> Draft:
     """A delta where carriages move, else a winch."""
-    lines = any(a.winds is not None or a.drives is not None for a in case.machine.actuators.values())
+    lines = any(a.winds is not None or a.drives is not None for a in case.loaded.machine.actuators.values())
     return _winch(case) if lines else _delta(case)
 
 

@@ -62,9 +62,9 @@ class _Spools:
     """Strands and gears of the spools, by the machine file; radii and build-up are constants of the firmware."""
 
     def __init__(self, case: ExportCase) -> None:
-        nominal = case.machine.nominal_values()
-        actuators = list(case.machine.actuators.values())
-        for name, about in case.machine.actuators.items():
+        nominal = case.loaded.machine.nominal_values()
+        actuators = list(case.loaded.machine.actuators.values())
+        for name, about in case.loaded.machine.actuators.items():
             if about.winds is None or about.radius is None:
                 hint = "the Hangprinter winds lines on spools; give the drive a `radius`, or use `--as klipper`"
                 raise case.refuse(_KEYWORD, f"drive `{name}` has no spool of known radius", hint)
@@ -151,7 +151,7 @@ def _rounded_lines(found: LineConstants) -> LineConstants:
 
 def _draft(case: ExportCase) -> Draft:
     """A Hangprinter where drives wind lines, else a delta."""
-    lines = any(a.winds is not None for a in case.machine.actuators.values())
+    lines = any(a.winds is not None for a in case.loaded.machine.actuators.values())
     return _hangprinter(case) if lines else _delta(case)
 
 
