@@ -33,9 +33,9 @@ def write_parameters(values: dict[str, float]) -> None:
     Path("p.yaml").write_text(f"parameters: {{{inner}}}\n")
 
 
-def export(keyword: str, grid: str = GRID, machine: str = "m.yaml", *more: str) -> Done:
-    return run("correct", machine, "--grid", grid, "-p", "p.yaml", "--as", keyword, "-o", "out.txt", "--json", "--force",
-               *more)  # fmt: skip
+def export(keyword: str, grid: str = GRID) -> Done:
+    options = ("-p", "p.yaml", "--as", keyword, "-o", "out.txt", "--json", "--force")
+    return run("correct", "m.yaml", "--grid", grid, *options)
 
 
 def remaining(done: Done) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def test_constants_of_klipper_are_the_planted_ones() -> None:
 
 
 def test_what_firmware_cannot_hold_remains() -> None:
-    """Towers at different radii: one radius holds their mean, angles and stops the rest in part; the truth says how much."""
+    """A tower farther out than the others: its angle and stop hold that in part."""
     Path("m.yaml").write_text(
         DELTA + "parameters: {far: {nominal: 136, range: 1}}\nbodies: {c1: {points: {C1: [far, 0, 0]}}}\n"
     )
@@ -160,7 +160,7 @@ HANG_GRID = "x=-300:300:3,y=-300:300:3,z=0:400:2"
 
 
 def home() -> Array:
-    """Readings (4,) of the motors where the machine is homed: with its nozzle at the origin; 0 of the force-controlled."""
+    """Readings (4,) of the motors with the nozzle at the origin, where the machine is homed; 0 of the last."""
     origin = "x=0:0:1,y=0:0:1,z=0:0:1"
     assert run("correct", "m.yaml", "--grid", origin, "-p", "p.yaml", "-o", "home.csv", "--force", "-q").code == 0
     found = table("home.csv").numbers

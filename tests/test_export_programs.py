@@ -46,7 +46,7 @@ def nominal_readings(positions: Array) -> Array:
 
 @pytest.mark.parametrize("keyword", ["gcode", "gcode-printer"])
 def test_points_bring_the_true_printer_there(keyword: str) -> None:
-    """The control's own kinematics of the points of the program, on the true printer: targets, to the digits written."""
+    """The control's kinematics of the points of the program, on the true printer: targets, to the digits."""
     export(keyword, DELTA, "--grid", GRID)
     found = moves(Path("out.txt").read_text())
     sent = nominal_readings(np.array([[m[c] for c in "XYZ"] for m in found]))
@@ -129,8 +129,8 @@ def test_true_means_the_parameter_itself() -> None:
 def test_how_sure_an_adjustment_is() -> None:
     """The standard uncertainty of the calibration, in the unit of the parameter."""
     adjusted("adjustable: true", "{square: 0.05}")
-    done = run("simulate", "m.yaml", "--grid", "x=0:200:5,y=0:200:5", "-p", "p.yaml", "--noise", "declared", "--seed", "1",
-               "-o", "meas.csv", "-q")  # fmt: skip
+    noise = ("--noise", "declared", "--seed", "1", "-o", "meas.csv", "-q")
+    done = run("simulate", "m.yaml", "--grid", "x=0:200:5,y=0:200:5", "-p", "p.yaml", *noise)
     assert done.code == 0
     assert run("calibrate", "m.yaml", "meas.csv", "-q", "--holdout", "none", "-o", "p.yaml", "--force").code == 0
     (entry,) = export("adjust", "m.yaml", "--grid", "x=0:200:5,y=0:200:5").json["export"]["entries"]
@@ -147,11 +147,9 @@ def test_nothing_to_adjust(value: str) -> None:
 
 
 def test_an_adjusted_parameter_has_one_value() -> None:
-    Path("m.yaml").write_text(
-        STACKED.replace("sy: {nominal: 1}", "sy: {nominal: 1}\n  z0: {nominal: 0, per: session, adjustable: true}").replace(
-            "Y: {moves: ram, scale: sy}", "Y: {moves: ram, scale: sy, zero: z0}"
-        )
-    )
+    entry = "sy: {nominal: 1}\n  z0: {nominal: 0, per: session, adjustable: true}"
+    text = STACKED.replace("sy: {nominal: 1}", entry)
+    Path("m.yaml").write_text(text.replace("moves: ram, scale: sy}", "moves: ram, scale: sy, zero: z0}"))
     done = run("check", "m.yaml")
     assert done.code == 1 and "not one per session" in done.err
     Path("m.yaml").write_text(STACKED.replace("sy: {nominal: 1}", "sy: {nominal: 1, adjustable: [1]}"))

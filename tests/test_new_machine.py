@@ -84,7 +84,7 @@ M550 P"Kossel"
 M665 L361.676:361.576:361.676 R180.679 H470.070 B150.0 X-0.105 Y0.161 Z0.000 ; from M500
 M666 X-0.748 Y-0.006 Z0.755 A0.00 B0.00
 """
-HANGPRINTER_G = """M669 K6 A0.00:-1604.54:-114.08 B1312.51:1270.88:-162.19 C-1440.27:741.63:-161.23 D0:0:2345.00 P2000 S200 T0.2
+HANGPRINTER_G = """M669 K6 A0.00:-1604.54:-114.08 B1312.51:1270.88:-162.19 C-1440.27:741.63:-161.23 D0:0:2345.00 P2000
 M666 Q0.0356 R65.24:65.14:65.30:64.67 U2:2:2:4 O1:1:1:1 L20:20:20:20 H255:255:255:255 J25:25:25:25
 """
 GRID = "x=-60:60:3,y=-60:60:3,z=0:100:2"
@@ -207,7 +207,8 @@ def test_what_is_exported_is_read_again() -> None:
         (DELTA_G.replace("L361.676:361.576:361.676", "L361.676:361.576"), ["M665 L has 2 numbers, not 1 or 3"]),
         (DELTA_G.replace("A0.00", "A0.11"), ["in.cfg:4:", "a tilt of the bed"]),
         (DELTA_G.replace("R180.679", "R{global.r}"), ["`M665 R` is no number"]),
-        (HANGPRINTER_G.replace("U2:2:2:4 ", "").replace("L20:20:20:20", "L20:20:20"), ["M666 has no U", "M666 L has 3"]),
+        (HANGPRINTER_G.replace("U2:2:2:4 ", "").replace("L20:20:20:20", "L20:20:20"),
+         ["M666 has no U", "M666 L has 3"]),
         (HANGPRINTER_G.replace("H255", "H2.5"), ["`M666 H` is a whole number"]),
         ("hello\n", ["no configuration of a printer"]),
         ("", ["no configuration of a printer"]),

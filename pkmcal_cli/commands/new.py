@@ -23,7 +23,7 @@ def new(
 
     From the constants of a printer's firmware: a linear delta, or a machine of lines. Each becomes a parameter.
 
-    Example: pkmcal new --from printer.cfg -o printer.yaml
+    Example: pkmcal new --from machines/printer.cfg -o printer.yaml
     """
     options = locals()
     from pkmcal_cli.workflow.new import NewRequest, run_new

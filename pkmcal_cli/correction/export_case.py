@@ -14,7 +14,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.commands import Correction, depends_on_sides
 from pkmcal_cli.correction.redundancy import Choice
-from pkmcal_cli.correction.strained_pose import LoadedTool, held_drives
+from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose, held_drives
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.mechanism.topology import Index
@@ -23,7 +23,8 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
-_INTERNAL = 1e-3  # weight of a drive's travel beside that of the tool point: what moves only forces is kept small
+_SMALL = 1e-3  # weight of a drive's travel beside that of the tool point
+_INTERNAL = 0.3  # the same of travel that moves no tool point, but strains the structure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,20 +110,23 @@ class ExportCase:
 
     @cached_property
     def weights(self) -> Array:
-        """Errors (n, h + D, D) in m by set values: of the tool point, and a little of each drive's travel.
+        """Errors (n, h + D, D) in m by set values: of the tool point, and of travel that only strains.
 
-        So what is fitted to corrected set values is best at the tool point, and strains redundant drives least.
+        So what is fitted to corrected set values is good at the tool point, and its redundant drives hardly fight.
         """
         rows = self.made.rows.take(self.usable)
         by_tool = self.tool.at(self.values, rows, self.wanted, "readings").by_tool[:, :, self.drives]
         size = np.where(self.tool.turning, self.model.length, 1.0)
-        travel = _INTERNAL * np.diag(self.model.gains[self.drives])
-        return np.concatenate([by_tool * size[:, None], np.broadcast_to(travel, (len(by_tool), *travel.shape))], axis=1)
+        gains = self.model.gains[self.drives]
+        by_travel = by_tool * size[:, None] / gains
+        count = len(self.drives)
+        internal = np.eye(count) - np.linalg.pinv(by_travel) @ by_travel
+        kept = (_SMALL * np.eye(count) + _INTERNAL * internal) * gains
+        return np.concatenate([by_tool * size[:, None], kept], axis=1)
 
-    def errors(self, draft: Draft) -> Array:
-        """Errors (n, h) of the tool point with a draft installed: a prediction from scratch, as by `simulate`."""
-        rows = self._directed(draft.commands)
-        return self.tool.at(draft.values, rows, self.wanted).tool - self.wanted
+    def installed(self, draft: Draft) -> StrainedPose:
+        """The machine with a draft installed: a prediction from scratch, as by `simulate`."""
+        return self.tool.at(draft.values, self._directed(draft.commands), self.wanted)
 
     def unit(self, drive: int) -> Unit:
         """In which unit controls count a drive: mm, in for files in inches, deg."""
@@ -136,8 +140,13 @@ class ExportCase:
 
     @property
     def positions(self) -> Array:
-        """Wanted x, y, z (n, 3), m."""
-        return self.poses[:, :3]
+        """Wanted x, y, z (n, 3), m; z is 0 in the plane."""
+        return np.nan_to_num(self.poses[:, :3])
+
+    @property
+    def redundant(self) -> bool:
+        """Whether more drives are commanded than the tool point has coordinates."""
+        return len(self.drives) > len(self.made.aim.held)
 
     @property
     def turned(self) -> tuple[str, ...]:

@@ -52,7 +52,7 @@ def nominal_machine(case: ExportCase, keyword: str) -> Nominal:
     if len(kept) < _LEAST:
         what = "the nominal machine reaches hardly anything around the targets"
         raise case.refuse(keyword, what, "give targets within its workspace")
-    return Nominal(positions=poses[kept, :3], readings=found.readings[kept])
+    return Nominal(positions=np.nan_to_num(poses[kept, :3]), readings=found.readings[kept])
 
 
 def recognised(case: ExportCase, keyword: str, what: str, formula: Formula, start: Array, nominal: Nominal) -> Array:

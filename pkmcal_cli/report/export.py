@@ -12,11 +12,13 @@ import numpy as np
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+from pkmcal_cli.correction.strained_pose import StrainedPose
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _KINDS = (("position", "um"), ("orientation", "urad"))
+_NO_ENERGY = 1e-12  # J: rounding
 _ROUNDING = 1e-4  # um or urad: nothing
 _NOTHING = "-"
 BEFORE, EXPORT, CORRECTED = "before", "export", "corrected"
@@ -31,11 +33,23 @@ class ExportReport:
     draft: Draft
 
     @cached_property
+    def _installed(self) -> StrainedPose:
+        return self.case.installed(self.draft)
+
+    @cached_property
     def _errors(self) -> dict[str, Array]:
         """Errors (n, h) at the usable targets: of the nominal set values, with the export, corrected."""
         made, rows, wanted = self.case.made, self.case.usable, self.case.wanted
-        before, after = (pose.tool[rows] - wanted for pose in (made.before, made.after))
-        return {BEFORE: before, EXPORT: self.case.errors(self.draft), CORRECTED: after}
+        tools = (made.before.tool[rows], self._installed.tool, made.after.tool[rows])
+        return {what: tool - wanted for what, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
+
+    @cached_property
+    def _energies(self) -> dict[str, float]:
+        """Mean strain energies, J, of the same."""
+        made, rows = self.case.made, self.case.usable
+        energies = (made.before.energy[rows], self._installed.energy, made.after.energy[rows])
+        means = (float(e[~np.isnan(e)].mean()) if (~np.isnan(e)).any() else float("nan") for e in energies)
+        return dict(zip((BEFORE, EXPORT, CORRECTED), (m if not m < _NO_ENERGY else 0.0 for m in means), strict=True))
 
     def _columns(self, kind: str) -> list[int]:
         turning = self.case.tool.turning
@@ -93,6 +107,10 @@ class ExportReport:
                 rows.append((kind, name, _text(_rms(sizes), unit), _text(_largest(sizes), unit), u))
         title = f"Error of the tool point that remains at {count(len(self.case.usable), 'target')}"
         to.table(title, ("error", "with", "rms", "max", "u (rms)"), rows, left=2)
+        if self.case.redundant:
+            e = self._energies
+            with_it = f"{e[EXPORT]:.3g} J with `{self.format.keyword}`"
+            to.say(f"strain energy (mean): {e[BEFORE]:.3g} J before, {with_it}, {e[CORRECTED]:.3g} J corrected")
         to.notes(self.draft.notes)
         if left := len(self.case.made.good) - len(self.case.usable):
             to.warn(f"warning: not counted: {count(left, 'target')} without set values of the nominal machine")
@@ -116,6 +134,7 @@ class ExportReport:
             "n_targets": len(self.case.usable),
             "n_lost": self.lost,
             "remaining": remaining,
+            "strain_energy": {what: finite(value) for what, value in self._energies.items()},
             "notes": list(self.draft.notes),
             "entries": [dict(entry) for entry in self.draft.entries],
         }

@@ -13,6 +13,7 @@ from pkmcal_cli.correction.commands import corrected, depends_on_sides
 from pkmcal_cli.correction.formats import format_named
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim
+from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.correction.uncertainty import KnownTo
 from pkmcal_cli.csv_files.writer import open_writer
 from pkmcal_cli.loading.evidence import Evidence
@@ -68,7 +69,7 @@ def run_correction(request: CorrectionRequest) -> int:
         to.warn(fault.text())
     if export is not None:
         names = given(request.machine, request.targets, request.parameters)
-        export.check([drive.name for drive in loaded.model.actuators], names)
+        export.check([loaded.model.actuators[a].name for a in held_drives(loaded.model)], names)
     stated = conditions(loaded.machine, request.at)
     targets = read_targets(loaded, request.targets, request.grid, stated.values)
     model = loaded.model.for_sessions(targets.rows.session_names)
