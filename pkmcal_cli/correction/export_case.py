@@ -158,13 +158,22 @@ class ExportCase:
         return BadInput.single(f"--as {keyword}: {what}", Location(self.model.name), hint, "format")
 
 
+@dataclass(frozen=True)
+class Listing:
+    """A table for people: two columns of text, then numbers."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Draft:
     """What would be installed.
 
     commands (n, A): what the control then sends at the usable targets, by its own rule and the digits written;
     values (P,): of the machine's parameters then; texts: from lines of remarks to texts by part, "" where there is one
-    only; notes: what is to be said of it; entries: for JSON.
+    only; notes: what is to be said of it; entries: for JSON; shown: for people, beside the files.
     """
 
     commands: Array
@@ -172,6 +181,7 @@ class Draft:
     texts: Callable[[Sequence[str]], Mapping[str, str]]
     notes: tuple[str, ...] = ()
     entries: Sequence[Mapping[str, object]] = ()
+    shown: Listing | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

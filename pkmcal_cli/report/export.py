@@ -19,7 +19,8 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _KINDS = (("position", "um"), ("orientation", "urad"))
 _NO_ENERGY = 1e-12  # J: rounding
-_ROUNDING = 1e-4  # um or urad: nothing
+_ROUNDING = 1e-3  # um or urad: nothing
+_LEAST = 1e-9  # m or rad: by which an error has to grow to be larger
 _NOTHING = "-"
 BEFORE, EXPORT, CORRECTED = "before", "export", "corrected"
 
@@ -98,6 +99,8 @@ class ExportReport:
             rms = {w: _text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
             with_it = f"{rms[BEFORE]} -> {rms[EXPORT]} with `{self.format.keyword}`"
             to.say(f"{kind}, rms: {with_it}, {rms[CORRECTED]} with corrected set values")
+        if (listing := self.draft.shown) is not None:
+            to.table(listing.title, listing.head, listing.rows, left=2)
         rows = []
         names = {BEFORE: "nominal set values", EXPORT: self.format.title, CORRECTED: "corrected set values"}
         for kind, unit in self.kinds:
@@ -114,6 +117,9 @@ class ExportReport:
         to.notes(self.draft.notes)
         if left := len(self.case.made.good) - len(self.case.usable):
             to.warn(f"warning: not counted: {count(left, 'target')} without set values of the nominal machine")
+        for kind, _ in self.kinds:
+            if _rms(self._sizes(EXPORT, kind)) > _rms(self._sizes(BEFORE, kind)) + _LEAST:
+                to.warn(f"warning: with `{self.format.keyword}` the error of the {kind} is larger than before")
         if self.lost:
             to.warn(f"warning: no pose of the machine with `{self.format.keyword}` at {count(self.lost, 'target')}")
         if files:

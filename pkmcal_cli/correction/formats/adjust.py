@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+from pkmcal_cli.correction.export_case import Draft, ExportCase, Format, Listing
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _UNKNOWN = 3  # decimals beyond the range's first digit where nobody knows how sure a value is
@@ -27,12 +27,25 @@ class Adjustment:
     decimals: int
 
     @property
+    def _tail(self) -> str:
+        return "" if self.unit.text == "1" else f" {self.unit.text}"
+
+    @property
+    def change_text(self) -> str:
+        """The change with its unit."""
+        return f"{self.change:+.{self.decimals}f}{self._tail}"
+
+    @property
+    def std_text(self) -> str:
+        """The standard uncertainty with its unit; a dash where unknown."""
+        return "-" if math.isnan(self.std) else f"{self.std:.2g}{self._tail}"
+
+    @property
     def line(self) -> str:
         """As the list tells it."""
-        tail = "" if self.unit.text == "1" else f" {self.unit.text}"
-        sure = "uncertainty unknown" if math.isnan(self.std) else f"u {self.std:.2g}{tail}"
+        sure = "uncertainty unknown" if math.isnan(self.std) else f"u {self.std_text}"
         label = self.what if self.what == self.name else f"{self.what} ({self.name})"
-        return f"{label}: {self.change:+.{self.decimals}f}{tail} ({sure})"
+        return f"{label}: {self.change_text} ({sure})"
 
 
 def adjustments(case: ExportCase) -> list[Adjustment]:
@@ -81,7 +94,9 @@ def _draft(case: ExportCase) -> Draft:
         }
         for each in made
     ]
-    return Draft(commands=case.commanded, values=values, texts=texts, entries=entries)
+    rows = [(each.what, each.name, each.change_text, each.std_text) for each in made]
+    shown = Listing("Change by nominal less identified value", ("what", "parameter", "change", "u"), tuple(rows))
+    return Draft(commands=case.commanded, values=values, texts=texts, entries=entries, shown=shown)
 
 
 ADJUST = Format(
