@@ -76,6 +76,7 @@ BECKHOFF = Format(
     sources=(
         "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation/308683659.html",
         "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation/308687883.html",
+        "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation_parameters/113373067.html",
         "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation_parameters/113439115.html",
     ),
     suffix=".lis",
