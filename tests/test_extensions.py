@@ -159,7 +159,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     package = folder / "pkmcal_cli"
     shutil.copytree(ROOT / "pkmcal_cli", package, ignore=shutil.ignore_patterns("__pycache__"))
     for file, text in (
-        ("correction/formats/plain.py", FORMAT), ("effects/square.py", EFFECT), ("sensors/height.py", SENSOR), ("commands/count.py", COMMAND),
+        ("correction/formats/plain.py", FORMAT), ("effects/square.py", EFFECT), ("sensors/height.py", SENSOR),
+        ("commands/count.py", COMMAND),
         ("workflow/count.py", WORK), ("../machine.yaml", OVERLAY), ("elements/tie.py", ELEMENT), ("../tied.yaml", TIED),
     ):  # fmt: skip
         (package / file).write_text(text, encoding="utf-8")
