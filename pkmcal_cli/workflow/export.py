@@ -10,7 +10,7 @@ from typing import Any
 from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream
-from pkmcal_cli.base.outputs import check_target, write_text, write_together
+from pkmcal_cli.base.outputs import check_target, takes_directly, write_text, write_together
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.export_case import ExportCase, Format
 from pkmcal_cli.correction.redundancy import Choice
@@ -35,11 +35,17 @@ class Export:
 
     def check(self, drives: Sequence[str], inputs: Collection[str]) -> None:
         """Whether the files could be written. Raises UsageError and OutputError."""
-        if self.format.parts and is_stream(self.target):
+        if self.format.parts and not self._names_files:
             what = f"--as {self.format.keyword} writes a file for every drive"
             raise UsageError(what, hint=f"name them with `-o NAME{self.format.suffix}`")
         for name in self.files(drives).values():
             check_target(name, inputs, force=self.force)
+
+    @property
+    def _names_files(self) -> bool:
+        """Whether names can be made of the target: it is no stream, device or folder."""
+        named = Path(self.target).name not in ("", "..") and not takes_directly(self.target)
+        return named and not Path(self.target).is_dir()
 
     def files(self, drives: Sequence[str]) -> dict[str, str]:
         """Names of files by part: NAME.DRIVE.SUFFIX where there is one for every drive."""
