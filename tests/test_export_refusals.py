@@ -64,6 +64,7 @@ def test_a_format_fits_or_says_why_not(machine: str, keyword: str) -> None:
         (["--as", "linuxcnc", "-o", ""], 2, "a file for every drive"),
         (["--as", "linuxcnc", "-o", ".."], 2, "a file for every drive"),
         (["--as", "linuxcnc", "-o", "/dev/null"], 2, "a file for every drive"),
+        (["--as", "linuxcnc", "-o", "x" * 300], 4, "xxx"),
         (["--as", "linuxcnc", "-o", "no/such/t.comp"], 4, "no/such"),
         (["--as", "csv", "--json"], 2, "both write to stdout"),
         (["--as", "gcode", "--dwell", "0"], 2, "--dwell"),

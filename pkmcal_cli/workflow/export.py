@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -45,7 +46,7 @@ class Export:
     def _names_files(self) -> bool:
         """Whether names can be made of the target: it is no stream, device or folder."""
         named = Path(self.target).name not in ("", "..") and not takes_directly(self.target)
-        return named and not Path(self.target).is_dir()
+        return named and not os.path.isdir(self.target)
 
     def files(self, drives: Sequence[str]) -> dict[str, str]:
         """Names of files by part: NAME.DRIVE.SUFFIX where there is one for every drive."""
