@@ -84,11 +84,11 @@ class ExportReport:
         for kind, unit in self.kinds:
             rms = [_text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
             most = [_text(_largest(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
-            where = count(len(self.case.usable), "target")
+            where, u = count(len(self.case.usable), "target"), self._uncertainty(kind)
             out.append(
                 f"error of the tool point that remains, {kind}, rms (max) of {where}: {rms[0]} ({most[0]}) before, "
                 f"{rms[1]} ({most[1]}) with this, {rms[2]} ({most[2]}) with corrected set values; "
-                f"u {_text(self._uncertainty(kind), unit)}"
+                f"standard uncertainty {'unknown' if np.isnan(u) else _text(u, unit)}"
             )
         out += [f"note: {note}" for note in self.draft.notes]
         return out + [f"specification: {source}" for source in self.format.sources]
