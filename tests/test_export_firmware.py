@@ -192,3 +192,26 @@ def test_a_hangprinter(keyword: str) -> None:
         assert np.sqrt((error**2).mean()) == pytest.approx(told["export"]["rms"], rel=0.02)
     else:  # what is told holds the firmware's 32 bit; in double precision it is better
         assert np.sqrt((error**2).mean()) < told["export"]["rms"] + 10
+
+
+def test_towers_that_lean_together_are_a_tilt_of_the_bed() -> None:
+    """RepRapFirmware has constants for that; near the bed little remains, and so much as is told."""
+    rails = "".join(
+        f'  rail{k + 1}: {{along: ["lean*cos({w}*pi/180)", "-lean*sin({w}*pi/180)", 1]}}\n'
+        for k, w in enumerate((210, 330, 90))
+    )
+    Path("m.yaml").write_text(f'{DELTA}parameters: {{lean: {{nominal: 0, range: 0.01, unit: "1"}}}}\nguides:\n{rails}')
+    write_parameters({"lean": 0.003})
+    flat = "x=-60:60:5,y=-60:60:5,z=0:4:2"
+    told = {keyword: remaining(export(keyword, flat)) for keyword in ("klipper", "reprapfirmware")}
+    assert told["reprapfirmware"]["export"]["rms"] < told["klipper"]["export"]["rms"] / 2
+    wanted = points((-60, 60, 5), (-60, 60, 5), (0, 4, 2))
+    sent = 650.0 + reprap_delta(Path("out.txt"), wanted)
+    np.savetxt("q.csv", sent, fmt="%.12g", delimiter=",", header="q1,q2,q3", comments="")
+    tracker = "sensors: {t: {at: nozzle, reads: [x, y, z], sigma: 1, frame: machine}}\n"
+    Path("grid.yaml").write_text(f"extends: m.yaml\n{tracker}")
+    assert run("simulate", "grid.yaml", "q.csv", "-p", "p.yaml", "-o", "there.csv", "-q").code == 0
+    found = table("there.csv").numbers
+    there = np.stack([np.asarray(found[f"t.{c}"]) for c in "xyz"], axis=1)
+    error = 1e3 * np.sqrt(((there - wanted) ** 2).sum(axis=1))
+    assert np.sqrt((error**2).mean()) == pytest.approx(told["reprapfirmware"]["export"]["rms"], rel=1e-3)

@@ -140,3 +140,32 @@ def test_a_drive_that_stands_still_has_a_table() -> None:
     left = export("linuxcnc", "{sx: 1.002}", grid="x=0:200:9,y=100:100:1")
     at, ahead, _ = comp_table(Path("t.Y.txt"))
     assert left["export"]["max"] < 0.2 and (np.diff(at) > 0).all() and np.abs(ahead).max() < 1e-6
+
+
+TABLE = """
+units: {length: mm, angle: rad}
+space: planar
+ranges: {scale: 1e-2}
+parameters: {sa: {nominal: 1}}
+ground: {O: [0, 0]}
+bodies: {table: {at: [0, 0]}}
+joints: {bearing: {between: [O, table], type: revolute}}
+actuators: {A: {turns: table, scale: sa}}
+tool_point: table
+"""
+
+
+@pytest.mark.parametrize(("keyword", "digit"), [("linuxcnc", 1e-6), ("beckhoff", 1e-4)])
+def test_rotary_drives_are_counted_in_degrees(keyword: str, digit: float) -> None:
+    """A turntable that turns by 1.002 times its reading, whatever the units of the file."""
+    Path("m.yaml").write_text(TABLE)
+    Path("p.yaml").write_text("parameters: {sa: 1.002}\n")
+    done = run("correct", "m.yaml", "--grid", f"rz={-np.pi / 3}:{np.pi / 3}:13", "-p", "p.yaml", "--as", keyword, "-o", "t.txt", "--json")
+    assert done.code == 0, done.err
+    left = done.json["export"]["remaining"]["orientation"]
+    read = comp_table if keyword == "linuxcnc" else ssfk_table
+    at, ahead = (1e3 * column for column in read(Path("t.A.txt"))[:2])  # read as mm, 0.1 um; 0.0001 deg for these
+    turned = np.linspace(-60, 60, 13)
+    sent = turned + np.interp(turned, at, ahead)
+    assert 1.002 * sent == pytest.approx(turned, abs=2 * digit)
+    assert left["before"]["max"] == pytest.approx(1e6 * np.radians(0.12), rel=1e-2) and left["export"]["max"] < 4
