@@ -160,7 +160,8 @@ def test_rotary_drives_are_counted_in_degrees(keyword: str, digit: float) -> Non
     """A turntable that turns by 1.002 times its reading, whatever the units of the file."""
     Path("m.yaml").write_text(TABLE)
     Path("p.yaml").write_text("parameters: {sa: 1.002}\n")
-    done = run("correct", "m.yaml", "--grid", f"rz={-np.pi / 3}:{np.pi / 3}:13", "-p", "p.yaml", "--as", keyword, "-o", "t.txt", "--json")
+    grid = f"rz={-np.pi / 3}:{np.pi / 3}:13"
+    done = run("correct", "m.yaml", "--grid", grid, "-p", "p.yaml", "--as", keyword, "-o", "t.txt", "--json")
     assert done.code == 0, done.err
     left = done.json["export"]["remaining"]["orientation"]
     read = comp_table if keyword == "linuxcnc" else ssfk_table
