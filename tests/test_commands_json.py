@@ -32,7 +32,7 @@ NAMED = {
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
-    "errors": "KIND", "export.remaining": "KIND", "outside": "COLUMN", "unexplained": "KIND",
+    "constants": "NAME", "errors": "KIND", "export.remaining": "KIND", "outside": "COLUMN", "unexplained": "KIND",
     "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME",
@@ -146,6 +146,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
             ["ropes.yaml", "lengths.csv", "-o", "slack.csv"],
         ],
+        "new": [["--from", str(MACHINES / "printer.cfg"), "-o", "new.yaml"]],
         "correct": [
             [TRIGLIDE, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],
             ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],
@@ -189,6 +190,7 @@ LONG = dict.fromkeys(("diagnose", "improve"), pytest.mark.slow)
 SHOWN = [
     "check",
     "simulate",
+    "new",
     "correct",
     "sensitivity",
     "observability",

@@ -239,6 +239,13 @@ def test_a_file_is_not_replaced_unasked() -> None:
     assert run("new", "--from", "-", "-o", "-", "-q", stdin=PLAIN).out.startswith("# yaml-language-server")
 
 
+def test_constants_for_programs() -> None:
+    Path("in.cfg").write_text(CFG)
+    done = run("new", "--from", "in.cfg", "-o", "m.yaml", "--json", "-q")
+    assert done.json["constants"]["delta_radius"] == {"value": "140.50", "file": "in.cfg", "line": 14}
+    assert run("new", "--from", "in.cfg", "--json").code == 2
+
+
 def test_the_shipped_configuration() -> None:
     done = run("new", "--from", str(MACHINES / "printer.cfg"), "-q")
     assert done.code == 0 and "395.693250" in done.out and "288.0" in done.out

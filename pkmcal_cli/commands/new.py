@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Quiet, as_request
+from pkmcal_cli.commands._options import Force, Json, Quiet, as_request
 
 
 def new(
@@ -16,6 +16,7 @@ def new(
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="MACHINE.yaml", help="File to write; default: stdout.")
     ] = "-",
+    as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:

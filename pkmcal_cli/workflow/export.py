@@ -57,20 +57,14 @@ class Export:
 
 
 def exported(
-    export: Export,
-    loaded: LoadedMachine,
-    model: Model,
-    start: Start,
-    targets: Targets,
-    result: Assessment,
+    export: Export, loaded: LoadedMachine, model: Model, start: Start, targets: Targets, result: Assessment
 ) -> ExportReport:
     """The draft of a format and what remains. Raises BadInput where the format cannot hold the machine."""
     made = result.correction
     given = targets.rows.take(made.kept)
     case = ExportCase(
         loaded=loaded, model=model, values=start.values, assessment=result, choice=export.choice, given=given,
-        names=[],
-        covariance=start.covariance, dwell=export.dwell, feed=export.feed,
+        names=[], covariance=start.covariance, dwell=export.dwell, feed=export.feed,
     )  # fmt: skip
     if not len(case.usable):
         what = "no target has both corrected set values and set values of the nominal machine"
