@@ -215,3 +215,20 @@ def test_towers_that_lean_together_are_a_tilt_of_the_bed() -> None:
     there = np.stack([np.asarray(found[f"t.{c}"]) for c in "xyz"], axis=1)
     error = 1e3 * np.sqrt(((there - wanted) ** 2).sum(axis=1))
     assert np.sqrt((error**2).mean()) == pytest.approx(told["reprapfirmware"]["export"]["rms"], rel=1e-3)
+
+
+def test_how_sure_constants_are() -> None:
+    """The radius is a parameter of the file and a constant of the firmware, with one standard uncertainty."""
+    Path("m.yaml").write_text(DELTA + "parameters: {radius: {adjustable: true}, turn1: {adjustable: true}}\n")
+    data = str(MACHINES / "delta-printer.csv")
+    assert run("calibrate", "m.yaml", data, "-q", "--holdout", "none", "-o", "p.yaml", "--force").code == 0
+    done = export("adjust")
+    std = {entry["parameter"]: entry["std"] for entry in done.json["export"]["entries"]}
+    export("klipper")
+    lines = [line for line in Path("out.txt").read_text().splitlines() if "# u " in line]
+    assert len(lines) == 10
+    (radius,) = (line for line in lines if line.startswith("delta_radius"))
+    angle = next(line for line in lines if line.startswith("angle"))
+    assert radius.endswith(f"# u {std['radius']:.2g} mm") and angle.endswith(f"# u {std['turn1']:.2g} deg")
+    export("reprapfirmware")
+    assert f" R{std['radius']:.2g} X{std['turn1']:.2g} " in Path("out.txt").read_text()

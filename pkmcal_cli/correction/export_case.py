@@ -124,6 +124,23 @@ class ExportCase:
         kept = (_SMALL * np.eye(count) + _INTERNAL * internal) * gains
         return np.concatenate([by_tool * size[:, None], kept], axis=1)
 
+    def slopes(self, rows: Rows, wanted: Array) -> Array | None:
+        """Derivatives (n, D, p) of corrected set values by the parameters of the covariance; None where unknown.
+
+        At rows that are corrected already: what keeps the tool point there, with the least travel.
+        """
+        if self.covariance is None:
+            return None
+        by_reading = self.tool.at(self.values, rows, wanted, "readings").by_tool[:, :, self.drives]
+        by_parameter = self.tool.at(self.values, rows, wanted, self.covariance[0]).by_tool
+        gains = self.model.gains[self.drives]
+        return np.asarray(-(np.linalg.pinv(by_reading / gains) @ by_parameter) / gains[:, None])
+
+    @property
+    def own_slopes(self) -> Array | None:
+        """The same at the usable targets."""
+        return self.slopes(self.made.rows.take(self.usable), self.wanted)
+
     def installed(self, draft: Draft) -> StrainedPose:
         """The machine with a draft installed: a prediction from scratch, as by `simulate`."""
         return self.tool.at(draft.values, self._directed(draft.commands), self.wanted)

@@ -73,12 +73,20 @@ def recognised(case: ExportCase, keyword: str, what: str, formula: Formula, star
     return np.asarray(found.x)
 
 
-def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, wanted: Array) -> Array:
-    """Constants (c,) with which the tool point is best at the targets.
+@dataclass(frozen=True)
+class Wanted:
+    """Set values (n, A), and their derivatives (n, D, p) by parameters that are known by a covariance, or None."""
 
-    steps (c,): sizes of the constants, by which those that the targets do not determine are held at `nominal`;
-    wanted: set values (n, A).
+    readings: Array
+    slopes: Array | None
+
+
+def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, aim: Wanted) -> tuple[Array, Array]:
+    """Constants (c,) with which the tool point is best at the targets, their standard uncertainties, nan if unknown.
+
+    steps (c,): sizes of the constants, by which those that the targets do not determine are held at `nominal`.
     """
+    wanted = aim.readings
     weights, drives = case.weights, case.drives
     others = np.setdiff1d(np.arange(wanted.shape[1]), drives)
     gains = case.model.gains
@@ -89,4 +97,16 @@ def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, wan
         return np.concatenate([own.ravel(), (off * gains)[:, others].ravel(), _PRIOR * scaled])
 
     found = least_squares(errors, np.zeros(len(nominal)), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return np.asarray(nominal + found.x * steps)
+    return np.asarray(nominal + found.x * steps), steps * _std(case, np.asarray(found.jac), aim.slopes)
+
+
+def _std(case: ExportCase, jacobian: Array, slopes: Array | None) -> Array:
+    """Standard uncertainties (c,) of a fit, in its own steps: what the parameters' covariance does to its aim."""
+    if slopes is None or case.covariance is None:
+        return np.full(jacobian.shape[1], np.nan)
+    moved = np.einsum("nrd,ndp->nrp", case.weights, slopes).reshape(-1, slopes.shape[2])
+    target = np.zeros((len(jacobian), slopes.shape[2]))
+    target[: len(moved)] = moved
+    by_parameter = np.linalg.lstsq(jacobian, target, rcond=None)[0]
+    variances = np.einsum("cp,pq,cq->c", by_parameter, case.covariance[1], by_parameter)
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))

@@ -18,7 +18,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commands import corrected
 from pkmcal_cli.correction.export_case import ExportCase
-from pkmcal_cli.correction.firmware import Formula, Nominal, fitted, nominal_machine, recognised
+from pkmcal_cli.correction.firmware import Formula, Nominal, Wanted, fitted, nominal_machine, recognised
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
@@ -40,11 +40,13 @@ class LineMotors:
 
 @dataclass(frozen=True, kw_only=True)
 class LineConstants:
-    """Anchors (A, 3), m, further constants (e,), readings at home (A,)."""
+    """Anchors (A, 3), m, further constants (e,), readings at home (A,); u: standard uncertainties of both, or nan."""
 
     anchors: Array
     more: Array
     home: Array
+    u_anchors: Array
+    u_more: Array
 
     def readings(self, motors: LineMotors, positions: Array) -> Array:
         """Readings (n, A) that the firmware commands."""
@@ -66,16 +68,22 @@ def line_constants(case: ExportCase, keyword: str, motors: LineMotors) -> LineCo
     def formula_from(home: Array) -> Formula:
         def formula(numbers: Array, positions: Array) -> Array:
             places = numbers[: 3 * count].reshape(count, 3)
-            return LineConstants(anchors=places, more=numbers[3 * count :], home=home).readings(motors, positions)
+            return np.asarray(home + motors.readings(ways(places, positions), numbers[3 * count :]))
 
         return formula
 
     start = np.concatenate([anchors.ravel(), motors.start(gains)])
     found = recognised(case, keyword, "machine of lines from anchors", formula_from(rest), start, nominal)
-    home = _home(case, keyword)
+    home, home_slopes = _home(case, keyword)
+    slopes = case.own_slopes
+    if slopes is not None:
+        slopes = slopes - (0.0 if home_slopes is None else home_slopes)
+    aim = Wanted(_all_corrected(case), slopes)
     steps = np.concatenate([np.ones(3 * count), motors.steps(found[3 * count :])])
-    best = fitted(case, formula_from(home), found, steps, _all_corrected(case))
-    return LineConstants(anchors=best[: 3 * count].reshape(count, 3), more=best[3 * count :], home=home)
+    best, u = fitted(case, formula_from(home), found, steps, aim)
+    (anchors, more), (u_anchors, u_more) = ((c[: 3 * count].reshape(count, 3), c[3 * count :]) for c in (best, u))
+    u_anchors[np.setdiff1d(np.arange(count), case.drives)] = np.nan  # of a drive without set values nobody knows
+    return LineConstants(anchors=anchors, more=more, home=home, u_anchors=u_anchors, u_more=u_more)
 
 
 def line_gains(case: ExportCase, keyword: str) -> Array:
@@ -98,15 +106,16 @@ def _origin(case: ExportCase) -> Array:
     return np.asarray(pose)
 
 
-def _home(case: ExportCase, keyword: str) -> Array:
-    """Readings (A,) of the machine homed there: those that bring the tool there, if any do."""
+def _home(case: ExportCase, keyword: str) -> tuple[Array, Array | None]:
+    """Readings (A,) of the machine homed there, those that bring the tool there, if any do; their slopes (1, D, p)."""
     out = _at_origin(case, keyword, case.values).copy()
     rows = replace(case.given.take(np.zeros(1, dtype=np.intp)), readings=np.full((1, len(out)), np.nan))
     aim = Aim(poses=_origin(case), held=case.made.aim.held, rows=rows)
     there = corrected(case.model, case.values, aim, case.choice)
-    if there is not None and len(there.good):
-        out[case.drives] = there.rows.readings[0, case.drives]
-    return out
+    if there is None or not len(there.good):
+        return out, None
+    out[case.drives] = there.rows.readings[0, case.drives]
+    return out, case.slopes(there.rows, aim.wanted)
 
 
 def _all_corrected(case: ExportCase) -> Array:

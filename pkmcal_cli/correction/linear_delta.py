@@ -16,7 +16,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import ExportCase
-from pkmcal_cli.correction.firmware import Nominal, fitted, nominal_machine, recognised
+from pkmcal_cli.correction.firmware import Nominal, Wanted, fitted, nominal_machine, recognised
 
 TOWERS = 3
 
@@ -62,8 +62,17 @@ class Towers:
         return np.asarray(self.ends + self.signs * (constants.heights(positions) - constants.switches()))
 
 
-def delta_constants(case: ExportCase, keyword: str, tilted: bool) -> tuple[Towers, DeltaConstants]:
-    """Drives and best constants. Raises BadInput where the machine is no linear delta, or its switches are unknown."""
+@dataclass(frozen=True, kw_only=True)
+class FittedDelta:
+    """Drives, the best constants, and their standard uncertainties, nan where unknown."""
+
+    towers: Towers
+    constants: DeltaConstants
+    u: DeltaConstants
+
+
+def fitted_delta(case: ExportCase, keyword: str, tilted: bool) -> FittedDelta:
+    """A delta for a firmware. Raises BadInput where the machine is no linear delta, or its switches are unknown."""
     if len(case.model.actuators) != TOWERS or len(case.drives) != TOWERS:
         hint = "use `--as gcode-drives`, or tables of single drives"
         raise case.refuse(keyword, f"this machine is no linear delta of {TOWERS} towers", hint)
@@ -77,7 +86,8 @@ def delta_constants(case: ExportCase, keyword: str, tilted: bool) -> tuple[Tower
 
     found = recognised(case, keyword, "linear delta", formula, start, nominal)
     steps = np.array([1.0, *[np.degrees(1.0 / found[0])] * 3, *[1.0] * 6, *[1.0] * (len(found) - 10)])
-    return towers, DeltaConstants.of(fitted(case, formula, found, steps, case.corrected))
+    best, u = fitted(case, formula, found, steps, Wanted(case.corrected, case.own_slopes))
+    return FittedDelta(towers=towers, constants=DeltaConstants.of(best), u=DeltaConstants.of(u))
 
 
 def _start(nominal: Nominal, tilted: bool) -> tuple[Array, Array]:

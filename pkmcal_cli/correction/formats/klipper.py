@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.line_drives import HOMED, LineMotors, line_constants, line_gains
-from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, delta_constants
+from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, fitted_delta
 
 _DIGITS = 6  # of mm and deg, as Klipper saves them
 _MM = 1e-3
@@ -26,8 +26,14 @@ def _mm(value: float) -> str:
     return f"{value / _MM:.{_DIGITS}f}"
 
 
+def _sure(u: float, unit: str = "mm") -> str:
+    """A remark on how sure a constant is."""
+    return "" if np.isnan(u) else f"  # u {u:.2g} {unit}"
+
+
 def _delta(case: ExportCase) -> Draft:
-    towers, found = delta_constants(case, _KEYWORD, tilted=False)
+    fit = fitted_delta(case, _KEYWORD, tilted=False)
+    found, u = fit.constants, fit.u
     made = DeltaConstants(
         radius=float(_rounded(np.array(found.radius), _MM)), angles=_rounded(found.angles % 360.0),
         rods=_rounded(found.rods, _MM), stops=_rounded(found.stops, _MM), tilt=found.tilt,
@@ -35,14 +41,15 @@ def _delta(case: ExportCase) -> Draft:
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         lines = [*(f"# {line}" for line in remarks), "[printer]", "kinematics: delta"]
-        lines += [f"delta_radius: {_mm(made.radius)}"]
+        lines += [f"delta_radius: {_mm(made.radius)}{_sure(u.radius / _MM)}"]
         for t in range(TOWERS):
             lines += ["", f"[stepper_{'abc'[t]}]", f"# drive {case.name(t)}"]
-            lines += [f"position_endstop: {_mm(made.stops[t])}", f"arm_length: {_mm(made.rods[t])}"]
-            lines += [f"angle: {made.angles[t]:.{_DIGITS}f}"]
+            lines.append(f"position_endstop: {_mm(made.stops[t])}{_sure(u.stops[t] / _MM)}")
+            lines.append(f"arm_length: {_mm(made.rods[t])}{_sure(u.rods[t] / _MM)}")
+            lines.append(f"angle: {made.angles[t]:.{_DIGITS}f}{_sure(u.angles[t], 'deg')}")
         return {"": "\n".join([*lines, ""])}
 
-    return Draft(commands=towers.readings(made, case.positions), values=case.values, texts=texts)
+    return Draft(commands=fit.towers.readings(made, case.positions), values=case.values, texts=texts)
 
 
 def _motors(case: ExportCase) -> LineMotors:
@@ -72,15 +79,18 @@ def _winch(case: ExportCase) -> Draft:
     turn = 2.0 * np.pi
     made = replace(found, anchors=_rounded(found.anchors, _MM), more=_rounded(found.more * turn, _MM) / turn)
     spools = [a for a in range(count) if case.model.actuators[a].dimension == "angle"]
-    per_turn = dict(zip(spools, np.abs(made.more) * turn, strict=True))
+    u_gains = np.where(np.isfinite(made.u_anchors[spools, 0]), made.u_more, np.nan)
+    per_turn = {a: (turn * abs(g), turn * u) for a, g, u in zip(spools, made.more, u_gains, strict=True)}
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         lines = [*(f"# {line}" for line in remarks), "[printer]", "kinematics: winch"]
         for a in range(count):
             lines += ["", f"[stepper_{chr(ord('a') + a)}]", f"# drive {case.name(a)}"]
             if a in per_turn:
-                lines += [f"rotation_distance: {_mm(per_turn[a])}", "# of a turn of the drive, without `gear_ratio`"]
-            lines += [f"anchor_{c}: {_mm(made.anchors[a, k])}" for k, c in enumerate("xyz")]
+                value, u = per_turn[a]
+                lines += [f"rotation_distance: {_mm(value)}{_sure(u / _MM)}", "# of the drive, without `gear_ratio`"]
+            for k, c in enumerate("xyz"):
+                lines.append(f"anchor_{c}: {_mm(made.anchors[a, k])}{_sure(made.u_anchors[a, k] / _MM)}")
         return {"": "\n".join([*lines, ""])}
 
     return Draft(commands=made.readings(motors, case.positions), values=case.values, texts=texts, notes=(HOMED,))

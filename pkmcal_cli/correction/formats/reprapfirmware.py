@@ -14,7 +14,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
 from pkmcal_cli.correction.line_drives import HOMED, LineConstants, LineMotors, line_constants, line_gains, ways
-from pkmcal_cli.correction.linear_delta import DeltaConstants, delta_constants
+from pkmcal_cli.correction.linear_delta import DeltaConstants, fitted_delta
 
 _KEYWORD = "reprapfirmware"
 _MM = 1e-3
@@ -34,7 +34,8 @@ def _mm(values: Array | float) -> str:
 
 
 def _delta(case: ExportCase) -> Draft:
-    towers, found = delta_constants(case, _KEYWORD, tilted=True)
+    fit = fitted_delta(case, _KEYWORD, tilted=True)
+    found, u = fit.constants, fit.u
     turns = _rounded((found.angles - _USUAL + 180.0) % 360.0 - 180.0)
     height = float(_rounded(np.array(found.stops.mean()), _MM))
     stops = _rounded(found.stops - height, _MM)
@@ -50,12 +51,22 @@ def _delta(case: ExportCase) -> Draft:
         ends = " ".join(f"{c}{_mm(v)}" for c, v in zip("XYZ", stops, strict=True))
         lines = [
             *(f"; {line}" for line in (f"towers: {drives}; mm, deg, tilt in percent", *remarks)),
+            *([] if np.isnan(u.radius) else [_delta_u(u)]),
             f"M665 L{_mm(made.rods)} R{_mm(made.radius)} H{_mm(height)} {corners}",
             f"M666 {ends} A{tilt[0]:.{_DIGITS}f} B{tilt[1]:.{_DIGITS}f}",
         ]
         return {"": "\n".join([*lines, ""])}
 
-    return Draft(commands=towers.readings(made, case.positions), values=case.values, texts=texts)
+    return Draft(commands=fit.towers.readings(made, case.positions), values=case.values, texts=texts)
+
+
+def _delta_u(u: DeltaConstants) -> str:
+    """A remark on how sure the constants are."""
+    stops = " ".join(f"{c}{v / _MM:.2g}" for c, v in zip("XYZ", u.stops, strict=True))
+    corners = " ".join(f"{c}{v:.2g}" for c, v in zip("XYZ", u.angles, strict=True))
+    tilt = " ".join(f"{c}{100 * v:.2g}" for c, v in zip("AB", u.tilt, strict=True))
+    rods = ":".join(f"{v / _MM:.2g}" for v in u.rods)
+    return f"; u: M665 L{rods} R{u.radius / _MM:.2g} {corners}, M666 with H {stops} {tilt}"
 
 
 class _Spools:
@@ -114,6 +125,7 @@ def _hangprinter(case: ExportCase) -> Draft:
         more = "" if count == len(_ANCHORS) - 1 else f" N{count}"
         lines = [
             *(f"; {line}" for line in (f"anchors: {drives}; mm", *remarks)),
+            *([] if np.isnan(made.u_anchors).all() else [_lines_u(made)]),
             f"M669 K6{more} {anchors}",
             f"M666 Q{made.more[-1] / _MM:.{_DIGITS}f} R{_mm(made.more[:-1])} U{whole[0]} O{':'.join(['1'] * count)} "
             f"L{whole[1]} H{whole[2]}",
@@ -142,7 +154,16 @@ def _constants(case: ExportCase, spools: _Spools) -> LineConstants:
         steps=lambda more: more / case.model.length,
     )
     found = line_constants(case, _KEYWORD, bare)
-    return replace(found, more=np.append(found.more, _LEAST_BUILDUP))
+    return replace(found, more=np.append(found.more, _LEAST_BUILDUP), u_more=np.append(found.u_more, np.nan))
+
+
+def _lines_u(made: LineConstants) -> str:
+    """A remark on how sure the constants are; nothing of drives without set values."""
+    known = [(k, c) for k, c in enumerate(_ANCHORS[: len(made.anchors)]) if np.isfinite(made.u_anchors[k]).all()]
+    anchors = " ".join(c + ":".join(f"{v / _MM:.2g}" for v in made.u_anchors[k]) for k, c in known)
+    radii = ", ".join(f"{c} {made.u_more[k] / _MM:.2g}" for k, c in known)
+    buildup = "" if np.isnan(made.u_more[-1]) else f"; of Q {made.u_more[-1] / _MM:.2g}"
+    return f"; u: M669 {anchors}; of the radii {radii}{buildup}"
 
 
 def _rounded_lines(found: LineConstants) -> LineConstants:
