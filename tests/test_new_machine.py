@@ -188,6 +188,29 @@ def test_what_is_exported_is_read_again() -> None:
             assert value(after, parameter) == pytest.approx(wanted, abs=2e-3), parameter
 
 
+def test_files_that_a_file_includes() -> None:
+    """Klipper reads them at their places, patterns in order; the last one counts. A circle is read once."""
+    main, _, rest = PLAIN.partition("[stepper_a]")
+    Path("cfg").mkdir()
+    Path("cfg/1.cfg").write_text(f"[stepper_a]{rest}[include ../in.cfg]\n")
+    Path("cfg/2.cfg").write_text("[stepper_b]\nposition_endstop: 400.25\n")
+    new(f"{main}[include cfg/*.cfg]\n")
+    parameters = yaml.safe_load(Path("m.yaml").read_text())["parameters"]
+    assert [parameters[f"endstop_{t}"]["nominal"] for t in "abc"] == [431.834563, 400.25, 431.834563]
+    done = run("new", "--from", "-", "-o", "-", stdin=f"{PLAIN}[include cfg/*.cfg]\n")
+    assert done.code == 0 and "not read: [include cfg/*.cfg]" in done.err
+
+
+def test_what_reprapfirmware_has_calibrated() -> None:
+    """M501 reads config-override.g, where M500 puts the calibrated constants."""
+    Path("config-override.g").write_text("; generated\nM665 R181.25\nM666 X0.5 A0.00\n")
+    new(f"{DELTA_G}M501\n", "config.g")
+    parameters = yaml.safe_load(Path("m.yaml").read_text())["parameters"]
+    assert [parameters[n]["nominal"] for n in ("radius", "stop_x", "stop_y")] == [181.25, 0.5, -0.006]
+    assert "config-override.g (sha256" in Path("m.yaml").read_text()
+    assert run("new", "--from", "-", "-o", "-", "-q", stdin=DELTA_G).out.count("180.679") == 1
+
+
 # --- what cannot be read -----------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("text", "told"),

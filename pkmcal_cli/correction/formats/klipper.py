@@ -14,6 +14,7 @@ from pkmcal_cli.correction.linear_delta import TOWERS, DeltaConstants, fitted_de
 
 _DIGITS = 6  # of mm and deg, as Klipper saves them
 _MM = 1e-3
+_LEAST = 1e-6  # mm or deg: less is rounding
 _KEYWORD = "klipper"
 _LEAST_STEPPERS, _MOST_STEPPERS = 3, 26
 
@@ -28,7 +29,7 @@ def _mm(value: float) -> str:
 
 def _sure(u: float, unit: str = "mm") -> str:
     """A remark on how sure a constant is."""
-    return "" if np.isnan(u) else f"  # u {u:.2g} {unit}"
+    return "" if np.isnan(u) else f"  # u {u if u > _LEAST else 0:.2g} {unit}"
 
 
 def _delta(case: ExportCase) -> Draft:

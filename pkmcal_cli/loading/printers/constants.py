@@ -14,6 +14,19 @@ _LARGEST = 1e6  # mm, deg or teeth: no printer has more
 
 
 @dataclass(frozen=True)
+class Line:
+    """A line of a configuration, and where it stands: a file may include others."""
+
+    file: str
+    number: int
+    text: str
+
+    def at(self, column: int) -> Location:
+        """A place in it, from 1."""
+        return Location(self.file, self.number, column)
+
+
+@dataclass(frozen=True)
 class Stated:
     """A value as it is written, and where."""
 
@@ -44,18 +57,14 @@ class Printer:
 
 @dataclass
 class ConstantReader:
-    """Takes constants out of what a file states; what is wrong is collected.
+    """Takes constants out of what lines state; what is wrong is collected."""
 
-    lines: of the file, for excerpts; stated: by any key; nowhere: the place of what is missing.
-    """
-
-    file: str
-    lines: Sequence[str]
+    lines: Sequence[Line]
     faults: FaultList = field(default_factory=FaultList)
 
     def fault(self, what: str, where: Location, hint: str | None = None, code: str = "constant") -> None:
         """Add a fault at its place."""
-        source = self.lines[where.line - 1] if 0 < where.line <= len(self.lines) else None
+        source = next((n.text for n in self.lines if (n.file, n.number) == (where.file, where.line)), None)
         self.faults.add(Fault(code, what, where, hint, source))
 
     def number(self, stated: Stated, name: str, positive: bool = False, whole: bool = False) -> bool:

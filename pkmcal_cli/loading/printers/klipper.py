@@ -11,9 +11,10 @@ import re
 from collections.abc import Mapping, Sequence
 
 from pkmcal_cli.base.errors import Location
-from pkmcal_cli.loading.printers.constants import ConstantReader, Printer, Stated
+from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer, Stated
 
 _SECTION = re.compile(r"\[\s*([^\]]+?)\s*\]")
+_INCLUDE = re.compile(r"\[include\s+([^\]]+?)\s*\]")
 _OPTION = re.compile(r"([A-Za-z0-9_]+)\s*[:=]\s*(.*?)\s*")
 _SAVED = "#*#"
 _ANGLES = {"a": "210", "b": "330", "c": "90"}
@@ -23,18 +24,23 @@ Options = dict[tuple[str, str], Stated]
 
 
 def is_klipper(lines: Sequence[str]) -> bool:
-    """Whether it is a file of Klipper: it has sections."""
+    """Whether these are lines of Klipper: they have sections."""
     return any(_SECTION.fullmatch(_bare(line)) for line in lines)
 
 
-def read_klipper(file: str, lines: Sequence[str], inputs: Mapping[str, str]) -> Printer:
+def klipper_include(line: str) -> str | None:
+    """The files that a line includes; None for other lines."""
+    found = _INCLUDE.fullmatch(_bare(line))
+    return found[1] if found else None
+
+
+def read_klipper(lines: Sequence[Line], inputs: Mapping[str, str], notes: Sequence[str]) -> Printer:
     """The constants of a delta or a winch. Raises BadInput with all faults."""
-    reader, options = ConstantReader(file, lines), _options(file, lines)
-    includes = [line.strip() for line in lines if line.strip().startswith("[include ")]
+    reader, options = ConstantReader(lines), _options(lines)
     kinematics = options.get(("printer", "kinematics"))
     if kinematics is None:
-        hint = f"merge what it includes: {', '.join(includes[:3])}" if includes else "give a printer.cfg"
-        reader.fault("no `kinematics` in section [printer]", Location(file, 1), hint, "missing")
+        hint = "; ".join(notes[:3]) or "give a printer.cfg"
+        reader.fault("no `kinematics` in section [printer]", lines[0].at(0), hint, "missing")
         reader.faults.raise_if_any()
     assert kinematics is not None
     if kinematics.text not in ("delta", "winch"):
@@ -44,9 +50,8 @@ def read_klipper(file: str, lines: Sequence[str], inputs: Mapping[str, str]) -> 
     find = _Finder(reader, options, kinematics.where)
     constants = _delta(find) if kinematics.text == "delta" else _winch(find)
     reader.faults.raise_if_any()
-    notes = tuple(f"not read: {text}" for text in includes)
     return Printer(
-        kinematics=kinematics.text, constants=constants, firmware="Klipper", inputs=dict(inputs), notes=notes
+        kinematics=kinematics.text, constants=constants, firmware="Klipper", inputs=dict(inputs), notes=tuple(notes)
     )
 
 
@@ -54,18 +59,19 @@ def _bare(line: str) -> str:
     return re.split(r"[#;]", line, maxsplit=1)[0].strip()
 
 
-def _options(file: str, lines: Sequence[str]) -> Options:
+def _options(lines: Sequence[Line]) -> Options:
     """Options by section and name, in small letters."""
     own, saved = Options(), Options()
     sections = {id(own): "", id(saved): ""}
-    for number, line in enumerate(lines, 1):
+    for each in lines:
+        line = each.text
         block = line.startswith(_SAVED)
         into = saved if block else own
         text = _bare(line.removeprefix(_SAVED)) if block else _bare(line)
         if head := _SECTION.fullmatch(text):
             sections[id(into)] = head[1].lower()
         elif not line[:1].isspace() and (option := _OPTION.fullmatch(text)):
-            place = Location(file, number, line.index(option[1]) + 1)
+            place = each.at(line.index(option[1]) + 1)
             into[sections[id(into)], option[1].lower()] = Stated(option[2], place)
     return saved | own
 

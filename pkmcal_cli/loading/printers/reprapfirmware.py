@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from pkmcal_cli.base.errors import Location
-from pkmcal_cli.loading.printers.constants import ConstantReader, Printer, Stated
+from pkmcal_cli.loading.printers.constants import ConstantReader, Line, Printer, Stated
 
 _COMMAND = re.compile(r"\s*[Mm](66[569])(?![0-9.])(.*)")
 _WORD = re.compile(r"([A-Za-z])\s*(\{[^}]*\}|[^\sA-Za-z{]+(?:[eE][+-]?\d+)?)?")
@@ -25,14 +25,19 @@ def is_reprapfirmware(lines: Sequence[str]) -> bool:
     return any(_COMMAND.fullmatch(_bare(line)) for line in lines)
 
 
-def read_reprapfirmware(file: str, lines: Sequence[str], inputs: Mapping[str, str]) -> Printer:
+def reprap_include(line: str) -> str | None:
+    """The file that a line reads: M501 what M500 has saved, with the latest calibration. None for other lines."""
+    return "config-override.g" if _bare(line).split()[:1] == ["M501"] else None
+
+
+def read_reprapfirmware(lines: Sequence[Line], inputs: Mapping[str, str], notes: Sequence[str]) -> Printer:
     """The constants of a linear delta or a Hangprinter. Raises BadInput with all faults."""
-    reader, words = ConstantReader(file, lines), _words(file, lines)
+    reader, words = ConstantReader(lines), _words(lines)
     kind = words.get(("669", "K"))
     delta = ("665", "L") in words or ("665", "R") in words
     if kind is None and not delta:
         hint = "a delta is set by M665, a Hangprinter by M669 K6"
-        reader.fault("neither M665 nor M669 K6", Location(file, 1), hint, "missing")
+        reader.fault("neither M665 nor M669 K6", lines[0].at(0), hint, "missing")
         reader.faults.raise_if_any()
     number = _DELTA if kind is None else kind.text
     if number not in (_DELTA, _HANGPRINTER):
@@ -43,10 +48,9 @@ def read_reprapfirmware(file: str, lines: Sequence[str], inputs: Mapping[str, st
     find = _Finder(reader, words, min((s.where for s in words.values()), key=lambda w: w.line))
     constants = _delta(find) if number == _DELTA else _hangprinter(find)
     reader.faults.raise_if_any()
-    notes = ("config-override.g, which M501 reads, may hold newer values",) if any("M501" in t for t in lines) else ()
     kinematics = "reprap-delta" if number == _DELTA else "hangprinter"
     return Printer(
-        kinematics=kinematics, constants=constants, firmware="RepRapFirmware", inputs=dict(inputs), notes=notes
+        kinematics=kinematics, constants=constants, firmware="RepRapFirmware", inputs=dict(inputs), notes=tuple(notes)
     )
 
 
@@ -54,13 +58,13 @@ def _bare(line: str) -> str:
     return line.split(";", 1)[0].rstrip()
 
 
-def _words(file: str, lines: Sequence[str]) -> Words:
+def _words(lines: Sequence[Line]) -> Words:
     """Parameters by command and letter."""
     out = Words()
-    for number, line in enumerate(lines, 1):
-        if found := _COMMAND.fullmatch(_bare(line)):
+    for line in lines:
+        if found := _COMMAND.fullmatch(_bare(line.text)):
             for word in _WORD.finditer(found[2]):
-                place = Location(file, number, found.start(2) + word.start() + 1)
+                place = line.at(found.start(2) + word.start() + 1)
                 out[found[1], word[1].upper()] = Stated(word[2] or "", place)
     return out
 
