@@ -24,7 +24,7 @@ from pkmcal_cli.units.dimensions import DIMENSIONS, NUMBER
 from pkmcal_cli.units.file_units import SI
 from pkmcal_cli.units.unit_text import UNITS
 
-TEXTS = ("column", "extends", "note")
+TEXTS = ("adjustable", "column", "extends", "note")
 _SENSOR_KIND = " or ".join(f"`{kind}`" for kind in sensor_kinds())
 """Keys whose text is no name of a thing of the machine."""
 SIGNS = {"+": " > 0", "0+": " >= 0", "+-": " not 0", "": ""}

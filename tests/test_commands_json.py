@@ -34,7 +34,7 @@ NAMED = {
     "heldout.after": "KIND", "channels_before": "CHANNEL", "channels_after": "CHANNEL",
     "points[]": "COLUMN", "steps[].fit": "KIND", "steps[].choose": "KIND", "steps[].report": "KIND",
     "loads.slack.ropes": "ROPE", "uncertainty.noise": "INSTRUMENT", "uncertainty.ranges.factors": "KIND",
-    "errors": "KIND", "outside": "COLUMN", "unexplained": "KIND",
+    "constants": "NAME", "errors": "KIND", "export.remaining": "KIND", "outside": "COLUMN", "unexplained": "KIND",
     "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME",
@@ -130,6 +130,7 @@ def write_all(folder: Path) -> None:
     """Machines, tables and parameter files of these runs."""
     (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
     (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
+    (folder / "shims.yaml").write_text(f"extends: {TRIGLIDE}\nparameters: {{yb1r: {{adjustable: true}}}}\n")
     (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
     write_gap(folder)
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
@@ -154,10 +155,13 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
             ["ropes.yaml", "lengths.csv", "-o", "slack.csv"], [TRIGLIDE, "far.csv", "--method", "rigid", "-o", "1.csv"],
         ],
+        "new": [["--from", str(MACHINES / "printer.cfg"), "-o", "new.yaml"]],
         "correct": [
             [TRIGLIDE, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],
             ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],
             [SCISSORS, "--grid", "x=0:0:1,y=0:320:2", "-p", "shop.params.yaml", "-o", "shop.commands.csv"],
+            ["shims.yaml", "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "adjust", "-o", "shims.txt"],
+            [TRIGLIDE, "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "linuxcnc", "-o", "t.comp"],
         ],
         "sensitivity": [[TRIGLIDE, *partly], [TRIGLIDE, "--grid", GRID, "--channel", "x"]],
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
@@ -196,6 +200,7 @@ LONG = dict.fromkeys(("diagnose", "improve"), pytest.mark.slow)
 SHOWN = [
     "check",
     "simulate",
+    "new",
     "correct",
     "sensitivity",
     "observability",

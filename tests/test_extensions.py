@@ -1,5 +1,5 @@
-"""What is added to a copy of the package: an effect and a kind of sensor by one file each, a subcommand by two, an
-element by one file and three edits.
+"""What is added to a copy of the package: an effect, a kind of sensor and a form that a control takes by one file each,
+a subcommand by two, an element by one file and three edits.
 """
 
 from __future__ import annotations
@@ -50,6 +50,18 @@ HEIGHT = SensorKind(
     measurand=Measurand.DISTANCE,
     equation=lambda seen: [as_read(seen["place"][:, 1], seen)],
 )
+'''
+FORMAT = '''"""Set values as plain lines."""
+
+from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+
+
+def _draft(case: ExportCase) -> Draft:
+    lines = [" ".join(f"{1e3 * v:.3f}" for v in row) for row in case.corrected]
+    return Draft(commands=case.corrected, values=case.values, texts=lambda remarks: {"": "\\n".join([*lines, ""])})
+
+
+PLAIN = Format(keyword="plain", title="plain lines", sources=(), suffix=".txt", draft=_draft)
 '''
 ELEMENT = '''"""A tie whose strain is quadratic in the chord: e = (|delta|^2 - L^2) / 2 per metre."""
 
@@ -147,7 +159,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     package = folder / "pkmcal_cli"
     shutil.copytree(ROOT / "pkmcal_cli", package, ignore=shutil.ignore_patterns("__pycache__"))
     for file, text in (
-        ("effects/square.py", EFFECT), ("sensors/height.py", SENSOR), ("commands/count.py", COMMAND),
+        ("correction/formats/plain.py", FORMAT), ("effects/square.py", EFFECT), ("sensors/height.py", SENSOR),
+        ("commands/count.py", COMMAND),
         ("workflow/count.py", WORK), ("../machine.yaml", OVERLAY), ("elements/tie.py", ELEMENT), ("../tied.yaml", TIED),
     ):  # fmt: skip
         (package / file).write_text(text, encoding="utf-8")
@@ -189,6 +202,12 @@ def test_an_effect_and_a_kind_of_sensor_are_one_file_each(place: Path) -> None:
     fit = json.loads(ran(place, "calibrate", "unknown.yaml", "measured.csv", "--select", names, "--json").stdout)
     (b,) = (p for p in fit["parameters"] if p["name"] == names)
     assert abs(b["value"] - 4) < 4 * b["std_by_data"] < 2
+
+
+def test_a_form_that_a_control_takes_is_one_file(place: Path) -> None:
+    grid = ("--grid", "x=300:400:3,y=200:300:2")
+    done = ran(place, "correct", str(MACHINES / "triglide.yaml"), *grid, "--as", "plain")
+    assert len(done.stdout.splitlines()) == 6 and "with `plain`" in done.stderr
 
 
 def test_an_element_is_one_file_and_three_edits(place: Path) -> None:

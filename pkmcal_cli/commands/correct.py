@@ -8,6 +8,10 @@ import typer
 
 from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, Quiet, as_request
 
+_FORMATS = (
+    "adjust, beckhoff, csv, gcode, gcode-drives, gcode-printer, klipper, linuxcnc, reprapfirmware (docs/correct.md)."
+)
+
 
 def correct(
     machine: MachineFile,
@@ -22,8 +26,13 @@ def correct(
     redundant: Annotated[
         str, typer.Option("--redundant", metavar="CHOICE", help="min-force, min-energy, preload or nominal.")
     ] = "min-force",
+    as_format: Annotated[
+        str | None, typer.Option("--as", metavar="FORMAT", help="What a control takes instead: " + _FORMATS)
+    ] = None,
+    dwell: Annotated[float, typer.Option("--dwell", metavar="S", help="G-code: wait at every target, seconds.")] = 2.0,
+    feed: Annotated[float, typer.Option("--feed", metavar="F", help="G-code: feed, mm/min.")] = 1000.0,
     output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="Table to write; default: stdout.")
+        str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="File to write; default: stdout.")
     ] = None,
     as_json: Json = False,
     quiet: Quiet = False,

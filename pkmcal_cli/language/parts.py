@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr
 
 from pkmcal_cli.language.fields import (
     Acceleration,
+    Adjustable,
     Angle,
     AngleUnit,
     Area,
@@ -110,6 +111,10 @@ class Parameter(Entity, Generic[F]):
     fixed: bool = Field(default=False, description="true: exact; never identified, and it adds no uncertainty")
     per: Literal["session"] | None = Field(
         default=None, description="session: one value per session (sensors, zeros of drives)"
+    )
+    adjustable: Adjustable = Field(
+        default="",
+        description='What shims or screws change, e.g. "rail A, left end"; true: itself; for `correct --as adjust`',
     )
     note: str | None = Field(default=None, description="Comment")
     _dimension: Dimension = PrivateAttr(NUMBER)

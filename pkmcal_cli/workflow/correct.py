@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.correction.assessment import assessed
 from pkmcal_cli.correction.commands import corrected, depends_on_sides
+from pkmcal_cli.correction.formats import format_named
 from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim
+from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.correction.uncertainty import KnownTo
 from pkmcal_cli.csv_files.writer import open_writer
 from pkmcal_cli.loading.evidence import Evidence
@@ -24,6 +26,9 @@ from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
+from pkmcal_cli.workflow.export import Export, exported, write_export
+
+_MOST = 1e6  # of seconds, or mm/min
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +41,9 @@ class CorrectionRequest:
     parameters: str | None
     at: str | None
     redundant: str
+    as_format: str | None
+    dwell: float
+    feed: float
     output: str | None
     as_json: bool
     quiet: bool
@@ -54,11 +62,14 @@ class CorrectionRequest:
 
 def run_correction(request: CorrectionRequest) -> int:
     """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
-    choice, target = request.choice, _checked(request)
+    choice, target, export = request.choice, _checked(request), _export(request)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
         to.warn(fault)
+    if export is not None:
+        names = given(request.machine, request.targets, request.parameters)
+        export.check([loaded.model.actuators[a].name for a in held_drives(loaded.model)], names)
     stated = conditions(loaded.machine, request.at)
     targets = read_targets(loaded, request.targets, request.grid, stated.values)
     model = loaded.model.for_sessions(targets.rows.session_names)
@@ -76,13 +87,17 @@ def run_correction(request: CorrectionRequest) -> int:
     report.show(to)
     inputs = loaded.inputs | start.inputs | dict(targets.inputs)
     head = provenance(inputs, redundant=choice, at=request.at)
-    if result is not None and len(result.correction.good):
+    more: dict[str, Any] = {}
+    if result is not None and len(result.correction.good) and export is not None:
+        written = exported(export, loaded, model, start, targets, result)
+        more = {"export": written.json(write_export(export, written, inputs, head, to))}
+    elif result is not None and len(result.correction.good):
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
         comments = ["set values corrected by pkmcal", *provenance_lines(head)]
         with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
             writer.write(table.cells(report.ids, result))
     if request.as_json:
-        emit_json(report.json() | {"output": request.output, "at": request.at, "provenance": head})
+        emit_json(report.json() | {"output": request.output, "at": request.at, "provenance": head} | more)
     return 1 if report.lost.reasons and not targets.grid else 0
 
 
@@ -92,8 +107,23 @@ def _checked(request: CorrectionRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o COMMANDS.csv`")
     one_stdin(request.machine, request.targets, request.parameters)
-    check_target(target, given(request.machine, request.targets, request.parameters), force=request.force)
+    if request.as_format is None:
+        check_target(target, given(request.machine, request.targets, request.parameters), force=request.force)
     return target
+
+
+def _export(request: CorrectionRequest) -> Export | None:
+    """What is to be written for a control; None without `--as`. Raises UsageError."""
+    for option, value in (("--dwell", request.dwell), ("--feed", request.feed)):
+        if not 0 < value < _MOST:
+            raise UsageError(f"{option}: {value:g} is not a positive number", hint="give, for example, `--dwell 2`")
+    if request.as_format is None:
+        return None
+    target = "-" if request.output is None else request.output
+    return Export(
+        format=format_named(request.as_format), target=target, choice=request.choice, dwell=request.dwell,
+        feed=request.feed, force=request.force,
+    )  # fmt: skip
 
 
 def _known(model: Model, start: Start, stated: Conditions, evidence: Evidence) -> KnownTo | None:

@@ -38,6 +38,10 @@ class ConsistencyCheck:
         """All checks."""
         machine = self.machine
         self._check_bodies()
+        for name, parameter in machine.parameters.items():
+            if parameter.adjustable and parameter.per:
+                what = "what is adjusted has one value, not one per session"
+                self._fault(what, ("parameters", name, "adjustable"), "delete `adjustable` or `per`", at_key=True)
         for name, section in machine.sections.items():
             self._check_section(("sections", name), section)
         for name, beam in machine.beams.items():

@@ -1,0 +1,144 @@
+"""Tables over the travel of single drives: the best that corrections of each drive by its own set value alone can do.
+
+All tables are found together, by linear least squares of the tool point's error at the targets; knots without targets
+near them go on straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.export_case import ExportCase
+
+MOST = 33  # knots of a table: more hardly bend
+_PER_KNOT = 3  # numbers that targets state for each number of the tables, so that these do not fit the targets alone
+_STRAIGHT, _ALIKE, _SMALL = 1e-6, 1e-4, 1e-9  # of the mean weight of a knot: bending, changes of reversal, reversal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Digits:
+    """How finely a format counts a drive's positions and corrections, SI of the reading."""
+
+    position: float
+    correction: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveTable:
+    """Corrections forward (K,) and reverse (K,) that a control adds to set values of a drive at regular knots; SI."""
+
+    low: float
+    step: float
+    forward: Array
+    reverse: Array
+
+    @property
+    def knots(self) -> Array:
+        """Set values (K,) at which corrections are given."""
+        return self.low + self.step * np.arange(len(self.forward))
+
+    def corrections(self, commanded: Array, sides: NDArray[np.int_]) -> Array:
+        """Corrections (n,): between knots straight, outside of them constant; the mean where the side is unknown."""
+        ahead, back = (np.interp(commanded, self.knots, t) for t in (self.forward, self.reverse))
+        return np.where(sides > 0, ahead, np.where(sides < 0, back, 0.5 * (ahead + back)))
+
+    def rounded(self, digit: float) -> DriveTable:
+        """With corrections in multiples of a digit."""
+        forward, reverse = (digit * np.round(t / digit) for t in (self.forward, self.reverse))
+        return DriveTable(low=self.low, step=self.step, forward=forward, reverse=reverse)
+
+
+def drive_tables(case: ExportCase, digits: Callable[[int], Digits]) -> list[DriveTable]:
+    """A table for every drive that a control commands, in the digits of a format."""
+    sides = 2 if case.sided else 1
+    told = case.wanted.size / (_PER_KNOT * sides * len(case.drives))
+    count = int(np.clip(told, 2, MOST))
+    grids = [_grid(case.commanded[:, a], count, digits(a).position) for a in case.drives]
+    found = _fitted(case, grids)
+    return [t.rounded(digits(a).correction) for a, t in zip(case.drives, found, strict=True)]
+
+
+def sent(case: ExportCase, tables: Sequence[DriveTable]) -> Array:
+    """Set values (n, A) of a control that adds the corrections of its tables."""
+    out, sides = case.commanded.copy(), case.sides(case.commanded)
+    for k, (a, table) in enumerate(zip(case.drives, tables, strict=True)):
+        out[:, a] += table.corrections(case.commanded[:, a], sides[:, k])
+    return out
+
+
+def _grid(commanded: Array, count: int, digit: float) -> tuple[float, float, int]:
+    """First knot, distance and number of knots over a range of set values, in multiples of a digit."""
+    low = np.floor(float(commanded.min()) / digit)
+    high = max(np.ceil(float(commanded.max()) / digit), low + count - 1)
+    step = np.ceil((high - low) / (count - 1))
+    return float(low * digit), float(step * digit), count
+
+
+def _fitted(case: ExportCase, grids: Sequence[tuple[float, float, int]]) -> list[DriveTable]:
+    sides = case.sides(case.commanded)
+    own = [_basis(case.commanded[:, a], grid) for a, grid in zip(case.drives, grids, strict=True)]
+    if case.sided:
+        own = [sparse.hstack([b, sparse.diags(sides[:, k]) @ b]).tocsr() for k, b in enumerate(own)]
+    weights, wanted = case.weights, (case.corrected - case.commanded)[:, case.drives]
+    design = sparse.vstack(
+        [
+            sparse.hstack([sparse.diags(weights[:, r, k]) @ b for k, b in enumerate(own)])
+            for r in range(weights.shape[1])
+        ]
+    ).tocsr()
+    target = np.einsum("nrd,nd->rn", weights, wanted).ravel()
+    normal = (design.T @ design).toarray()
+    blocks = [_smooth(case.sided, count) for _, _, count in grids]
+    solution = np.linalg.solve(normal + _scaled(normal, blocks), design.T @ target)
+    return _tables(solution, grids, case.sided)
+
+
+def _basis(commanded: Array, grid: tuple[float, float, int]) -> sparse.csr_matrix:
+    """Shares (n, K) of the knots in what is interpolated."""
+    low, step, count = grid
+    at = np.clip((commanded - low) / step, 0.0, count - 1.0)
+    left = np.minimum(at.astype(int), count - 2)
+    rows, part = np.arange(len(commanded)), at - left
+    return sparse.csr_matrix(
+        (np.concatenate([1.0 - part, part]), (np.concatenate([rows, rows]), np.concatenate([left, left + 1]))),
+        shape=(len(commanded), count),
+    )
+
+
+def _smooth(sided: bool, count: int) -> Array:
+    """Squares of what tables shall not do where nothing asks for it."""
+    bend = np.diff(np.eye(count), 2, axis=0)
+    mean = _STRAIGHT * bend.T @ bend + _SMALL * np.eye(count)
+    if not sided:
+        return np.asarray(mean)
+    change = np.diff(np.eye(count), axis=0)
+    reversal = _ALIKE * change.T @ change + _SMALL * np.eye(count)
+    zero = np.zeros((count, count))
+    return np.block([[mean, zero], [zero, reversal]])
+
+
+def _scaled(normal: Array, blocks: Sequence[Array]) -> Array:
+    """The same for all drives, each in units of its own weight."""
+    out = np.zeros_like(normal)
+    at = 0
+    for block in blocks:
+        part = slice(at, at + len(block))
+        out[part, part] = block * max(float(np.diag(normal)[part].mean()), 1e-300)
+        at += len(block)
+    return out
+
+
+def _tables(solution: Array, grids: Sequence[tuple[float, float, int]], sided: bool) -> list[DriveTable]:
+    out, at = [], 0
+    for low, step, count in grids:
+        mean = solution[at : at + count]
+        half = solution[at + count : at + 2 * count] if sided else np.zeros(count)
+        out.append(DriveTable(low=low, step=step, forward=mean + half, reverse=mean - half))
+        at += count * (2 if sided else 1)
+    return out

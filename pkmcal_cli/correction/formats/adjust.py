@@ -1,0 +1,104 @@
+"""What shims and screws are to change: nominal less identified value of every parameter that is `adjustable`.
+
+The remaining error is that of the machine so adjusted, at the set values of the nominal one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pkmcal_cli.correction.export_case import Draft, ExportCase, Format, Listing
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_UNKNOWN = 3  # decimals beyond the range's first digit where nobody knows how sure a value is
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Of a parameter: what is adjusted, by how much, standard uncertainty (nan: unknown), in its unit."""
+
+    name: str
+    what: str
+    change: float
+    std: float
+    unit: Unit
+    decimals: int
+
+    @property
+    def _tail(self) -> str:
+        return "" if self.unit.text == "1" else f" {self.unit.text}"
+
+    @property
+    def change_text(self) -> str:
+        """The change with its unit."""
+        return f"{self.change:+.{self.decimals}f}{self._tail}"
+
+    @property
+    def std_text(self) -> str:
+        """The standard uncertainty with its unit; a dash where unknown."""
+        return "-" if math.isnan(self.std) else f"{self.std:.2g}{self._tail}"
+
+    @property
+    def line(self) -> str:
+        """As the list tells it."""
+        sure = "uncertainty unknown" if math.isnan(self.std) else f"u {self.std_text}"
+        label = self.what if self.what == self.name else f"{self.what} ({self.name})"
+        return f"{label}: {self.change_text} ({sure})"
+
+
+def adjustments(case: ExportCase) -> list[Adjustment]:
+    """In the order of the machine file. Raises BadInput where nothing is adjustable."""
+    parameters = {n: p for n, p in case.loaded.machine.parameters.items() if p.adjustable and n in case.model.names}
+    if not parameters:
+        hint = 'mark what shims and screws set: `zl: {nominal: 0, adjustable: "rail A, left end"}`'
+        raise case.refuse("adjust", "no parameter of the machine file is `adjustable`", hint)
+    return [_adjustment(case, name) for name in parameters]
+
+
+def _adjustment(case: ExportCase, name: str) -> Adjustment:
+    parameter, k = case.loaded.machine.parameters[name], case.model.names.index(name)
+    unit = parse_unit(parameter.unit or "1")
+    std = _std(case, name) / unit.scale
+    known = std if std > 0 else abs(parameter.range) / unit.scale * 10.0**-_UNKNOWN
+    decimals = int(max(0, 1 - math.floor(math.log10(known)))) if known > 0 else 6
+    change = (case.model.nominal[k] - case.values[k]) / unit.scale
+    what = name if parameter.adjustable == "true" else parameter.adjustable
+    return Adjustment(name, what, round(change, min(decimals, 12)) + 0.0, std, unit, min(decimals, 12))
+
+
+def _std(case: ExportCase, name: str) -> float:
+    if case.covariance is None or name not in case.covariance[0]:
+        return math.nan
+    k = case.covariance[0].index(name)
+    return math.sqrt(max(float(case.covariance[1][k, k]), 0.0))
+
+
+def _draft(case: ExportCase) -> Draft:
+    made, values = adjustments(case), case.values.copy()
+    for each in made:
+        values[case.model.names.index(each.name)] += each.change * each.unit.scale
+
+    def texts(remarks: Sequence[str]) -> Mapping[str, str]:
+        told = ["nominal less identified value: change each by so much; u: standard uncertainty", *remarks]
+        return {"": "\n".join([*(f"# {line}" for line in told), *(each.line for each in made), ""])}
+
+    entries = [
+        {
+            "parameter": each.name,
+            "what": each.what,
+            "change": each.change,
+            "std": None if math.isnan(each.std) else each.std,
+            "unit": each.unit.text,
+        }
+        for each in made
+    ]
+    rows = [(each.what, each.name, each.change_text, each.std_text) for each in made]
+    shown = Listing("Change by nominal less identified value", ("what", "parameter", "change", "u"), tuple(rows))
+    return Draft(commands=case.commanded, values=values, texts=texts, entries=entries, shown=shown)
+
+
+ADJUST = Format(
+    keyword="adjust", title="shims and screws", sources=(), suffix=".txt", draft=_draft,
+)  # fmt: skip

@@ -1,0 +1,43 @@
+"""Tables of single drives as CSV: for controls whose own form is not public.
+
+Columns: `drive`; `unit` of the other three; `position`, the set value of the nominal machine; `forward` and `reverse`,
+what is added to it when it is approached towards larger and towards smaller readings. Between positions of a drive
+interpolate straight; outside of them keep the first and the last row. The format is defined in docs/correct.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pkmcal_cli.correction.drive_tables import Digits, drive_tables, sent
+from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+
+
+def _draft(case: ExportCase) -> Draft:
+    units = {int(a): case.unit(int(a)) for a in case.drives}
+    tables = drive_tables(
+        case, lambda a: Digits(position=units[int(a)].to_si(1e-3), correction=units[int(a)].to_si(1e-6))
+    )
+
+    def texts(remarks: Sequence[str]) -> Mapping[str, str]:
+        lines = [f"# {line}" for line in remarks]
+        lines.append("drive,unit,position,forward,reverse")
+        for a, table in zip(case.drives, tables, strict=True):
+            unit = units[int(a)]
+            rows = zip(table.knots, table.forward, table.reverse, strict=True)
+            lines += [
+                f"{case.name(a)},{unit.text},{unit.from_si(k):.3f},{unit.from_si(f):.6f},{unit.from_si(r):.6f}"
+                for k, f, r in rows
+            ]
+        return {"": "\n".join([*lines, ""])}
+
+    return Draft(commands=sent(case, tables), values=case.values, texts=texts)
+
+
+CSV = Format(
+    keyword="csv",
+    title="tables of single drives, CSV",
+    sources=("https://www.rfc-editor.org/rfc/rfc4180",),
+    suffix=".csv",
+    draft=_draft,
+)

@@ -1,0 +1,1 @@
+"""Constants of a printer as the files of its firmware state them."""

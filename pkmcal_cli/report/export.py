@@ -1,0 +1,162 @@
+"""What `correct --as` wrote: the error of the tool point that remains once a control has it, in words and for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.correction.export_case import Draft, ExportCase, Format
+from pkmcal_cli.correction.strained_pose import StrainedPose
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_KINDS = (("position", "um"), ("orientation", "urad"))
+_NO_ENERGY = 1e-12  # J: rounding
+_ROUNDING = 1e-3  # um or urad: nothing
+_LEAST = 1e-9  # m or rad: by which an error has to grow to be larger
+_NOTHING = "-"
+BEFORE, EXPORT, CORRECTED = "before", "export", "corrected"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportReport:
+    """A draft of a format for a case."""
+
+    case: ExportCase
+    format: Format
+    draft: Draft
+
+    @cached_property
+    def _installed(self) -> StrainedPose:
+        return self.case.installed(self.draft)
+
+    @cached_property
+    def _errors(self) -> dict[str, Array]:
+        """Errors (n, h) at the usable targets: of the nominal set values, with the export, corrected."""
+        made, rows, wanted = self.case.made, self.case.usable, self.case.wanted
+        tools = (made.before.tool[rows], self._installed.tool, made.after.tool[rows])
+        return {what: tool - wanted for what, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
+
+    @cached_property
+    def _energies(self) -> dict[str, float]:
+        """Mean strain energies, J, of the same."""
+        made, rows = self.case.made, self.case.usable
+        energies = (made.before.energy[rows], self._installed.energy, made.after.energy[rows])
+        means = (float(e[~np.isnan(e)].mean()) if (~np.isnan(e)).any() else float("nan") for e in energies)
+        return dict(zip((BEFORE, EXPORT, CORRECTED), (m if not m < _NO_ENERGY else 0.0 for m in means), strict=True))
+
+    def _columns(self, kind: str) -> list[int]:
+        turning = self.case.tool.turning
+        return [k for k, turns in enumerate(turning) if turns == (kind == "orientation")]
+
+    def _sizes(self, what: str, kind: str) -> Array:
+        """Sizes (n,) of an error; nan where the machine finds no pose."""
+        return np.asarray(np.sqrt((self._errors[what][:, self._columns(kind)] ** 2).sum(axis=1)))
+
+    def _uncertainty(self, kind: str) -> float:
+        """Standard uncertainty of the tool point at the corrected set values, rms; nan where unknown."""
+        spread = self.case.assessment.after
+        if spread is None:
+            return float("nan")
+        std = spread.tool[self.case.usable][:, self._columns(kind)]
+        return float(np.sqrt((std**2).sum(axis=1).mean()))
+
+    @property
+    def lost(self) -> int:
+        """Number of targets at which the machine finds no pose with the export."""
+        return int(np.isnan(self._errors[EXPORT]).any(axis=1).sum())
+
+    @property
+    def kinds(self) -> list[tuple[str, Unit]]:
+        """Kinds of errors that there are."""
+        return [(kind, parse_unit(unit)) for kind, unit in _KINDS if self._columns(kind)]
+
+    def remarks(self) -> list[str]:
+        """What stands in every written file, beside its numbers."""
+        out = [f"pkmcal correct --as {self.format.keyword}: {self.format.title}"]
+        for kind, unit in self.kinds:
+            rms = [_text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
+            most = [_text(_largest(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)]
+            where, u = count(len(self.case.usable), "target"), self._uncertainty(kind)
+            out.append(
+                f"error of the tool point that remains, {kind}, rms (max) of {where}: {rms[0]} ({most[0]}) before, "
+                f"{rms[1]} ({most[1]}) with this, {rms[2]} ({most[2]}) with corrected set values; "
+                f"standard uncertainty {'unknown' if np.isnan(u) else _text(u, unit)}"
+            )
+        out += [f"note: {note}" for note in self.draft.notes]
+        return out + [f"specification: {source}" for source in self.format.sources]
+
+    def show(self, to: Reporter, files: Sequence[str]) -> None:
+        """The verdict, errors that remain, what was written."""
+        for kind, unit in self.kinds:
+            rms = {w: _text(_rms(self._sizes(w, kind)), unit) for w in (BEFORE, EXPORT, CORRECTED)}
+            with_it = f"{rms[BEFORE]} -> {rms[EXPORT]} with `{self.format.keyword}`"
+            to.say(f"{kind}, rms: {with_it}, {rms[CORRECTED]} with corrected set values")
+        if (listing := self.draft.shown) is not None:
+            to.table(listing.title, listing.head, listing.rows, left=2)
+        rows = []
+        names = {BEFORE: "nominal set values", EXPORT: self.format.title, CORRECTED: "corrected set values"}
+        for kind, unit in self.kinds:
+            for what, name in names.items():
+                sizes = self._sizes(what, kind)
+                u = _NOTHING if what == BEFORE else _text(self._uncertainty(kind), unit)
+                rows.append((kind, name, _text(_rms(sizes), unit), _text(_largest(sizes), unit), u))
+        title = f"Error of the tool point that remains at {count(len(self.case.usable), 'target')}"
+        to.table(title, ("error", "with", "rms", "max", "u (rms)"), rows, left=2)
+        if self.case.redundant:
+            e = self._energies
+            with_it = f"{e[EXPORT]:.3g} J with `{self.format.keyword}`"
+            to.say(f"strain energy (mean): {e[BEFORE]:.3g} J before, {with_it}, {e[CORRECTED]:.3g} J corrected")
+        to.notes(self.draft.notes)
+        if left := len(self.case.made.good) - len(self.case.usable):
+            to.warn(f"warning: not counted: {count(left, 'target')} without set values of the nominal machine")
+        for kind, _ in self.kinds:
+            if _rms(self._sizes(EXPORT, kind)) > _rms(self._sizes(BEFORE, kind)) + _LEAST:
+                to.warn(f"warning: with `{self.format.keyword}` the error of the {kind} is larger than before")
+        if self.lost:
+            to.warn(f"warning: no pose of the machine with `{self.format.keyword}` at {count(self.lost, 'target')}")
+        if files:
+            to.say(f"written: {', '.join(files)}")
+
+    def json(self, files: Sequence[str]) -> dict[str, Any]:
+        """For JSON."""
+        remaining: dict[str, Any] = {}
+        for kind, unit in self.kinds:
+            sizes = {w: self._sizes(w, kind) / unit.scale for w in (BEFORE, EXPORT, CORRECTED)}
+            remaining[kind] = {w: {"rms": finite(_rms(s)), "max": finite(_largest(s))} for w, s in sizes.items()}
+            remaining[kind] |= {"u": finite(self._uncertainty(kind) / unit.scale), "unit": unit.text}
+        return {
+            "format": self.format.keyword,
+            "title": self.format.title,
+            "specification": list(self.format.sources),
+            "files": list(files),
+            "n_targets": len(self.case.usable),
+            "n_lost": self.lost,
+            "remaining": remaining,
+            "strain_energy": {what: finite(value) for what, value in self._energies.items()},
+            "notes": list(self.draft.notes),
+            "entries": [dict(entry) for entry in self.draft.entries],
+        }
+
+
+def _text(value: float, unit: Unit) -> str:
+    if np.isnan(value):
+        return _NOTHING
+    return handy(value if abs(value) > _ROUNDING * unit.scale else 0.0, unit)
+
+
+def _rms(values: Array) -> float:
+    kept = values[~np.isnan(values)]
+    return float(np.sqrt((kept**2).mean())) if len(kept) else float("nan")
+
+
+def _largest(values: Array) -> float:
+    kept = values[~np.isnan(values)]
+    return float(kept.max()) if len(kept) else float("nan")

@@ -1,0 +1,112 @@
+"""`correct --as`: what cannot be written is told before anything is, and other output stays as it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pkmcal_cli.correction.formats import formats
+from tests.command import HANGPRINTER, MACHINES, SCISSORS, TRIGLIDE, run
+
+BIGLIDE = str(MACHINES / "biglide.yaml")
+DELTA = str(MACHINES / "delta-printer.yaml")
+GRIDS = {
+    BIGLIDE: "x=250:450:3,y=220:320:3",
+    TRIGLIDE: "x=300:400:3,y=200:300:3",
+    SCISSORS: "x=-50:50:3,y=-50:50:3",
+    DELTA: "x=-50:50:3,y=-50:50:3,z=0:50:2",
+    HANGPRINTER: "x=-50:50:3,y=-50:50:3,z=0:50:2",
+    str(MACHINES / "hexapod7.yaml"): "x=-30:30:2,y=-30:30:2",
+    str(MACHINES / "belt-router.yaml"): "x=1000:2000:3,y=800:1400:3",
+    str(MACHINES / "delta4.yaml"): "x=-30:30:2,y=-30:30:2",
+}
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_help_lists_every_format() -> None:
+    told = " ".join(run("correct", "--help").out.split()).replace("- ", "-")
+    assert ", ".join(formats()) in told
+    page = (MACHINES.parent / "docs" / "correct.md").read_text()
+    assert [name for name in formats() if f"| `{name}` |" not in page] == []
+
+
+def test_every_format_cites_its_specification() -> None:
+    """But for the list of shims, which is for people."""
+    silent = [name for name, about in formats().items() if not about.sources]
+    assert silent == ["adjust"]
+    assert all(s.startswith("https://") for about in formats().values() for s in about.sources)
+
+
+@pytest.mark.parametrize("machine", GRIDS, ids=lambda m: Path(m).stem)
+@pytest.mark.parametrize("keyword", ["klipper", "reprapfirmware", "gcode", "gcode-drives", "adjust"])
+def test_a_format_fits_or_says_why_not(machine: str, keyword: str) -> None:
+    """No file where it does not, and what to use instead."""
+    done = run("correct", machine, "--grid", GRIDS[machine], "--as", keyword, "-o", "out.txt")
+    if done.code == 0:
+        assert Path("out.txt").stat().st_size > 100
+        return
+    assert done.code == 3 and f"error[format]: --as {keyword}: " in done.err and "help: " in done.err
+    assert not Path("out.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "told"),
+    [
+        (["--as", "linuxnc"], 2, "did you mean `linuxcnc`?"),
+        (["--as", "haas"], 2, "adjust, beckhoff, csv"),
+        (["--as", "linuxcnc"], 2, "a file for every drive"),
+        (["--as", "linuxcnc", "-o", "-"], 2, "a file for every drive"),
+        (["--as", "linuxcnc", "-o", ""], 2, "a file for every drive"),
+        (["--as", "linuxcnc", "-o", ".."], 2, "a file for every drive"),
+        (["--as", "linuxcnc", "-o", "/dev/null"], 2, "a file for every drive"),
+        (["--as", "linuxcnc", "-o", "x" * 300], 4, "xxx"),
+        (["--as", "linuxcnc", "-o", "no/such/t.comp"], 4, "no/such"),
+        (["--as", "csv", "--json"], 2, "both write to stdout"),
+        (["--as", "gcode", "--dwell", "0"], 2, "--dwell"),
+        (["--as", "gcode", "--feed", "-1"], 2, "--feed"),
+        (["--as", "gcode", "--feed", "nan"], 2, "--feed"),
+        (["--as", "gcode", "--dwell", "x"], 2, "--dwell"),
+    ],
+)
+def test_options_that_do_not_go(options: list[str], code: int, told: str) -> None:
+    done = run("correct", BIGLIDE, "--grid", GRIDS[BIGLIDE], *options)
+    assert done.code == code and told in done.err
+
+
+def test_all_files_or_none() -> None:
+    """A file that is there is not replaced, nor are its neighbours written."""
+    Path("t.q2.comp").write_text("mine")
+    options = ["--grid", GRIDS[BIGLIDE], "--as", "linuxcnc", "-o", "t.comp"]
+    done = run("correct", BIGLIDE, *options)
+    assert done.code == 4 and "t.q2.comp" in done.err
+    assert sorted(p.name for p in Path().iterdir()) == ["t.q2.comp"] and Path("t.q2.comp").read_text() == "mine"
+    assert run("correct", BIGLIDE, *options, "--force").code == 0 and len(list(Path().iterdir())) == 3
+
+
+def test_an_input_is_never_replaced() -> None:
+    Path("t.X.comp").write_text(Path(BIGLIDE).read_text().replace("q1:", "X:"))
+    done = run("correct", "t.X.comp", "--grid", GRIDS[BIGLIDE], "--as", "linuxcnc", "-o", "t.comp", "--force")
+    assert done.code == 4 and "input of the command" in done.err
+
+
+def test_without_targets_nothing_is_written() -> None:
+    Path("far.csv").write_text("x,y\n9000,275\n")
+    done = run("correct", BIGLIDE, "far.csv", "--as", "csv", "-o", "t.csv")
+    assert done.code == 1 and not Path("t.csv").exists()
+
+
+def test_the_export_goes_to_stdout_too() -> None:
+    done = run("correct", BIGLIDE, "--grid", GRIDS[BIGLIDE], "--as", "csv", "-q")
+    assert done.code == 0 and done.out.startswith("# pkmcal correct --as csv") and done.err == ""
+    assert "drive,unit,position,forward,reverse\nq1,mm," in done.out
+
+
+def test_the_table_is_as_before_without_a_format() -> None:
+    done = run("correct", BIGLIDE, "--grid", GRIDS[BIGLIDE], "-o", "c.csv", "--json")
+    assert done.code == 0 and "export" not in done.json
+    assert "remains" not in done.err and "--as" not in Path("c.csv").read_text().splitlines()[0]
