@@ -249,6 +249,29 @@ def test_forces_stay_within_limits_at_poses_and_on_the_way(tmp_path: Path) -> No
     assert 0 < (highest > limit).sum() <= skipped[0] < 49
 
 
+def test_a_program_strains_nothing_on_its_way(tmp_path: Path) -> None:
+    """Every line of the program, and half-way to the next, in the independent simulator; a list and a table say the
+    same set values."""
+    truth, files = PINNED["scissors"](), {form: tmp_path / form for form in ("gcode", "checklist", "csv")}
+    for form, file in files.items():
+        assert clean(run("plan", SCISSORS, "--grid", "x=-200:200:2,y=-200:200:2", "--as", form, "-o", file)).code == 0
+    lines = [line for line in files["gcode"].read_text().splitlines() if line.startswith("G1")]
+    words = np.array([[float(word[1:]) for word in line.split()[1:5]] for line in lines]) * 1e-3
+    assert len(lines) > 100, "long ways have points on them"
+    for row in (words, 0.5 * (words[1:] + words[:-1])):
+        assert np.abs(truth.forward(row[::7]).drive_force).max() < 2000, "N"
+    rows = np.stack([column(files["csv"], n) for n in ("q1", "q2", "q3", "q4")], axis=1)
+    told = [float(t) for t in re.findall(r"-> (\S+) mm", files["checklist"].read_text())]
+    np.testing.assert_allclose(np.reshape(told, (-1, 4)), rows, atol=5.1e-4)
+    waits = files["gcode"].read_text().splitlines()
+    ends = [waits[k - 1] for k, line in enumerate(waits) if line == "G4 P2"]
+    at = np.array([[float(word[1:]) for word in line.split()[1:5]] for line in ends])
+    np.testing.assert_allclose(at, rows, atol=2e-5)
+    assert "x = ________ mm" in files["checklist"].read_text() and "x [mm],y [mm]" in files["csv"].read_text()
+    wrong = clean(run("plan", SCISSORS, *GRID, "--as", "gcodes"))
+    assert wrong.code == 2 and "did you mean `gcode`?" in wrong.err
+
+
 def test_one_seed_one_plan() -> None:
     options = ("plan", SCISSORS, *GRID, "--aim", "backlash@q1", "-o", "-", "--seed")
     first, again, other = (run(*options, s).out for s in ("1", "1", "2"))

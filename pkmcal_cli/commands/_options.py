@@ -71,6 +71,8 @@ Holdout = Annotated[
     str | None,
     typer.Option("--holdout", metavar="K|session|cells|FILE.csv|none", help="Data to hold out; default: 5 folds."),
 ]
+Dwell = Annotated[float, typer.Option("--dwell", metavar="S", help="G-code: wait at every target, seconds.")]
+Feed = Annotated[float, typer.Option("--feed", metavar="F", help="G-code: feed, mm/min.")]
 Loss = Annotated[
     str, typer.Option("--loss", metavar="squares|huber|tukey", help="huber and tukey down-weight outliers.")
 ]

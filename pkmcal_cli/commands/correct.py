@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, Quiet, as_request
+from pkmcal_cli.commands._options import Dwell, Feed, Force, Grid, Json, MachineFile, Parameters, Quiet, as_request
 
 _FORMATS = (
     "adjust, beckhoff, csv, gcode, gcode-drives, gcode-printer, klipper, linuxcnc, reprapfirmware (docs/correct.md)."
@@ -29,8 +29,8 @@ def correct(
     as_format: Annotated[
         str | None, typer.Option("--as", metavar="FORMAT", help="What a control takes instead: " + _FORMATS)
     ] = None,
-    dwell: Annotated[float, typer.Option("--dwell", metavar="S", help="G-code: wait at every target, seconds.")] = 2.0,
-    feed: Annotated[float, typer.Option("--feed", metavar="F", help="G-code: feed, mm/min.")] = 1000.0,
+    dwell: Dwell = 2.0,
+    feed: Feed = 1000.0,
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="File to write; default: stdout.")
     ] = None,

@@ -8,6 +8,8 @@ import typer
 
 from pkmcal_cli.commands._options import (
     Alpha,
+    Dwell,
+    Feed,
     Force,
     Grid,
     Json,
@@ -51,6 +53,11 @@ def plan(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PLAN.csv", help="Table of points to measure; - is stdout.")
     ] = None,
+    as_form: Annotated[
+        str, typer.Option("--as", metavar="csv|gcode|checklist", help="Form of the points to measure.")
+    ] = "csv",
+    dwell: Dwell = 2.0,
+    feed: Feed = 1000.0,
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of the order, approach sides and candidate points.")
     ] = 0,

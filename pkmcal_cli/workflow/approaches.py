@@ -20,13 +20,13 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.prediction.touching import tcp_places
+from pkmcal_cli.workflow.waypoints import GAP
 
 _TRIES = 16  # directions in which the tool point may step back
 _SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried
 _OVERRUN = 0.01  # of a drive's travel among the poses: by which it overruns at least
 _LEAST = 1e-3  # m or rad: the same where it hardly travels
 _LONGEST = 0.05  # of the machine's size, or rad: step of the tool point
-_GAP = 1e-6  # of the machine's size: by which drives that move straight may be apart on the way
 _STILL = 0.1  # of the overrun: a drive that moves less has no side
 _SMALL = 1e-4  # of the machine's size, or rad: step for the directions in which drives move
 _HALVINGS = 4
@@ -134,7 +134,7 @@ def _nearly_straight(model: Model, poses: Array, step: Array, unit: Array, there
     back, middle = (drive_positions(model, poses - (s * step)[:, None] * unit, held=held).readings for s in (1.0, 0.5))
     gap = np.abs((middle - 0.5 * (back + there)) * model.gains)
     worst = np.nan_to_num(gap, nan=np.inf).max(axis=1)
-    return np.asarray(step * np.minimum(1.0, np.sqrt(_GAP * model.length / np.maximum(worst, 1e-300))))
+    return np.asarray(step * np.minimum(1.0, np.sqrt(GAP * model.length / np.maximum(worst, 1e-300))))
 
 
 def _directions(held: tuple[str, ...], count: int, rng: np.random.Generator) -> Array:

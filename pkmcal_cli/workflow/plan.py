@@ -39,7 +39,8 @@ from pkmcal_cli.workflow.next_points import next_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
-from pkmcal_cli.workflow.schedule import write_schedule
+from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
+from pkmcal_cli.workflow.schedule_forms import check_form
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
@@ -64,6 +65,9 @@ class PlanRequest:
     power: int
     alpha: float
     output: str | None
+    as_form: str
+    dwell: float
+    feed: float
     seed: int
     as_json: bool
     quiet: bool
@@ -136,7 +140,8 @@ def _write(
     """The schedule, where it is wanted. Raises OutputError."""
     if request.output is None:
         return
-    for line in write_schedule(loaded, rows, ways, request.seed, request.output, inputs, force=request.force):
+    options = ScheduleOptions(request.as_form, request.seed, request.dwell, request.feed, request.force)
+    for line in write_schedule(loaded, rows, ways, options, request.output, inputs):
         to.say(line)
 
 
@@ -209,6 +214,7 @@ def _check(request: PlanRequest) -> None:
         raise UsageError("--next needs the table measured so far, and `--budget N`", hint=_NEXT)
     if request.budget is not None and not request.next:
         raise UsageError("--budget is for --next", hint=_NEXT)
+    check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
     check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.csv_files.writer import open_writer
+from pkmcal_cli.csv_files.dialect import split_header
 from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
+from pkmcal_cli.tables.columns import columns_of
 from pkmcal_cli.workflow.approaches import Approaches
+from pkmcal_cli.workflow.schedule_forms import Schedule, write_form
+from pkmcal_cli.workflow.waypoints import waypoints
 
 DATUM_EVERY = 20  # rows between visits of the datum pose
 PACE = 20.0  # s a row: the way there, coming to rest, reading
@@ -18,38 +23,55 @@ _ORDERS = 30  # random orders, of which that is taken in which time goes least w
 _TOLD = 0.05  # correlation below which nothing is worth a word
 
 
+@dataclass(frozen=True)
+class ScheduleOptions:
+    """Form of a schedule, seed of its order; dwell, s, and feed, mm/min, of programs; whether files are replaced."""
+
+    form: str
+    seed: int
+    dwell: float
+    feed: float
+    force: bool
+
+
 def write_schedule(
-    loaded: LoadedMachine,
-    rows: Rows,
-    ways: Approaches,
-    seed: int,
-    target: str,
-    inputs: Collection[str],
-    *,
-    force: bool,
+    loaded: LoadedMachine, rows: Rows, ways: Approaches, options: ScheduleOptions, target: str, inputs: Collection[str]
 ) -> list[str]:
-    """Write a table of poses in the order of measurement; returns what is to be said of it. Raises OutputError.
+    """Write poses in the order of measurement; returns what is to be said of it. Raises OutputError and BadInput.
 
     Rows in random order, each approached from `approach.ACTUATOR`, all drives together, so from its sides
     (`dir.ACTUATOR`); the first pose again every 20 rows. What joins rows is kept (`to`).
     """
     model = loaded.model
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
-    names, units = [model.actuators[a].name for a in held], [model.actuators[a].unit for a in held]
     side, begin = ways.side[:, held], (rows.readings + ways.back)[:, held]
-    drawn, together = _order(side, rows.readings[:, held], np.random.default_rng(seed))
+    drawn, together = _order(side, rows.readings[:, held], np.random.default_rng(options.seed))
     order = _with_datum(drawn)
     index = np.array([row for row, _ in order])
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
-    partners = _partners(rows, order, ids)
-    headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in partners]]
-    headers += [(loaded.machine.actuators[n].column or n, u) for n, u in zip(names, units, strict=True)]
-    headers += [(f"dir.{n}", None) for n in names]
-    headers += [(f"approach.{n}", u) for n, u in zip(names, units, strict=True)]
-    columns = [ids, *partners, *rows.readings[index][:, held].T, *side[index].T, *begin[index].T]
-    with open_writer(target, headers, inputs, digits=9, force=force) as writer:
-        writer.write(columns)
+    actuators, programmed = [model.actuators[a] for a in held], options.form == "gcode"
+    schedule = Schedule(
+        machine=model.name, ids=ids, partners=_partners(rows, order, ids),
+        drives=[(a.name, loaded.machine.actuators[a.name].column or a.name, a.unit) for a in actuators],
+        there=rows.readings[index][:, held], begin=begin[index], side=side[index], readings=_readings(loaded),
+        ways=_ways(model, rows.readings[index], (rows.readings + ways.back)[index], held) if programmed else (),
+        dwell=options.dwell, feed=options.feed,
+    )  # fmt: skip
+    write_form(options.form, schedule, target, inputs, options.force)
     return _told(target, order, together)
+
+
+def _ways(model: Model, there: Array, begin: Array, held: list[int]) -> list[Array]:
+    """Set values (k, h) on the way from each row (N, A) to where the approach of the next one begins; first: none."""
+    between = waypoints(model, there[:-1], begin[1:])
+    return [there[:0, held], *(way[:, held] for way in between)]
+
+
+def _readings(loaded: LoadedMachine) -> list[tuple[str, str | None]]:
+    """Headers and units of the columns that a measurement fills in."""
+    known = {(c.name, c.role): c for c in columns_of(loaded.machine)}
+    read = [c for c in loaded.model.channels if np.isnan(c.once)]
+    return [(split_header(known[c.name, "channel"].header).name, known[c.name, "channel"].unit) for c in read]
 
 
 def _told(target: str, order: list[tuple[int, bool]], together: float) -> list[str]:

@@ -1,0 +1,110 @@
+"""A schedule as people and controls take it: a table to fill in, a program that goes there and waits, a list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.outputs import write_text
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.csv_files.writer import Values, open_writer
+from pkmcal_cli.units.unit_text import parse_unit
+
+_LINEAR, _ROTARY = "XYZUVW", "ABC"
+_SIDES = {1.0: "from below", -1.0: "from above", 0.0: "at rest"}
+_NGC = "https://www.nist.gov/publications/nist-rs274ngc-interpreter-version-3"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """Rows in the order of measurement: ids, partners by column, set values (n, h) of drives with units, where each
+    approach begins and its sides (n, h); ways: set values (k, h) on the way from the row before, for programs;
+    readings: headers and units of what is to be filled in.
+    """
+
+    machine: str
+    ids: Sequence[str]
+    partners: Sequence[Sequence[str]]
+    drives: Sequence[tuple[str, str, str]]  # name, column, unit
+    there: Array
+    begin: Array
+    side: Array
+    ways: Sequence[Array]
+    readings: Sequence[tuple[str, str | None]]
+    dwell: float
+    feed: float
+
+
+def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
+    headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in s.partners]]
+    headers += [(column, unit) for _, column, unit in s.drives]
+    headers += [(f"dir.{name}", None) for name, _, _ in s.drives]
+    headers += [(f"approach.{name}", unit) for name, _, unit in s.drives]
+    columns: list[Values] = [s.ids, *s.partners, *s.there.T, *s.side.T, *s.begin.T]
+    blank = np.full(len(s.ids), np.nan)
+    with open_writer(target, [*headers, *s.readings], inputs, digits=9, force=force) as writer:
+        writer.write([*columns, *(blank for _ in s.readings)])
+
+
+def _program(s: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
+    """RS274/NGC for identity kinematics: to where the approach begins, to the pose, wait."""
+    free = {True: iter(_LINEAR), False: iter(_ROTARY)}
+    units = [parse_unit("mm" if parse_unit(unit).dimension.name == "length" else "deg") for *_, unit in s.drives]
+    letters = [next(free[unit.text == "mm"], "") for unit in units]
+    if not all(letters):
+        what = f"{len(letters)} drives are more than there are words ({_LINEAR} linear, {_ROTARY} rotary)"
+        raise BadInput.single(what, Location(s.machine), "use `--as checklist` or `csv`", "format")
+
+    def words(row: Array) -> str:
+        parts = zip(letters, units, row, strict=True)
+        return " ".join(f"{letter}{unit.from_si(float(v)):.6f}" for letter, unit, v in parts)
+
+    named = ", ".join(f"{letter} = {name}" for letter, (name, _, _) in zip(letters, s.drives, strict=True))
+    lines = [f"; set values of drives, identity kinematics: {named}; mm, deg", f"; {_NGC}", "G21", "G90", "G94"]
+    for k, name in enumerate(s.ids):
+        moves = [*s.ways[k], s.begin[k], s.there[k]]
+        lines += [f"; {name}", *(f"G1 {words(row)} F{s.feed:g}" for row in moves)]
+        lines += [f"G4 P{s.dwell:g}"]
+    with write_text(target, inputs, force=force) as file:
+        file.write("\n".join([*lines, "M2", ""]))
+
+
+def _checklist(s: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
+    """Lines to tick off, with room for the readings."""
+    units = [parse_unit(unit) for *_, unit in s.drives]
+    blanks = "  ".join(f"{name} = ________ {unit or ''}".rstrip() for name, unit in s.readings)
+    lines = [f"Measurement of {s.machine}: {len(s.ids)} rows. Wait {s.dwell:g} s at each, then read.", ""]
+    for k, name in enumerate(s.ids):
+        parts = zip(s.drives, units, s.begin[k], s.there[k], s.side[k], strict=True)
+        moves = [
+            f"{n}: {u.from_si(float(b)):.3f} -> {u.from_si(float(t)):.3f} {u.text} ({_SIDES[float(side)]})"
+            for (n, _, _), u, b, t, side in parts
+        ]
+        joined = "".join(f", to {column[k]}" for column in s.partners if column[k])
+        lines += [f"[ ] {k + 1:>3}  {name}{joined}", *(f"         {m}" for m in moves), f"         {blanks}", ""]
+    with write_text(target, inputs, force=force) as file:
+        file.write("\n".join(lines))
+
+
+_FORMS: Mapping[str, Callable[[Schedule, str, Collection[str], bool], None]] = {
+    "csv": _table,
+    "gcode": _program,
+    "checklist": _checklist,
+}
+
+
+def check_form(name: str, dwell: float, feed: float) -> None:
+    """Whether there is such a form. Raises UsageError."""
+    if name not in _FORMS:
+        raise UsageError(f"--as: `{name}` is not a form of a plan", hint=did_you_mean(name, _FORMS))
+    for option, value in (("--dwell", dwell), ("--feed", feed)):
+        if not (np.isfinite(value) and value > 0):
+            raise UsageError(f"{option}: {value:g} is not a positive number", hint=f"give, for example, `{option} 2`")
+
+
+def write_form(name: str, schedule: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
+    """A schedule as a table, a program or a list. Raises OutputError and BadInput."""
+    _FORMS[name](schedule, target, inputs, force)
