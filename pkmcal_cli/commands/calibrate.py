@@ -13,7 +13,6 @@ from pkmcal_cli.commands._options import (
     Loss,
     MachineFile,
     Parameters,
-    Prior,
     Quiet,
     Seed,
     Select,
@@ -38,7 +37,16 @@ def calibrate(
     ] = None,
     parameters: Parameters = None,
     loss: Loss = "squares",
-    prior: Prior = "none",
+    prior: Annotated[
+        str,
+        typer.Option(
+            "--prior", metavar="none|ranges|OLD.params.yaml", help="What is known besides: ranges, or a calibration."
+        ),
+    ] = "none",
+    loosen: Annotated[
+        str | None,
+        typer.Option("--loosen", metavar="NAMES", help="With --prior OLD: what was repaired, e.g. l3,strut3.*."),
+    ] = None,
     uncertainty: Uncertainty = "linear",
     starts: Starts = 0,
     seed: Seed = 0,

@@ -18,9 +18,9 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.fail_on import failing
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
+from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 FAILING: tuple[Verdict, ...] = ("found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small")
 

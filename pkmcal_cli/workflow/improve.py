@@ -29,9 +29,9 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
-from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.fail_on import failing
 from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, prepare
+from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 FAILING = (*FAILURES, "implausible")
 
