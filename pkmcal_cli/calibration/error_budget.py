@@ -147,9 +147,9 @@ def error_budget(
     evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
     information = evidence.information
     whole, own = information.sum(axis=0), half[:p, None]
-    prior, spread = problem.prior, np.eye(p)
+    prior, spread = problem.prior, np.asarray(np.eye(p))
     if prior is not None and prior.stated:
-        spread = np.linalg.inv(prior.columns(fit.selected) * half[:p])
+        spread = np.asarray(np.linalg.inv(prior.columns(fit.selected) * half[:p]))
         evidence = evidence.of_known(spread, prior.errors(problem.model, fit.values))
     if scales is None:
         scales = drawn_scales(evidence if noise is None else evidence.with_noise(noise))

@@ -38,7 +38,7 @@ def data_information(
         return None
     near, half = linearise(rows, last), np.array(list(own.values()))
     whole = np.column_stack([near.jacobian * half, near.residual]) / _noise(rows, budget)[:, None]
-    upper = np.linalg.qr(whole, mode="r")
+    upper: Array = np.asarray(np.linalg.qr(whole, mode="r"))
     q = len(names)
     root, right = upper[:q, :q], upper[:q, q]
     left = float(upper[q, q] ** 2) if len(upper) > q else 0.0
