@@ -2,10 +2,10 @@
 
 Each set i says R_i theta = y_i + e_i of all parameters (`DataInformation`); what belongs to it alone (frames of
 instruments, sessions, parameters that others lack) is projected out. Combinations n of the y of all sets with
-sum n_i^T R_i = 0 hold no parameter, whatever its value: under "nothing has changed" they are noise. Their sum of squares
+sum n_i^T R_i = 0 hold no parameter, whatever its value: where nothing has changed they are noise. Their sum of squares
 is the omnibus test, an F test since the noise of each set is estimated by what it leaves. Changes of parameters are
-estimated with all others, those that neither fit moved being the same unknown values in all sets: so a prior that is
-shared cancels as far as the sets are alike. Chow 1960, Econometrica 28; Holm 1979, Scand. J. Statist. 6.
+estimated with all others; those that a fit held are the same unknown values in all sets, so a prior that is shared
+cancels as far as the sets are alike. Chow 1960, Econometrica 28; Holm 1979, Scand. J. Statist. 6.
 """
 
 from __future__ import annotations

@@ -44,6 +44,9 @@ Offset = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Write the result to stdout as JSON.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Write only errors to stderr.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output file.")]
+RunFolder = Annotated[
+    str | None, typer.Option("--run", metavar="DIR", help="Keep inputs, results and versions in a new folder of DIR.")
+]
 Accept = Annotated[bool, typer.Option("--accept", help="Take an implausible result; what is odd is recorded.")]
 FailOn = Annotated[
     str | None,

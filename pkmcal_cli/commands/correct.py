@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, Quiet, as_request
+from pkmcal_cli.commands._options import Force, Grid, Json, MachineFile, Parameters, Quiet, RunFolder, as_request
 
 
 def correct(
@@ -25,6 +25,7 @@ def correct(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="Table to write; default: stdout.")
     ] = None,
+    run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

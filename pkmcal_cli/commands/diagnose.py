@@ -15,6 +15,7 @@ from pkmcal_cli.commands._options import (
     Parameters,
     Prior,
     Quiet,
+    RunFolder,
     Select,
     as_request,
 )
@@ -36,6 +37,7 @@ def diagnose(
         typer.Option("--plots", metavar="DIR", help="Folder for pictures (SVG); - draws them on the terminal."),
     ] = None,
     fail_on: FailOn = None,
+    run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -17,6 +17,7 @@ from pkmcal_cli.commands._options import (
     Parameters,
     Prior,
     Quiet,
+    RunFolder,
     Select,
     as_request,
 )
@@ -47,6 +48,7 @@ def improve(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     accept: Accept = False,
     fail_on: FailOn = None,
+    run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

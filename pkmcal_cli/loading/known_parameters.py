@@ -13,6 +13,7 @@ import numpy as np
 from pkmcal_cli.base.errors import FaultList
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA, DataInformation, read_data
+from pkmcal_cli.loading.evidence import Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.yaml_source.read import read_source
@@ -49,6 +50,7 @@ class KnownParameters:
     created: datetime | None
     inputs: Mapping[str, str]
     status: str | None
+    evidence: Evidence | None = None
 
     @property
     def values(self) -> dict[str, float]:
@@ -92,6 +94,7 @@ def known_parameters(path: str) -> KnownParameters:
         fingerprint=_fingerprint(_plain(source.root, FINGERPRINT)),
         created=_date(head.get("created")),
         inputs={str(k): str(v) for k, v in _map(head.get("inputs")).items()},
+        evidence=read_evidence(source.root),
         status=None if head.get("status") is None else str(head["status"]),
     )
 

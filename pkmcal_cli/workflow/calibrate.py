@@ -35,9 +35,11 @@ from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import given, one_stdin, selection
+from pkmcal_cli.workflow.calibration_run import calibration_run
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
 from pkmcal_cli.workflow.held_out import held_out, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
+from pkmcal_cli.workflow.run_folder import check_run, keep_run
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _FOLDS = "5"
@@ -60,6 +62,7 @@ class CalibrationRequest:
     loosen: str | None
     max_rms: str | None
     accept: bool
+    run: str | None
     as_json: bool
     quiet: bool
     force: bool
@@ -114,14 +117,18 @@ def run_calibration(request: CalibrationRequest) -> int:
     report.show(to)
     if report.implausible and request.accept:
         to.say("accepted (`--accept`)")
-    if request.output is not None:
+    if request.output is not None or request.run is not None:
         accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
         text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **accepted))
+    if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     if request.as_json:
         emit_json(report.json())
-    return _exit_code(s, report, to)
+    code = _exit_code(s, report, to)
+    if request.run is not None:
+        keep_run(request.run, s.inputs, calibration_run(request.machine, report, text, code), to)
+    return code
 
 
 def _prepare(request: CalibrationRequest) -> _Setting:
@@ -130,6 +137,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     prior = request.fit_options.prior_file
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout, prior)
+    check_run(request.run, request.machine, *request.measurements, request.parameters, request.holdout, prior)
     request.fit_options.check(files=True)
     if request.loosen is not None and prior is None:
         raise UsageError("--loosen needs a prior", hint="add `--prior OLD.params.yaml`, written by `calibrate -o`")

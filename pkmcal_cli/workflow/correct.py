@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import get_args
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import assessed
 from pkmcal_cli.correction.commands import corrected, depends_on_sides
 from pkmcal_cli.correction.redundancy import Choice
@@ -24,6 +28,9 @@ from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
+from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
+
+_COMMANDS = "commands.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +44,7 @@ class CorrectionRequest:
     at: str | None
     redundant: str
     output: str | None
+    run: str | None
     as_json: bool
     quiet: bool
     force: bool
@@ -55,6 +63,7 @@ class CorrectionRequest:
 def run_correction(request: CorrectionRequest) -> int:
     """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
     choice, target = request.choice, _checked(request)
+    check_run(request.run, request.machine, request.targets, request.parameters)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
@@ -76,14 +85,33 @@ def run_correction(request: CorrectionRequest) -> int:
     report.show(to)
     inputs = loaded.inputs | start.inputs | dict(targets.inputs)
     head = provenance(inputs, redundant=choice, at=request.at)
+    files = {}
     if result is not None and len(result.correction.good):
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
-        comments = ["set values corrected by pkmcal", *provenance_lines(head)]
+        comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], table.cells(report.ids, result)
         with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
-            writer.write(table.cells(report.ids, result))
+            writer.write(cells)
+        if request.run is not None:
+            files[_COMMANDS] = _text_of(table.columns, cells, comments)
+    answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
     if request.as_json:
-        emit_json(report.json() | {"output": request.output, "at": request.at, "provenance": head})
-    return 1 if report.lost.reasons and not targets.grid else 0
+        emit_json(answer)
+    code = 1 if report.lost.reasons and not targets.grid else 0
+    done = f"{answer['n_corrected']} of {answer['n_targets']} targets corrected"
+    run = Run(command="correct", machine=request.machine, result=answer, code=code, verdict=done, files=files)
+    keep_run(request.run, inputs, run, to)
+    return code
+
+
+def _text_of(
+    columns: Sequence[tuple[str, str | None]], cells: Sequence[Array | Sequence[str]], comments: Sequence[str]
+) -> str:
+    """The table as a text."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / _COMMANDS
+        with open_writer(str(file), columns, (), comments=comments) as writer:
+            writer.write(cells)
+        return file.read_text(encoding="utf-8")
 
 
 def _checked(request: CorrectionRequest) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.errors import BadInput, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -18,8 +18,6 @@ from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, FEWEST_TO_SPLIT, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.gross_errors.hints import nothing_measured
-from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
-from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading.load_machine import load_measurements
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -30,6 +28,8 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.fail_on import failing
+from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved, improvement_run
+from pkmcal_cli.workflow.run_folder import check_run, keep_run
 from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, prepare
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
@@ -48,6 +48,7 @@ class ImproveRequest:
     seed: int
     accept: bool
     fail_on: str | None
+    run: str | None
     as_json: bool
     quiet: bool
     force: bool
@@ -63,6 +64,7 @@ def run_improvement(request: ImproveRequest) -> int:
     check_alpha(request.alpha)
     fails_on = failing(request.fail_on, FAILING)
     one_stdin(*request.inputs)
+    check_run(request.run, *request.inputs)
     targets = _targets(request)
     to = Reporter(request.quiet)
     fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
@@ -86,11 +88,16 @@ def run_improvement(request: ImproveRequest) -> int:
     if targets is not None:
         written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
+    result = report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)}
     if request.as_json:
-        emit_json(report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)})
+        emit_json(result)
     if improvement.broken is not None:
         raise improvement.broken
-    return int(not fails_on.isdisjoint(failures))
+    code = int(not fails_on.isdisjoint(failures))
+    if request.run is not None:
+        head = _head(request, inputs, improvement, odd)
+        keep_run(request.run, inputs, improvement_run(request.case.machine, inputs, report, head, result, code), to)
+    return code
 
 
 def _improved(case: Case, validation: Problem | None, request: ImproveRequest, to: Reporter) -> Improvement:
@@ -194,7 +201,7 @@ def _write(
     with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
         overlay.write(report.overlay(base))
         overlay.flush()
-        values.write(report.parameter_file(head, replace(_fingerprint(overlay.name, inputs), of=machine)))
+        values.write(report.parameter_file(head, replace(fingerprint_of_improved(overlay.name, inputs), of=machine)))
     to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
     return targets
 
@@ -206,16 +213,6 @@ def _head(
     accepted = {"accepted": list(odd)} if odd and request.accept else {}
     status = "implausible" if odd else improvement.fit.status
     return provenance(inputs, seed=request.seed, status=status, **accepted)
-
-
-def _fingerprint(overlay: str, inputs: dict[str, str]) -> Fingerprint:
-    """Of the improved machine, as every command will read it. Raises BadInput where its base is no longer the same."""
-    improved = read_machine(overlay)
-    for name, digest in improved.files[1:]:
-        if digest not in inputs.values():
-            what = "this file has changed since it was read, so the improved machine would differ"
-            raise BadInput.single(what, Location(name), "run the command again", "file")
-    return fingerprint_of(improved)
 
 
 def _base(machine: str, target: str) -> str:
