@@ -34,6 +34,11 @@ class Compared:
     apart: Mapping[str, tuple[int, ...]]
     unit: str
 
+    def named(self, alpha: float) -> tuple[str, ...]:
+        """Parameters whose own tests say that they have changed."""
+        both = zip(self.changes.names, self.changes.holm, strict=True)
+        return tuple(name for name, p in both if p < alpha)
+
     @property
     def trend(self) -> bool:
         """Whether there are dates."""
@@ -69,14 +74,12 @@ class ComparisonReport:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """What has changed: parameters by their own tests, and one that alone explains the change."""
-        c, found = self.compared, dict[str, None]()
-        for name, p in zip(c.changes.names, c.changes.holm, strict=True):
-            if p < self.alpha:
-                found[name] = None
-        if not self.unchanged and c.alone is not None and self._explains(c.alone):
-            found[c.alone.name] = None
-        return tuple(found)
+        """What has changed: parameters by their own tests; where none is determined so well, one that alone explains."""
+        found = self.compared.named(self.alpha)
+        one = self.compared.alone
+        if not found and not self.unchanged and one is not None and self._explains(one):
+            return (one.name,)
+        return found
 
     def _explains(self, one: Alone) -> bool:
         return not one.p_left < _LEFT
@@ -108,8 +111,8 @@ class ComparisonReport:
         self._show_apart(to)
 
     def _show_alone(self, to: Reporter) -> None:
-        one = self.compared.alone
-        if self.unchanged or one is None:
+        one, found = self.compared.alone, self.compared.named(self.alpha)
+        if self.unchanged or one is None or (found and one.name not in found):
             return
         unit = self._unit(one.name)
         size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)

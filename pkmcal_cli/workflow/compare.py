@@ -100,7 +100,7 @@ def _parameters(request: ComparisonRequest, kinds: list[str], to: Reporter) -> i
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
-            what = "this parameter file has no section `data`: it does not say what its rows determine"
+            what = "this parameter file has no whole section `data`, so what its rows determine is unknown"
             raise BadInput.single(what, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None
