@@ -1,7 +1,8 @@
 """Does `compare` alarm as often as it says, and does it name what has changed? `python -m tests.compare_campaigns`.
 
 Pairs of calibrations of machines that the independent simulator measures: other poses, another selection, another
-datum, an instrument that stands elsewhere. Writes the table of docs/compare.md; `--null N`, `--changed N`: pairs.
+datum, an instrument that stands elsewhere. Writes the tables of docs/verify-and-compare.md; `--null N`, `--changed N`:
+numbers of pairs.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from tests.command import MACHINES
 from tests.support import compiled
 from tests.truth import generate
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "compare.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "verify-and-compare.md"
 BLOCK = re.compile(r"(<!-- campaigns -->\n).*?(<!-- end of campaigns -->\n)", re.DOTALL)
 
 

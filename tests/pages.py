@@ -11,9 +11,8 @@ from pathlib import Path
 from tests.command import ROOT, Done
 from tests.computed_once import run_once
 
-SHOWING = (
-    ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("machine-language", "ranges-and-sigma", "correct"))
-)  # fmt: skip
+_PAGES = ("machine-language", "ranges-and-sigma", "correct", "verify-and-compare")
+SHOWING = (ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in _PAGES))
 """Pages with commands and what they print."""
 
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -63,12 +62,17 @@ def all_files() -> dict[str, str]:
 
 
 def done(line: str) -> list[Done]:
-    """A command line, carried out in this process: commands with pipes between them."""
+    """A command line, carried out in this process: commands with pipes between them, or one after another (&&)."""
     results: list[Done] = []
-    for part in " ".join(shlex.quote(w) if w != "|" else w for w in shlex.split(line)).split(" | "):
-        program, *arguments = shlex.split(part)
+    piped, words = False, list[str]()
+    for word in (*shlex.split(line), "&&"):
+        if word not in ("|", "&&"):
+            words.append(word)
+            continue
+        program, *arguments = words
         assert program == "pkmcal", line
-        results.append(run_once(*arguments, stdin=results[-1].out if results else None))
+        results.append(run_once(*arguments, stdin=results[-1].out if piped else None))
+        piped, words = word == "|", []
     return results
 
 

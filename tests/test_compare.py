@@ -125,7 +125,7 @@ def test_a_changed_strut_is_named() -> None:
 
 
 def test_campaigns_of_unchanged_machines() -> None:
-    """A small part of docs/compare.md: more than 4 alarms in 25 come by chance in 0.7 % of such runs."""
+    """A small part of docs/verify-and-compare.md: more than 4 alarms in 25 come by chance in 0.7 % of such runs."""
     found = [null_pair(SUBJECTS[0], seed).test.p_value < 0.05 for seed in range(25)]
     assert sum(found) <= 4
 
@@ -181,7 +181,8 @@ def test_what_has_no_partner_is_listed() -> None:
 
 def test_machine_files_on_the_same_rows() -> None:
     """A joint in a wrong place."""
-    Path("short.yaml").write_text(f"extends: {BIGLIDE}\nparameters: {{x8: {{nominal: 361, identify: false}}, l3: {{identify: false}}}}\n")
+    held = "x8: {nominal: 361, identify: false}, l3: {identify: false}"
+    Path("short.yaml").write_text(f"extends: {BIGLIDE}\nparameters: {{{held}}}\n")
     done = compared(BIGLIDE, "short.yaml", table("a", 1, 60))
     found = done.json
     assert done.code == 0 and found["kind"] == "machines" and found["of"] == "position" and found["count"] == 60

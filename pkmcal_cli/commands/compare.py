@@ -23,7 +23,7 @@ def compare(
 ) -> None:
     """Has the machine changed between these calibrations, in what, and what does it do to the tool point?
 
-    Example: pkmcal compare before.params.yaml after.params.yaml
+    Example: pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv
     """
     options = locals()
     from pkmcal_cli.workflow.compare import ComparisonRequest, run_comparison

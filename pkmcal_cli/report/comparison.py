@@ -74,7 +74,7 @@ class ComparisonReport:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """What has changed: parameters by their own tests; where none is determined so well, one that alone explains."""
+        """What has changed: parameters by their own tests; where none has one that tells, one that alone explains."""
         found = self.compared.named(self.alpha)
         one = self.compared.alone
         if not found and not self.unchanged and one is not None and self._explains(one):
