@@ -164,9 +164,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"],
         ],
-        "compare": [
-            ["p.yaml", "scaled.params.yaml"], [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA], ["runs"],
-        ],
+        "compare": [["p.yaml", "scaled.params.yaml"], [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA], ["runs"]],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),

@@ -58,6 +58,15 @@ Loss = Annotated[
 Prior = Annotated[
     str, typer.Option("--prior", metavar="none|ranges", help="ranges: prior standard uncertainty of half a range.")
 ]
+PriorOrFile = Annotated[
+    str,
+    typer.Option(
+        "--prior", metavar="none|ranges|OLD.params.yaml", help="What is known besides: ranges, or an old calibration."
+    ),
+]
+Loosen = Annotated[
+    str | None, typer.Option("--loosen", metavar="NAMES", help="With --prior OLD: what was repaired, e.g. l3,strut3.*.")
+]
 Uncertainty = Annotated[
     str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="Method for the 95 % intervals.")
 ]

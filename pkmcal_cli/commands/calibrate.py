@@ -10,9 +10,11 @@ from pkmcal_cli.commands._options import (
     Accept,
     Force,
     Json,
+    Loosen,
     Loss,
     MachineFile,
     Parameters,
+    PriorOrFile,
     Quiet,
     RunFolder,
     Seed,
@@ -38,16 +40,8 @@ def calibrate(
     ] = None,
     parameters: Parameters = None,
     loss: Loss = "squares",
-    prior: Annotated[
-        str,
-        typer.Option(
-            "--prior", metavar="none|ranges|OLD.params.yaml", help="What is known besides: ranges, or a calibration."
-        ),
-    ] = "none",
-    loosen: Annotated[
-        str | None,
-        typer.Option("--loosen", metavar="NAMES", help="With --prior OLD: what was repaired, e.g. l3,strut3.*."),
-    ] = None,
+    prior: PriorOrFile = "none",
+    loosen: Loosen = None,
     uncertainty: Uncertainty = "linear",
     starts: Starts = 0,
     seed: Seed = 0,

@@ -131,8 +131,8 @@ def run_calibration(request: CalibrationRequest) -> int:
     return code
 
 
-def _prepare(request: CalibrationRequest) -> _Setting:
-    """Check the arguments, read the files. Raises PkmcalError."""
+def _checked(request: CalibrationRequest) -> tuple[float | None, str | None]:
+    """The limit, m, and the file that is held out, if the arguments go together. Raises UsageError, OutputError."""
     if request.as_json and request.output is not None and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     prior = request.fit_options.prior_file
@@ -145,6 +145,12 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     file = _file_of(request.holdout)
     inputs = given(request.machine, *request.measurements, request.parameters, file, prior)
     check_target(request.output, inputs, force=request.force)
+    return limit, file
+
+
+def _prepare(request: CalibrationRequest) -> _Setting:
+    """Check the arguments, read the files. Raises PkmcalError."""
+    limit, file = _checked(request)
     loaded = load_machine(request.machine)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
@@ -154,8 +160,8 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     start = load_parameters(problem.model, request.parameters)
     declared = loaded.model.for_sessions(measured.sessions)
     start = replace(start, values=at_frames(start.values, declared, problem.model))
-    if prior is not None:
-        problem, selected, start = _after(request, prior, problem, selected, start)
+    if request.fit_options.prior_file is not None:
+        problem, selected, start = _after(request, request.fit_options.prior_file, problem, selected, start)
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))

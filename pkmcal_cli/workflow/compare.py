@@ -14,16 +14,13 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.calibration.comparison import Common, alone, changes, chosen_by_all, common, omnibus
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
+from pkmcal_cli.loading.plain_files import yaml_kind
 from pkmcal_cli.report.comparison import Compared, ComparisonReport
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
-from pkmcal_cli.yaml_source.read import read_source
-
-_MACHINE = ("space", "extends", "actuators", "guides", "sensors")
-_PARAMETERS = ("correlations", "provenance", "fingerprint", "parameters")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,14 +65,7 @@ def _kind(name: str) -> str:
         return "run" if os.path.exists(os.path.join(name, RECORD)) else "runs"
     if os.path.splitext(name)[1].lower() in (".csv", ".txt", ".tsv"):
         return "table"
-    root = read_source(name, "a parameter file or machine file", "parameters:").root
-    keys = root.value.keys() if isinstance(root.value, dict) else ()
-    if any(k in keys for k in _MACHINE):
-        return "machine"
-    if any(k in keys for k in _PARAMETERS):
-        return "parameters"
-    what = "this is neither a parameter file nor a machine file"
-    raise BadInput.single(what, Location(name), "give files that `pkmcal calibrate -o` has written", "file")
+    return yaml_kind(name)
 
 
 def _machines(request: ComparisonRequest, kinds: list[str], to: Reporter) -> int:
@@ -105,7 +95,7 @@ def _parameters(request: ComparisonRequest, kinds: list[str], to: Reporter) -> i
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend:
-        change = tool_change(request, files, known, compared.changes, to)
+        change = tool_change(request.machine, files, known, compared.changes)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
         to.warn(text)

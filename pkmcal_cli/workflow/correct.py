@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
@@ -97,10 +97,14 @@ def run_correction(request: CorrectionRequest) -> int:
     if request.as_json:
         emit_json(answer)
     code = 1 if report.lost.reasons and not targets.grid else 0
-    done = f"{answer['n_corrected']} of {answer['n_targets']} targets corrected"
-    run = Run(command="correct", machine=request.machine, result=answer, code=code, verdict=done, files=files)
-    keep_run(request.run, inputs, run, to)
+    keep_run(request.run, inputs, _run(request.machine, answer, files, code), to)
     return code
+
+
+def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int) -> Run:
+    """What is kept of a correction."""
+    done = f"{answer['n_corrected']} of {answer['n_targets']} targets corrected"
+    return Run(command="correct", machine=machine, result=answer, code=code, verdict=done, files=files)
 
 
 def _text_of(

@@ -45,29 +45,31 @@ def earlier_calibration(
     loosened = _loosened(model, loosen) | set(own_of(model))
     matched = tuple(n for n in selected if n in known.names and n not in loosened)
     others = tuple(n for n in selected if n not in matched)
-    values, index = start.copy(), [model.names.index(n) for n in matched]
-    here = {p.name for p in free} - loosened
-    for name, value in known.values.items():
-        if name in here:
-            values[model.names.index(name)] = value
-    for name in loosened:
-        values[model.names.index(name)] = model.nominal[model.names.index(name)]
-    places = [known.names.index(n) for n in matched]
-    parts = []
-    if matched:
-        parts.append(prior_of_covariance(matched, known.covariance[np.ix_(places, places)], values[index]))
-    if others:
-        parts.append(prior_of_ranges(model, others))
     if not matched:
         what = "the file knows none of the selected parameters"
         raise BadInput.single(what, Location(path), "give the parameter file of this machine", "parameters")
+    values = _values(model, known, {p.name for p in free} - loosened, loosened, start)
+    places = [known.names.index(n) for n in matched]
+    centre = values[[model.names.index(n) for n in matched]]
+    prior = prior_of_covariance(matched, known.covariance[np.ix_(places, places)], centre)
     return EarlierCalibration(
         selected=selected,
-        prior=parts[0] if len(parts) == 1 else joined(*parts),
+        prior=joined(prior, prior_of_ranges(model, others)) if others else prior,
         values=values,
         inputs={known.file: known.sha256},
         notes=_notes(model, known, selected, loosened),
     )
+
+
+def _values(model: Model, known: KnownParameters, here: set[str], loosened: set[str], start: Array) -> Array:
+    """Values (P,): of the file for parameters `here`, nominal ones for `loosened`, else those of the start (P,)."""
+    values, nominal, there = start.copy(), model.nominal, known.values
+    for k, name in enumerate(model.names):
+        if name in loosened:
+            values[k] = nominal[k]
+        elif name in here and name in there:
+            values[k] = there[name]
+    return values
 
 
 def _loosened(model: Model, text: str | None) -> set[str]:

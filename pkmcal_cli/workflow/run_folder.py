@@ -22,9 +22,9 @@ from typing import Any
 from pkmcal_cli.base.errors import BadInput, Location, OutputError, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
 from pkmcal_cli.base.outputs import check_folder, make_folder
+from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.yaml_source.read import read_source
 
 RECORD, RESULT, PARAMETERS, INPUTS = "run.yaml", "result.json", "params.yaml", "inputs"
 _PART = ".part"
@@ -175,8 +175,7 @@ def history(folder: str) -> list[KeptRun]:
 def _kept(folder: str) -> KeptRun:
     """One run. Raises BadInput."""
     path = os.path.join(folder, RECORD)
-    plain = read_source(path, "the record of a run", "command:").root.plain()
-    record = plain if isinstance(plain, dict) else {}
+    record = plain_map(path, "the record of a run", "command:")
     results, code = record.get("results"), record.get("exit_code")
     return KeptRun(
         folder=folder,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,23 +17,19 @@ from pkmcal_cli.loading.workspace_poses import workspace_poses
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.model.workspace import Workspace
-from pkmcal_cli.prediction import Request, predict
+from pkmcal_cli.prediction import Prediction, Request, predict
 from pkmcal_cli.report.comparison import ToolChange
-from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.workflow.run_folder import INPUTS
-
-if TYPE_CHECKING:
-    from pkmcal_cli.workflow.compare import ComparisonRequest
 
 _POSES = 200
 
 
 def tool_change(
-    request: ComparisonRequest, files: Sequence[str], known: Sequence[KnownParameters], found: Changes, to: Reporter
+    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], found: Changes
 ) -> ToolChange | str:
     """Of the positions of the tool point, or why it cannot be told. Raises BadInput for a machine that was named."""
-    loaded = load_machine(request.machine) if request.machine is not None else _machine(files, known)
+    loaded = load_machine(machine) if machine is not None else _machine(files, known)
     if loaded is None:
         return "the machine file is not found, or has changed; name it with `--machine M.yaml`"
     model = loaded.model
@@ -54,10 +49,15 @@ def tool_change(
             values[model.names.index(name)] = value
     tool = tcp_model(model)
     prediction = predict(tool, values, poses.rows, Request(parameters=tuple(names)))
-    good = prediction.solved
-    if not good.any() or prediction.jacobian is None:
+    if not prediction.solved.any():
         return "no pose of the workspace can be predicted"
-    columns = tool.measuring(Measurand.POSITION)
+    return _change(tool, prediction, found, names, "workspace" if model.workspace is not None else "measured travel")
+
+
+def _change(tool: Model, prediction: Prediction, found: Changes, names: list[str], over: str) -> ToolChange:
+    """By derivatives of positions with respect to parameters `names`, of rows that are predicted."""
+    good, columns = prediction.solved, tool.measuring(Measurand.POSITION)
+    assert prediction.jacobian is not None
     jacobian = prediction.jacobian[good][:, columns]  # (n, c, k)
     keep = [found.names.index(n) for n in names]
     move = jacobian @ found.values[keep]
@@ -72,7 +72,7 @@ def tool_change(
         std=float(spread[worst]),
         where={axis: float(v) for axis, v in axes.items()},
         count=int(good.sum()),
-        over="workspace" if model.workspace is not None else "measured travel",
+        over=over,
     )
 
 
