@@ -140,7 +140,7 @@ def null_pair(subject: Subject, seed: int) -> Compared:
 def changed_pair(subject: Subject, seed: int) -> tuple[str, Compared]:
     """A strut, and two calibrations between which it changes by 5 of the standard uncertainties of its change.
 
-    One that both determine, where there is one; else by 5 of those that the first calibration states.
+    One that both determine, where there is one; else by 5 of those that the first calibration states, or half ranges.
     """
     rng = np.random.default_rng([22, seed])
     model = shipped(subject.machine).model
@@ -148,9 +148,11 @@ def changed_pair(subject: Subject, seed: int) -> tuple[str, Compared]:
     before, second = calibration(subject, true, rng), int(rng.integers(2**32))
     unchanged = compared(before, calibration(subject, true, np.random.default_rng(second))).changes
     known = dict(zip(unchanged.names, zip(unchanged.determined, unchanged.std, strict=True), strict=True))
-    struts = [n for n in subject.struts if n in known and known[n][0]] or [n for n in subject.struts if n in before.std]
+    seen = [n for n in subject.struts if np.isfinite(before.std.get(n, np.nan))]
+    struts = [n for n in subject.struts if n in known and known[n][0]] or seen or list(subject.struts)
     strut = str(rng.choice(struts))
-    std = known[strut][1] if strut in known and known[strut][0] else before.std[strut]
+    half = 0.5 * float(model.ranges[model.names.index(strut)])
+    std = known[strut][1] if strut in known and known[strut][0] else before.std[strut] if strut in seen else half
     true[model.names.index(strut)] += 5 * std * rng.choice([-1.0, 1.0])
     return strut, compared(before, calibration(subject, true, np.random.default_rng(second)))
 

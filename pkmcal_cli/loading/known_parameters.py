@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA, DataInformation, read_data
 from pkmcal_cli.loading.evidence import Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
+from pkmcal_cli.units.dimensions import Dimension
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit, parse_value
 from pkmcal_cli.yaml_source.read import read_source
 from pkmcal_cli.yaml_source.tree import SourceMap, SourceNode
@@ -51,6 +52,18 @@ class KnownParameters:
     inputs: Mapping[str, str]
     status: str | None
     evidence: Evidence | None = None
+
+    def of_dimensions(self, dimensions: Mapping[str, Dimension]) -> KnownParameters:
+        """The same without covariance of parameters that are of another dimension here, and so no partners."""
+        kept = [
+            k for k, n in enumerate(self.names)
+            if n not in dimensions or dimensions[n].fits(self.parameters[n].unit.dimension)
+        ]  # fmt: skip
+        covariance = None if self.covariance is None else self.covariance[np.ix_(kept, kept)]
+        names = tuple(self.names[k] for k in kept)
+        odd = set(self.names) - set(names)
+        parameters = {n: p for n, p in self.parameters.items() if n not in odd}
+        return replace(self, names=names, covariance=covariance, parameters=parameters)
 
     @property
     def values(self) -> dict[str, float]:

@@ -108,7 +108,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], to: Reporter) -> i
 def _compared(known: Sequence[KnownParameters]) -> Compared:
     """The tests."""
     data = [k.data for k in known if k.data is not None]
-    c = common(data, [k.values for k in known], [_own(k) for k in known])
+    odd = _of_other_kinds(known)
+    c = common(data, [k.values for k in known], [_own(k) | odd for k in known])
     test, contrasts = omnibus(c)
     times, unit = _times(known)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
@@ -127,6 +128,15 @@ def _own(known: KnownParameters) -> set[str]:
         if "[" in name or (effect is not None and effect.measurement):
             out.add(name)
     return out
+
+
+def _of_other_kinds(known: Sequence[KnownParameters]) -> set[str]:
+    """Names that mean a length here and an angle there."""
+    kinds: dict[str, set[object]] = {}
+    for k in known:
+        for name, p in k.parameters.items():
+            kinds.setdefault(name, set()).add(p.unit.dimension)
+    return {name for name, found in kinds.items() if len(found) > 1}
 
 
 def _apart(known: Sequence[KnownParameters], c: Common) -> dict[str, tuple[int, ...]]:

@@ -14,6 +14,7 @@ from pkmcal_cli.calibration.verification import own_of
 from pkmcal_cli.effects.unexplained import UNEXPLAINED
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.units.unit_text import parse_unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,8 @@ def earlier_calibration(
     What is named in `loosen`, what the file does not know, and what a new set-up of an instrument changes is known to
     its declared range about nominal. Raises BadInput for a file without covariance, UsageError for names of nothing.
     """
-    known = known_parameters(path)
+    dimensions = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
+    known = known_parameters(path).of_dimensions(dimensions)
     if known.covariance is None:
         what = "this parameter file has no `correlations` with `std`, so nothing is known of its errors"
         raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")

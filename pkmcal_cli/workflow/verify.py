@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
@@ -26,6 +27,9 @@ def verify(
 ) -> VerificationReport:
     """Readings against the parameters of a file; shown. Raises BadInput and UsageError."""
     problem = problem_of(loaded.model, measured)
+    on = problem.measured.copy()
+    on[:, problem.once] = False  # what was measured on the bench is no reading of this table
+    problem = replace(problem, measured=on)
     start = load_parameters(problem.model, parameters)
     for text in start.warnings:
         to.warn(text)
