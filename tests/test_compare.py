@@ -179,6 +179,13 @@ def test_what_has_no_partner_is_listed() -> None:
     assert "differs from that of" in done.err and "without partner, only in B: scale@q1.s" in done.err
 
 
+def test_machines_that_have_nothing_in_common() -> None:
+    first = calibrated("one", table("a", 1))
+    done = compared(first, calibrated("two", table("b", 1, machine="scissors"), machine=SCISSORS))
+    assert done.code == 1 and done.json["verdict"] == "nothing in common" and done.json["named"] == []
+    assert {a["name"] for a in done.json["apart"]} >= {"x8", "ya1"}
+
+
 def test_machine_files_on_the_same_rows() -> None:
     """A joint in a wrong place."""
     held = "x8: {nominal: 361, identify: false}, l3: {identify: false}"

@@ -143,5 +143,5 @@ def test_an_improved_machine_is_kept(folder: Path) -> None:
     run("improve", SCISSORS, SHOPFLOOR, "--run", "runs", "-q")
     (kept,) = (p for p in (folder / "runs").iterdir() if p != diagnosed)
     params = kept / "params.yaml"
-    done = run("calibrate", kept / "improved.yaml", SHOPFLOOR, "-p", params, "--json", "-q", "--holdout", "none")
-    assert done.code == 0 and done.json["after"]["position"]["rms"] < 0.002
+    done = run("calibrate", kept / "improved.yaml", SHOPFLOOR, "-p", params, "--json", "-q", "--accept")
+    assert done.code == 0 and done.json["after"]["position"]["rms"] < 0.002  # mm, with its bad row

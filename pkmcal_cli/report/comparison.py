@@ -69,8 +69,8 @@ class ComparisonReport:
 
     @property
     def unchanged(self) -> bool:
-        """Whether no test alarms."""
-        return not (self.compared.test.p_value < self.alpha)
+        """Whether something could be tested, and does not alarm."""
+        return self.compared.test.p_value >= self.alpha
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class ComparisonReport:
         """The verdict in a sentence."""
         t = self.compared.test
         if not t.dof:
-            return "nothing to compare: these data determine nothing in common"
+            return "NOTHING TO COMPARE: these data determine nothing in common"
         chance = f"F = {t.statistic:.3g} for {t.dof} and {t.freedom:.0f} degrees of freedom, p {t.p_value:.2g}"
         what = "no change" if self.unchanged else "CHANGED"
         return f"{what}: {chance}, of {count(t.dof, 'combination')} of parameters that all data sets determine"
@@ -104,7 +104,8 @@ class ComparisonReport:
             date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
             to.say(f"{head}: {k.file}, {date}")
         change = f"change per {c.unit}" if c.trend else "change"
-        to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
+        if self.compared.changes.names:
+            to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
         if self.effects:
             to.table("Effects", ("effect", *heads, "remark"), [self._effect_row(e) for e in self.effects], folded=())
         self._show_tool(to)
@@ -112,7 +113,7 @@ class ComparisonReport:
 
     def _show_alone(self, to: Reporter) -> None:
         one, found = self.compared.alone, self.compared.named(self.alpha)
-        if self.unchanged or one is None or (found and one.name not in found):
+        if self.unchanged or not self.compared.test.dof or one is None or (found and one.name not in found):
             return
         unit = self._unit(one.name)
         size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)
@@ -174,7 +175,7 @@ class ComparisonReport:
         c, t = self.compared, self.compared.test
         return {
             "kind": "parameters",
-            "verdict": "no change" if self.unchanged else "changed",
+            "verdict": "no change" if self.unchanged else "changed" if t.dof else "nothing in common",
             "named": list(self.named),
             "files": [
                 {"file": k.file, "created": None if k.created is None else k.created.isoformat(), "status": k.status}
