@@ -165,8 +165,10 @@ CHANGED = """| machine | pairs | lost | alarms at 5 % | named | only that | by i
 
 def named(c: Compared) -> tuple[str, ...]:
     """What `compare` names at 5 %."""
+    if not c.test.p_value < 0.05:
+        return ()
     own = tuple(n for n, p in zip(c.changes.names, c.changes.holm, strict=True) if p < 0.05)
-    explains = c.alone is not None and c.test.p_value < 0.05 and not c.alone.p_left < 0.01
+    explains = c.alone is not None and not c.alone.p_left < 0.01
     return own or ((c.alone.name, *c.alone.rivals) if explains and c.alone is not None else ())
 
 
@@ -174,10 +176,10 @@ def null_line(subject: Subject, count: int) -> tuple[str, list[float]]:
     """A row of the table of unchanged machines, and its p values."""
     found = [null_pair(subject, seed) for seed in range(count)]
     p_values = [c.test.p_value for c in found]
-    named = [bool((c.changes.holm < 0.05).any()) for c in found]
+    by_own = [c.test.p_value < 0.05 and bool((c.changes.holm < 0.05).any()) for c in found]
     chi2 = np.mean([c.test.statistic for c in found])
     p = np.array(p_values)
-    shares = " | ".join(f"{100 * np.mean(x):.1f} %" for x in (p < 0.05, p < 0.01, named))
+    shares = " | ".join(f"{100 * np.mean(x):.1f} %" for x in (p < 0.05, p < 0.01, by_own))
     return f"| {subject.machine} | {count} | {shares} | {chi2:.3f} |", p_values
 
 

@@ -35,7 +35,9 @@ class Compared:
     unit: str
 
     def named(self, alpha: float) -> tuple[str, ...]:
-        """Parameters whose own tests say that they have changed."""
+        """Parameters whose own tests say that they have changed, once the test of all says that something has."""
+        if not self.test.p_value < alpha:
+            return ()
         both = zip(self.changes.names, self.changes.holm, strict=True)
         return tuple(name for name, p in both if p < alpha)
 
@@ -129,7 +131,7 @@ class ComparisonReport:
         return next(k.parameters[name].unit for k in self.known if name in k.parameters)
 
     def _parameter_rows(self) -> list[tuple[str, ...]]:
-        found, rows = self.compared.changes, []
+        found, rows, named = self.compared.changes, list[tuple[str, ...]](), self.compared.named(self.alpha)
         for k, name in enumerate(found.names):
             unit = self._unit(name)
             values = [f"{unit.from_si(f.parameters[name].value):.8g}" for f in self.known]
@@ -137,7 +139,7 @@ class ComparisonReport:
             known = bool(found.determined[k])
             p = f"{found.holm[k]:.2g}" if known else "-"
             remark = "" if known else "not determined by all"
-            rows.append((name, *values, size, p, "CHANGED" if known and found.holm[k] < self.alpha else remark))
+            rows.append((name, *values, size, p, "CHANGED" if name in named else remark))
         return rows
 
     def _effect_row(self, effect: Effect) -> tuple[str, ...]:
@@ -221,7 +223,7 @@ class ComparisonReport:
             "determined": bool(found.determined[k]),
             "p_value": finite(float(found.p_values[k])),
             "p_value_holm": finite(float(found.holm[k])),
-            "changed": bool(found.holm[k] < self.alpha),
+            "changed": name in self.compared.named(self.alpha),
         }
 
     def _tool_json(self) -> dict[str, Any] | None:
