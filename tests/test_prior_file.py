@@ -90,12 +90,15 @@ def test_names_without_partner_are_listed(folder: Path) -> None:
         (["--prior", "old.yaml", "--loosen", "m*"], 2, "no parameter `m*`"),
         (["--prior", "none.yaml"], 3, "No such file"),
         (["--prior", "rangse"], 2, "not a valid value"),
-        (["--prior", "plain.yaml"], 3, "correlations"),
+        (["--prior", "plain.yaml"], 3, "no whole `correlations`"),
+        (["--prior", "spoilt.yaml"], 3, "no whole `correlations`"),
         (["--prior", BIGLIDE], 3, "must have a finite `value`"),
     ],
 )
 def test_odd_priors(folder: Path, arguments: list[str], code: int, told: str) -> None:
     (folder / "plain.yaml").write_text("parameters: {l1: {value: 300, unit: mm}}\n")
+    spoilt = (folder / "old.yaml").read_text().replace("    - [1, ", "    - [-1, ", 1)
+    (folder / "spoilt.yaml").write_text(spoilt)  # what has a negative variance is no covariance
     done = run("calibrate", BIGLIDE, str(MACHINES / "biglide.csv"), *arguments)
     assert done.code == code and told in done.err, done.err
 

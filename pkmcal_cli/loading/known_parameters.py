@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from pkmcal_cli.base.rotation import Array
 
 
+_ROUNDING = 1e-6
+
+
 @dataclass(frozen=True)
 class KnownParameter:
     """Value and standard uncertainty, SI (nan: not known), of a parameter; whether it was identified; its unit."""
@@ -139,7 +142,7 @@ def _entry(node: SourceNode) -> KnownParameter:
 
 
 def _covariance(plain: Any, units: Mapping[str, float]) -> tuple[tuple[str, ...], Array | None]:
-    """Names and covariance, SI, of the section `correlations`; None where it is not whole."""
+    """Names and covariance, SI, of the section `correlations`; None where it is not whole, or no covariance."""
     if not isinstance(plain, dict) or not {"names", "std", "matrix"} <= plain.keys():
         return (), None
     try:
@@ -151,7 +154,10 @@ def _covariance(plain: Any, units: Mapping[str, float]) -> tuple[tuple[str, ...]
     p = len(names)
     if std.shape != (p,) or matrix.shape != (p, p) or not np.isfinite(matrix).all() or not (std > 0).all():
         return (), None
-    return names, 0.5 * (matrix + matrix.T) * np.outer(std, std)
+    matrix = 0.5 * (matrix + matrix.T)
+    if p and np.linalg.eigvalsh(matrix)[0] < -_ROUNDING * p:
+        return (), None
+    return names, matrix * np.outer(std, std)
 
 
 def _fingerprint(plain: Any) -> Fingerprint | None:

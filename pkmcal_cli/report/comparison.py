@@ -76,11 +76,11 @@ class ComparisonReport:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """What has changed: parameters by their own tests; where none has one that tells, one that alone explains."""
+        """What has changed: parameters by their own tests; where none tells, those of which one alone explains it."""
         found = self.compared.named(self.alpha)
         one = self.compared.alone
         if not found and not self.unchanged and one is not None and self._explains(one):
-            return (one.name,)
+            return (one.name, *one.rivals)
         return found
 
     def _explains(self, one: Alone) -> bool:
