@@ -133,3 +133,15 @@ def test_half_of_what_it_needs(arguments: list[str], told: str, tmp_path: Path) 
 def test_parameters_without_a_table() -> None:
     done = run("check", BIGLIDE, "-p", "params.yaml")
     assert done.code == 2 and "no table" in done.err
+
+
+def test_a_machine_far_from_its_drawing(tmp_path: Path) -> None:
+    """Rows that look like gross mistakes at nominal values are judged by the parameters."""
+    far = tmp_path / "far.yaml"
+    drawn = "l1: {nominal: 330, range: 50}, x8: {nominal: 380, range: 40}"
+    far.write_text(f"extends: {BIGLIDE}\nparameters: {{{drawn}}}\n")
+    before = write_table(tmp_path / "before.csv", "biglide", true_values("biglide", 1), 1, 60)
+    assert run("calibrate", far, before, "-o", tmp_path / "p.yaml", "-q", "--accept").code == 0
+    after = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30)
+    done = run("check", far, after, "-p", tmp_path / "p.yaml", "-q")
+    assert done.code == 0, done.err

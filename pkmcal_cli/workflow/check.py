@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
 from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -40,13 +40,12 @@ class CheckRequest:
         """Tables to check."""
         return self.measurements or ()
 
-    def verifies(self) -> bool:
-        """Whether a table is compared with parameters. Raises UsageError for half of what that needs."""
+    def require_both(self) -> None:
+        """Raises UsageError for half of what it needs to compare a table with parameters."""
         if self.parameters is None and self.tolerance is not None:
             raise UsageError("--tolerance needs parameters", hint="add `-p PARAMS.yaml`, written by `calibrate -o`")
         if self.parameters is not None and not self.tables:
             raise UsageError("-p: there is no table to compare with the parameters", hint="add the table: AFTER.csv")
-        return self.parameters is not None
 
 
 def run_check(request: CheckRequest) -> int:
@@ -55,7 +54,8 @@ def run_check(request: CheckRequest) -> int:
     """
     as_json = request.as_json
     one_stdin(request.machine, *request.tables, request.parameters)
-    verifies, tolerance = request.verifies(), _tolerance(request.tolerance)
+    request.require_both()
+    tolerance = _tolerance(request.tolerance)
     to = Reporter(request.quiet)
     try:
         loaded = load_machine(request.machine)
@@ -74,13 +74,13 @@ def run_check(request: CheckRequest) -> int:
         if isinstance(measured, BadInput):
             result["measurements"] = {"n_rows": None}
             return _finish(to, result, faults + list(measured.faults), total + measured.total, as_json)
-        result["measurements"], table_faults, count = _check_tables(loaded, measured, to)
+        start = load_parameters(loaded.model.for_sessions(measured.sessions), request.parameters)
+        result["measurements"], table_faults, count = _check_tables(loaded, measured, start, to)
         faults, total = faults + table_faults, total + count
-        if verifies and result["measurements"]["n_values"]:
-            assert request.parameters is not None
+        if request.parameters is not None and result["measurements"]["n_values"]:
             from pkmcal_cli.workflow.verify import verify
 
-            verification = verify(loaded, measured, request.parameters, tolerance, to)
+            verification = verify(loaded, measured, start, request.parameters, tolerance, to)
             result["verification"], agrees = verification.json(), verification.ok
     return _finish(to, result, faults, total, as_json, agrees)
 
@@ -172,13 +172,14 @@ def _read(loaded: LoadedMachine, paths: tuple[str, ...]) -> Measurements | BadIn
 
 
 def _check_tables(
-    loaded: LoadedMachine, measured: Measurements, to: Reporter
+    loaded: LoadedMachine, measured: Measurements, start: Start, to: Reporter
 ) -> tuple[dict[str, Any], list[Fault], int]:
     """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
     import numpy as np
 
     from pkmcal_cli.calibration.measured_problem import problem_of
     from pkmcal_cli.calibration.residual import evaluate
+    from pkmcal_cli.calibration.verification import own_of
     from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
     from pkmcal_cli.loading.poses import place_of
 
@@ -186,10 +187,14 @@ def _check_tables(
     for fault in measured.warnings:
         to.warn(fault.text())
     problem = problem_of(loaded.model, measured)
-    prediction = evaluate(problem, problem.model.nominal).prediction
+    values = problem.model.nominal
+    if start.inputs:  # a file tells them, but for what stands elsewhere each time
+        own = own_of(problem.model)
+        values = np.where([n in own for n in problem.model.names], values, start.values)
+    prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    messages = measurement_hints(loaded, problem, problem.model.nominal, measured)
+    messages = measurement_hints(loaded, problem, values, measured)
     hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:

@@ -10,7 +10,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.verification import Known, judged, verified
 from pkmcal_cli.loading.evidence import Evidence
-from pkmcal_cli.loading.load_machine import LoadedMachine, load_parameters
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.verification import VerificationReport
@@ -23,14 +23,18 @@ from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 
 def verify(
-    loaded: LoadedMachine, measured: Measurements, parameters: str, tolerance: tuple[float, Unit] | None, to: Reporter
+    loaded: LoadedMachine,
+    measured: Measurements,
+    start: Start,
+    parameters: str,
+    tolerance: tuple[float, Unit] | None,
+    to: Reporter,
 ) -> VerificationReport:
-    """Readings against the parameters of a file; shown. Raises BadInput and UsageError."""
+    """Readings against the parameters of a file, named `parameters`; shown. Raises BadInput and UsageError."""
     problem = problem_of(loaded.model, measured)
     on = problem.measured.copy()
     on[:, problem.once] = False  # what was measured on the bench is no reading of this table
     problem = replace(problem, measured=on)
-    start = load_parameters(problem.model, parameters)
     for text in start.warnings:
         to.warn(text)
     if start.covariance is None:
