@@ -62,12 +62,17 @@ def all_files() -> dict[str, str]:
 
 
 def done(line: str) -> list[Done]:
-    """A command line, carried out in this process: commands with pipes between them."""
+    """A command line, carried out in this process: commands with pipes between them, or one after another (&&)."""
     results: list[Done] = []
-    for part in " ".join(shlex.quote(w) if w != "|" else w for w in shlex.split(line)).split(" | "):
-        program, *arguments = shlex.split(part)
+    piped, words = False, list[str]()
+    for word in (*shlex.split(line), "&&"):
+        if word not in ("|", "&&"):
+            words.append(word)
+            continue
+        program, *arguments = words
         assert program == "pkmcal", line
-        results.append(run_once(*arguments, stdin=results[-1].out if results else None))
+        results.append(run_once(*arguments, stdin=results[-1].out if piped else None))
+        piped, words = word == "|", []
     return results
 
 

@@ -37,7 +37,7 @@ NAMED = {
     "constants": "NAME", "errors": "KIND", "export.remaining": "KIND", "outside": "COLUMN", "unexplained": "KIND",
     "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
-    "undetermined[].determined[].coefficients": "NAME",
+    "undetermined[].determined[].coefficients": "NAME", "tool_point.at": "AXIS",
 }  # fmt: skip
 
 
@@ -140,6 +140,11 @@ def write_all(folder: Path) -> None:
     for machine, table, name in ((TRIGLIDE, TRIGLIDE_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
         assert run("calibrate", machine, table, "-o", folder / name, "-q", "--force").code == 0
     write_ropes(folder)
+    (folder / "apart.yaml").write_text(f"extends: {TRIGLIDE}\nsensors: {{tracker: {{frame: fitted}}}}\n")
+    (folder / "scaled.yaml").write_text(f"extends: {TRIGLIDE}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
+    for name in ("apart", "scaled"):
+        options = ("-o", folder / f"{name}.params.yaml", "-q", "--force", "--run", folder / "runs")
+        assert run("calibrate", folder / f"{name}.yaml", TRIGLIDE_DATA, *options).code == 0
 
 
 def commands(folder: Path) -> dict[str, list[list[str]]]:
@@ -149,6 +154,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
     return {
         "check": [
             ["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"], ["blind.yaml"],
+            [TRIGLIDE, "lost.csv", "-p", "p.yaml", "--tolerance", "20 um"],
+            ["apart.yaml", TRIGLIDE_DATA, "-p", "apart.params.yaml"],
         ],
         "simulate": [
             [TRIGLIDE, "far.csv", "-o", "out.csv"],
@@ -170,6 +177,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
+        "compare": [["p.yaml", "scaled.params.yaml"], [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA], ["runs"]],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
@@ -205,6 +213,7 @@ SHOWN = [
     "sensitivity",
     "observability",
     "calibrate",
+    "compare",
     "diagnose",
     "effects",
     "improve",

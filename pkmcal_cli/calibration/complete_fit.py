@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
@@ -31,6 +32,9 @@ from pkmcal_cli.calibration.starts import Agreement, identify_from
 from pkmcal_cli.calibration.steady_ropes import steady_fit
 from pkmcal_cli.prediction import WarmStart
 
+PRIORS = ("none", "ranges")
+"""What may be known of parameters besides; `calibrate` takes a parameter file too."""
+
 
 @dataclass(frozen=True)
 class FitOptions:
@@ -45,11 +49,18 @@ class FitOptions:
     seed: int = 0
     starts: int = 0
 
-    def check(self) -> None:
-        """Raises UsageError for words that are none."""
-        known = {"loss": get_args(Loss), "prior": ("none", "ranges"), "uncertainty": get_args(Method)}
+    @property
+    def prior_file(self) -> str | None:
+        """The parameter file that `prior` names, None for a word."""
+        return None if self.prior in PRIORS else self.prior
+
+    def check(self, files: bool = False) -> None:
+        """Raises UsageError for words that are none; `files`: whether the prior may be a parameter file."""
+        known = {"loss": get_args(Loss), "prior": PRIORS, "uncertainty": get_args(Method)}
         for option, words in known.items():
             given = getattr(self, option)
+            if option == "prior" and files and ("." in given or "/" in given or is_stream(given)):
+                continue
             if given not in words:
                 raise UsageError(
                     f"--{option}: `{given}` is not a valid value",
@@ -116,7 +127,12 @@ def refit(
 
 
 def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Problem:
-    """The problem with what is known besides: ranges where they are a prior; shapes without a name always have one."""
+    """The problem with what is known besides: ranges where they are a prior; shapes without a name always have one.
+
+    A problem that already knows its parameters by an earlier calibration stays as it is.
+    """
+    if problem.prior is not None and problem.prior.stated:
+        return problem
     problem, weights = with_free_shapes(problem, selected)
     others = tuple(n for n in selected if n not in weights)
     if prior != "ranges" or not others:

@@ -42,7 +42,8 @@ def determinacy(problem: Problem, values: Array, selected: tuple[str, ...]) -> D
         left = ", ".join(datum.gauge.motions)
         what = f"the data do not fix the base ({left}); {_counts(problem, directions_, datum)}"
         return Determinacy(kept, datum, what, f"declare what defines the base: `datum: [{', '.join(datum.proposed)}]`")
-    if problem.count < len(kept) and whole:  # else the fit tells which rows cannot be predicted
+    known = 0 if problem.prior is None else len(problem.prior.rows)
+    if problem.count + known < len(kept) and whole:  # else the fit tells which rows cannot be predicted
         what = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"
         return Determinacy(kept, datum, what, "measure more, or identify fewer parameters (`--select`)")
     return Determinacy(kept, datum)

@@ -24,7 +24,8 @@ from pkmcal_cli.calibration.residual import evaluate, linearise
 
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
 _HALVINGS = 30
-_WORTH = {"stated": 10.0, "exact": np.inf, "unknown": 1.0}  # degrees of freedom of a variance
+WORTH = {"stated": 10.0, "exact": np.inf, "unknown": 1.0}
+"""Degrees of freedom that a stated variance is worth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,7 @@ class ErrorBudget:
     by_held: Array
     half_ranges: Array
     scales: Scales
+    known_by: str = "the ranges"  # what is known of identified parameters besides the data
 
     def _std(self, by_own: Array, by_held: Array) -> Array:
         """Standard uncertainties (p,) by noise and by some offsets (p, p), (p, h)."""
@@ -143,20 +145,26 @@ def error_budget(
     near, groups = linearise(problem, last), _instruments(problem)
     jacobian = near.jacobian * half
     evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
+    information = evidence.information
+    whole, own = information.sum(axis=0), half[:p, None]
+    prior, spread = problem.prior, np.asarray(np.eye(p))
+    if prior is not None and prior.stated:
+        spread = np.asarray(np.linalg.inv(prior.columns(fit.selected) * half[:p]))
+        evidence = evidence.of_known(spread, prior.errors(problem.model, fit.values))
     if scales is None:
         scales = drawn_scales(evidence if noise is None else evidence.with_noise(noise))
         scales = scales if noise is None else replace(scales, noise=np.full(scales.noise.shape, noise))
     gain = _gain(fit.directions, jacobian[:, :p], half[:p])  # (p, p): by it J^T y gives the estimate
-    whole, own = evidence.information.sum(axis=0), half[:p, None]
     return ErrorBudget(
         names=fit.selected,
         held=held,
         instruments=groups.names,
-        data=gain @ evidence.information[:, :p, :p] @ gain.T * np.outer(half[:p], half[:p]),
-        by_own=(gain @ whole[:p, :p] - np.eye(p)) * own,
+        data=gain @ information[:, :p, :p] @ gain.T * np.outer(half[:p], half[:p]),
+        by_own=(gain @ whole[:p, :p] - np.eye(p)) @ spread * own,
         by_held=gain @ whole[:p, p:] * own,
         half_ranges=half,
         scales=scales,
+        known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )
 
 
@@ -205,12 +213,12 @@ def _instruments(problem: Problem) -> _Instruments:
     """Instruments with readings. The noise of drives is in the readings of all, and worth as little as either."""
     channels = problem.model.channels
     drives = [d for a, d in enumerate(problem.model.actuators) if problem.drive_sigma[:, a].any()]
-    common = min((_WORTH[d.sigma_is] for d in drives), default=np.inf)
+    common = min((WORTH[d.sigma_is] for d in drives), default=np.inf)
     used = [k for k in range(len(channels)) if problem.measured[:, k].any()]
     names = tuple(dict.fromkeys(channels[k].instrument for k in used))
     of_channel = [names.index(channels[k].instrument) if k in used else -1 for k in range(len(channels))]
     counts = [sum(int(problem.measured[:, k].sum()) for k in used if of_channel[k] == g) for g in range(len(names))]
-    worth = {channels[k].instrument: _WORTH[channels[k].sigma_is] for k in used}
+    worth = {channels[k].instrument: WORTH[channels[k].sigma_is] for k in used}
     place = np.tile(of_channel, len(problem)).astype(np.intp)
     known = 0 if problem.prior is None else len(problem.prior.rows)
     place = np.concatenate([place, np.full(known, -1)])

@@ -23,6 +23,8 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
 
     start (P,): where the fit began; what the data do not see stays there, and what they hardly see at nominal.
     """
+    if problem.prior is not None and problem.prior.stated:
+        return problem, fit
     model = problem.model
     ranges = model.ranges
     index = [model.names.index(n) for n in fit.selected]

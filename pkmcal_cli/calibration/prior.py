@@ -10,17 +10,21 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import WEAK, Directions
 from pkmcal_cli.model.model import Model
 
+_LEAST = 1e-12  # of the largest eigenvalue of a matrix of correlations
+
 
 @dataclass(frozen=True)
 class Prior:
     """Combinations of parameters that are known with standard uncertainty 1: rows (k, p), SI, of `names` about centre.
 
-    centre (p,): values of the parameters, SI.
+    centre (p,): values of the parameters, SI. stated: whether an earlier calibration says so, not ranges, which are
+    guesses and may turn out to be wider.
     """
 
     names: tuple[str, ...]
     rows: Array
     centre: Array
+    stated: bool = False
 
     def errors(self, model: Model, values: Array) -> Array:
         """Known less given (k,), in standard uncertainties, at parameter values (P,)."""
@@ -41,7 +45,16 @@ def joined(one: Prior, other: Prior) -> Prior:
     rows = np.zeros((len(one.rows) + len(other.rows), len(one.names) + len(other.names)))
     rows[: len(one.rows), : len(one.names)] = one.rows
     rows[len(one.rows) :, len(one.names) :] = other.rows
-    return Prior((*one.names, *other.names), rows, np.append(one.centre, other.centre))
+    stated = one.stated or other.stated
+    return Prior((*one.names, *other.names), rows, np.append(one.centre, other.centre), stated)
+
+
+def prior_of_covariance(names: tuple[str, ...], covariance: Array, centre: Array) -> Prior:
+    """Parameters about a centre (p,) with a covariance (p, p), SI, which may be singular to rounding."""
+    std = np.sqrt(np.diag(covariance))
+    value, vector = np.linalg.eigh(covariance / np.outer(std, std))
+    floor = _LEAST * value.max(initial=1.0)
+    return Prior(names, (vector / np.sqrt(np.maximum(value, floor))).T / std, centre, stated=True)
 
 
 def prior_of_ranges(model: Model, names: tuple[str, ...]) -> Prior:

@@ -60,10 +60,13 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     along, count = known @ offsets, len(known)
     spread = known @ (expected + by_held @ by_held.T) @ known.T
     statistic = max(float(along @ np.linalg.pinv(spread, hermitian=True) @ along), 0.0) if count else 0.0
+    declared = problem.prior is None or not problem.prior.stated  # else the errors are not those of ranges
+    count = count if declared else 0
     chance = 2.0 * min(float(chdtr(count, statistic)), float(chdtrc(count, statistic))) if count else 1.0
+    chance = chance if declared else float("nan")
     factors = {kind: float(np.median(drawn)) for kind, drawn in budget.scales.factors.items()}
     named = dict(zip(fit.selected, offsets.tolist(), strict=True))
     lost = spectrum.undetermined()
     seen = {n: z for (n, z), gone in zip(named.items(), lost, strict=True) if not gone}
     kinds = frozenset(model.parameters[k].kind or model.parameters[k].dimension for k in index)
-    return RangeCheck(min(chance, 1.0), factors, seen, kinds, spectrum)
+    return RangeCheck(chance if np.isnan(chance) else min(chance, 1.0), factors, seen, kinds, spectrum)

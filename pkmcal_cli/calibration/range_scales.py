@@ -55,6 +55,23 @@ class Evidence:
             freedom=np.full(len(self.freedom), np.inf),
         )
 
+    def of_known(self, spread: Array, errors: Array) -> Evidence:
+        """The same by independent errors of an earlier calibration, which is taken at its word; held ones as they were.
+
+        spread (p, p): of the identified parameters, in half ranges, by such errors; errors (p,): what it was off, known
+        less found.
+        """
+        p, q = len(spread), len(self.centre)
+        turn = np.eye(q)
+        turn[:p, :p] = spread
+        return replace(
+            self,
+            information=turn.T @ self.information @ turn,
+            score=self.score @ turn,
+            centre=np.append(-errors, np.zeros(q - p)),
+            estimated=np.zeros(q, dtype=bool),
+        )
+
     def taken(self, offsets: NDArray[np.intp], instruments: NDArray[np.intp]) -> Evidence:
         """The same in another order."""
         return Evidence(

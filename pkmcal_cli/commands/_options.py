@@ -47,6 +47,9 @@ Offset = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Write the result to stdout as JSON.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Write only errors to stderr.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output file.")]
+RunFolder = Annotated[
+    str | None, typer.Option("--run", metavar="DIR", help="Keep inputs, results and versions in a new folder of DIR.")
+]
 Accept = Annotated[bool, typer.Option("--accept", help="Take an implausible result; what is odd is recorded.")]
 FailOn = Annotated[
     str | None,
@@ -78,6 +81,15 @@ Loss = Annotated[
 ]
 Prior = Annotated[
     str, typer.Option("--prior", metavar="none|ranges", help="ranges: prior standard uncertainty of half a range.")
+]
+PriorOrFile = Annotated[
+    str,
+    typer.Option(
+        "--prior", metavar="none|ranges|OLD.params.yaml", help="What is known besides: ranges, or an old calibration."
+    ),
+]
+Loosen = Annotated[
+    str | None, typer.Option("--loosen", metavar="NAMES", help="With --prior OLD: what was repaired, e.g. l3,strut3.*.")
 ]
 Uncertainty = Annotated[
     str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="Method for the 95 % intervals.")

@@ -6,20 +6,26 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Json, MachineFile, Quiet, Style
+from pkmcal_cli.commands._options import Json, MachineFile, Parameters, Quiet, Style, as_request
 
 
 def check(
     machine: MachineFile,
     measurements: Annotated[list[str] | None, typer.Argument(metavar="MEAS.csv", help="Tables to check.")] = None,
+    parameters: Parameters = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option("--tolerance", metavar='"20 um"', help="Of the position, with -p: pass, fail or undecided."),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
     style: Style = "text",
 ) -> None:
-    """Is this machine what I mean, and does this table fit it?
+    """Is this machine what I mean, does this table fit it, and do the parameters of `-p` still hold?
 
     Example: pkmcal check machines/triglide.yaml machines/triglide.csv
     """
-    from pkmcal_cli.workflow.check import run_check
+    options = locals()
+    from pkmcal_cli.workflow.check import CheckRequest, run_check
 
-    raise typer.Exit(run_check(machine, tuple(measurements or ()), as_json, quiet, style))
+    raise typer.Exit(run_check(as_request(CheckRequest, options)))

@@ -6,7 +6,18 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Dwell, Feed, Force, Grid, Json, MachineFile, Parameters, Quiet, as_request
+from pkmcal_cli.commands._options import (
+    Dwell,
+    Feed,
+    Force,
+    Grid,
+    Json,
+    MachineFile,
+    Parameters,
+    Quiet,
+    RunFolder,
+    as_request,
+)
 
 _FORMATS = (
     "adjust, beckhoff, csv, gcode, gcode-drives, gcode-printer, klipper, linuxcnc, reprapfirmware (docs/correct.md)."
@@ -34,6 +45,7 @@ def correct(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="File to write; default: stdout.")
     ] = None,
+    run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pkmcal_cli.base.errors import BadInput, FaultList, did_you_mean
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
+from pkmcal_cli.loading.data_information import DATA
 from pkmcal_cli.loading.evidence import MEASURED, UNEXPLAINED, Evidence, read_evidence
 from pkmcal_cli.loading.parameter_text import FINGERPRINT
 from pkmcal_cli.units.dimensions import Dimension
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from pkmcal_cli.model.parts import ModelParameter
 
 
-_SECTIONS = ("provenance", FINGERPRINT, "parameters", MEASURED, UNEXPLAINED, "correlations")
+_SECTIONS = ("provenance", FINGERPRINT, "parameters", MEASURED, UNEXPLAINED, "correlations", DATA)
 _ENTRY = ("value", "std", "unit", "identified", "note")
 
 

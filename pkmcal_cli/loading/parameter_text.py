@@ -63,8 +63,9 @@ def dump_parameters(
     provenance: Mapping[str, Any],
     fingerprint: Fingerprint,
     evidence: Evidence | None = None,
+    data: Sequence[str] = (),
 ) -> str:
-    """The text of a parameter file; `fingerprint`: of the machine that the values belong to."""
+    """The text of a parameter file; `fingerprint`: of the machine that the values belong to; data: a section."""
     import yaml
 
     lines = [
@@ -87,6 +88,7 @@ def dump_parameters(
         lines.append(f"  std: [{', '.join(_real(v) for v in correlations.std)}]")
         lines.append("  matrix:")
         lines += [f"    - [{', '.join(_number(v) for v in row)}]" for row in correlations.matrix]
+    lines += data
     return "\n".join(lines) + "\n"
 
 

@@ -27,7 +27,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
-from pkmcal_cli.report.joint_uncertainty import correlations
+from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.report.parameters import (
@@ -63,8 +63,8 @@ class CalibrationReport:
         problem = problem.without(fit.failed)
         self.budget, self.ranges = calibration.budget, range_check(problem, fit, calibration.budget)
         self.problem = problem
-        weighed = replace(problem, weight=calibration.robust.problem.weight)
-        found = (*implausible_values(problem, self.ranges), *implausible_residuals(weighed, fit))
+        self.weighed = replace(problem, weight=calibration.robust.problem.weight)
+        found = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
         self.implausible = (*mistakes, *found) if fit.status == "converged" else ()
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, place, len(problem))
@@ -275,7 +275,8 @@ class CalibrationReport:
         errors = self.after if isinstance(self.held_out, str) else self.held_out.after
         seen = evidence_of(self.problem, self.fit, errors, fitted)
         joint = correlations(self.model, self.budget)
-        return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen)
+        data = data_lines(self.model, self.weighed, self.fit, self.budget)
+        return dump_parameters(entries, joint, provenance, self.model.fingerprint, seen, data)
 
 
 def _far(row: ParameterRow) -> bool:

@@ -19,7 +19,7 @@ from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters, s
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.improved_machine import effect_key, null_lines, option_lines, validity
-from pkmcal_cli.report.joint_uncertainty import correlations
+from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.number_format import handy, uncertain
 from pkmcal_cli.report.parameters import is_weak, reasons_against
 from pkmcal_cli.report.sentences import listed
@@ -112,7 +112,8 @@ class ImprovedFiles:
             shown, known = None if std is None else std / unit.scale, std is not None and not is_weak(reason)
             entries.append(ParameterEntry(p.name, unit.from_si(value), shown, p.unit, known, reason))
         seen = evidence_of(made.problem, fit, made.after.report, fitted=False)
-        return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen)
+        data = data_lines(self.model, made.problem, fit, made.budget, effects)
+        return dump_parameters(entries, correlations(self.model, made.budget), provenance, fingerprint, seen, data)
 
     def _unit(self, parameter: str) -> Unit:
         return parse_unit(self.model.parameters[self.model.names.index(parameter)].unit or "1")

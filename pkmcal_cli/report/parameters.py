@@ -148,8 +148,9 @@ def reasons_against(
     shares = {} if budget is None else dict(zip(budget.names, budget.share_of_ranges, strict=True))
     for name, share in shares.items():
         if share > _IN_PART:
-            mostly = "uncertainty mostly from the ranges" if share > 0.5 else "uncertainty in part from the ranges"
-            out.setdefault(name, f"{mostly} ({share:.0%} of the variance)")
+            part = "mostly" if share > 0.5 else "in part"
+            known_by = "the ranges" if budget is None else budget.known_by
+            out.setdefault(name, f"uncertainty {part} from {known_by} ({share:.0%} of the variance)")
     for name, offset in far.items():
         out[name] = "; ".join([*filter(None, [out.get(name)]), f"{abs(offset) / 2:.1f} ranges from nominal"])
     return out

@@ -6,28 +6,23 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
-from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated, refit
+from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.determinacy import determinacy
-from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.frame_start import at_frames
-from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
-from pkmcal_cli.loading.poses import Place, failed_rows, place_of
-from pkmcal_cli.prediction import Prediction
+from pkmcal_cli.loading.poses import Place, place_of
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -36,9 +31,14 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import by_method, checked_method, given, one_stdin, selection
+from pkmcal_cli.workflow.calibration_run import calibration_run
 from pkmcal_cli.workflow.gates import Gate, Judged, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
+from pkmcal_cli.workflow.held_out import held_out, validated
+from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.result_figures import Result
+from pkmcal_cli.workflow.run_folder import check_run, keep_run
+from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _FOLDS = "5"
 _SCHEMES = ("session", "cells", "none")
@@ -58,9 +58,11 @@ class CalibrationRequest:
     parameters: str | None
     method: str
     fit_options: FitOptions
+    loosen: str | None
     max_rms: str | None
     accept: bool
     fail_above: tuple[str, ...] | None
+    run: str | None
     as_json: bool
     quiet: bool
     style: str
@@ -109,35 +111,56 @@ def run_calibration(request: CalibrationRequest) -> int:
     calibration = _fit(s, options, to)
     fit = calibration.robust.fit
     s = replace(s, problem=s.problem.without(fit.failed))
-    held_out = _held_out(s, fit)
+    if s.apart is None:
+        held = held_out(s.problem, s.measured, fit, request.holdout, request.fit_options)
+    else:
+        held = validated(s.loaded, s.problem, fit, s.apart)
     gross = gross_row_reasons(s.problem, calibration, _places(s))
-    report = CalibrationReport(s.loaded.machine, s.problem, calibration, held_out, _places(s), (*hints, *gross))
+    report = CalibrationReport(s.loaded.machine, s.problem, calibration, held, _places(s), (*hints, *gross))
     report.show(to)
     if report.implausible and request.accept:
         to.say("accepted (`--accept`)")
+    return _written(s, report, to)
+
+
+def _written(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
+    """Write what is asked for; the exit code. Raises OutputError."""
+    request = s.request
+    accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
+    how = {} if request.method == "exact" else {"method": request.method}
+    text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **how, **accepted))
     if request.output is not None:
-        accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
-        how = {} if request.method == "exact" else {"method": request.method}
-        text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **how, **accepted))
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     judged = _judged(s, report)
     if request.as_json:
         emit_json(report.json() | {"method": request.method, "gates": [each.json() for each in judged]})
-    return _exit_code(s, report, judged, to)
+    code = _exit_code(s, report, judged, to)
+    if request.run is not None:
+        keep_run(request.run, s.inputs, calibration_run(request.machine, report, text, code), to)
+    return code
+
+
+def _checked(request: CalibrationRequest) -> str | None:
+    """The file that is held out, if the arguments go together. Raises UsageError, OutputError."""
+    if request.as_json and request.output is not None and is_stream(request.output):
+        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    prior = request.fit_options.prior_file
+    one_stdin(request.machine, *request.measurements, request.parameters, request.holdout, prior)
+    check_run(request.run, request.machine, *request.measurements, request.parameters, request.holdout, prior)
+    request.fit_options.check(files=True)
+    if request.loosen is not None and prior is None:
+        raise UsageError("--loosen needs a prior", hint="add `--prior OLD.params.yaml`, written by `calibrate -o`")
+    file = _file_of(request.holdout)
+    inputs = given(request.machine, *request.measurements, request.parameters, file, prior)
+    check_target(request.output, inputs, force=request.force)
+    return file
 
 
 def _prepare(request: CalibrationRequest) -> _Setting:
     """Check the arguments, read the files. Raises PkmcalError."""
-    if request.as_json and request.output is not None and is_stream(request.output):
-        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
-    one_stdin(request.machine, *request.measurements, request.parameters, request.holdout)
-    request.fit_options.check()
-    method = checked_method(request.method)
+    file, method = _checked(request), checked_method(request.method)
     limits = gates(request.fail_above or (), request.max_rms)
-    file = _file_of(request.holdout)
-    inputs = given(request.machine, *request.measurements, request.parameters, file)
-    check_target(request.output, inputs, force=request.force)
     loaded = load_machine(request.machine)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
@@ -147,6 +170,8 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     start = load_parameters(problem.model, request.parameters)
     declared = loaded.model.for_sessions(measured.sessions)
     start = replace(start, values=at_frames(start.values, declared, problem.model))
+    if request.fit_options.prior_file is not None:
+        problem, selected, start = _after(request, request.fit_options.prior_file, problem, selected, start)
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
@@ -166,6 +191,19 @@ def _prepare(request: CalibrationRequest) -> _Setting:
     )
     check_target(request.output, s.inputs, force=request.force)
     return s
+
+
+def _after(
+    request: CalibrationRequest, file: str, problem: Problem, selected: tuple[str, ...], start: Start
+) -> tuple[Problem, tuple[str, ...], Start]:
+    """Problem, parameters and start with what an earlier calibration knows. Raises BadInput and UsageError."""
+    earlier = earlier_calibration(
+        problem.model, file, selected, request.select == "auto", request.loosen, start.values
+    )
+    notes = tuple(f"note: {text}" for text in earlier.notes)
+    values = earlier.values if request.parameters is None else start.values
+    start = replace(start, values=values, inputs=start.inputs | earlier.inputs, warnings=start.warnings + notes)
+    return replace(problem, prior=earlier.prior), earlier.selected, start
 
 
 def _determined(s: _Setting, to: Reporter) -> _Setting:
@@ -217,48 +255,6 @@ def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
 def _places(s: _Setting) -> Callable[[int], Place]:
     """Where a row stands in its file."""
     return lambda row: place_of(s.measured, row)
-
-
-def unsolved(measured: Measurements, prediction: Prediction) -> BadInput:
-    """Rows that cannot be predicted, as an error."""
-    lost = np.nonzero(~prediction.solved)[0]
-    return failed_rows(lambda row: place_of(measured, row), {int(k): prediction.reason(int(k)) for k in lost})
-
-
-def _held_out(s: _Setting, fit: Fit) -> HeldOut | str:
-    """Held-out figures, or why there are none."""
-    scheme = s.request.holdout
-    if scheme == "none":
-        return "not requested"
-    if s.apart is not None:
-        return _validated(s, fit, s.apart)
-    if fit.status != "converged":
-        return f"the fit did not succeed ({fit.status})"
-    if scheme is not None and not 0 < len(scheme) <= _DIGITS:
-        raise UsageError("--holdout: invalid number of folds", hint="give a number such as 5")
-    if scheme is None and not enough_rows(s.problem, fit.selected):
-        rows, parameters = count(len(s.problem), "row"), count(len(fit.selected), "parameter")
-        return f"{rows} for {parameters}: fewer than 3 rows per parameter"
-    try:
-        labels, words = fold_labels(scheme or _FOLDS, s.problem, s.measured)
-    except ValueError as error:
-        if scheme is None:
-            return str(error)
-        raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(s.problem, fit, labels, words, partial(refit, s.request.fit_options))
-
-
-def _validated(s: _Setting, fit: Fit, other: Measurements) -> HeldOut | str:
-    """Figures on the rows of another file."""
-    problem = by_method(problem_of(s.loaded.model, other), s.problem.method)
-    if not problem.count:
-        return f"no reading in {other.files[0]} has a sigma"
-    if fit.status != "converged":
-        return f"the fit did not succeed ({fit.status})"
-    try:
-        return validate(problem, s.problem.model, fit, f"rows of {other.files[0]}")
-    except RowsFailed as failure:
-        raise unsolved(other, failure.evaluation.prediction) from None
 
 
 def _exit_code(s: _Setting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> int:

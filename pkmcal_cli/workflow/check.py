@@ -2,30 +2,65 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault
+from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
 from pkmcal_cli.prediction.influence import idle_parameters
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.machine_report import machine_json, show_machine
 from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.units.dimensions import ANGLE, LENGTH
+from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import one_stdin
+
+if TYPE_CHECKING:
+    from pkmcal_cli.tables.measurement_set import Measurements
 
 UNREADABLE = "file"
 """Code of the fault that a file cannot be read at all: that is bad input, not a finding."""
 
 
-def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bool, style: str = "text") -> int:
-    """Show and emit; 0 without faults, 1 with faults in machine or tables. Raises BadInput for unreadable files."""
-    one_stdin(path, *measurements)
-    to = Reporter(quiet, style)
+@dataclass(frozen=True, kw_only=True)
+class CheckRequest:
+    """The arguments of `check`."""
+
+    machine: str
+    measurements: tuple[str, ...] | None
+    parameters: str | None
+    tolerance: str | None
+    as_json: bool
+    quiet: bool
+    style: str
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Tables to check."""
+        return self.measurements or ()
+
+    def require_both(self) -> None:
+        """Raises UsageError for half of what it needs to compare a table with parameters."""
+        if self.parameters is None and self.tolerance is not None:
+            raise UsageError("--tolerance needs parameters", hint="add `-p PARAMS.yaml`, written by `calibrate -o`")
+        if self.parameters is not None and not self.tables:
+            raise UsageError("-p: there is no table to compare with the parameters", hint="add the table: AFTER.csv")
+
+
+def run_check(request: CheckRequest) -> int:
+    """Show and emit; 0 without faults, 1 with faults in machine or tables, or where a table does not agree with
+    parameters. Raises BadInput for unreadable files, and UsageError.
+    """
+    as_json = request.as_json
+    one_stdin(request.machine, *request.tables, request.parameters)
+    request.require_both()
+    tolerance = _tolerance(request.tolerance)
+    to = Reporter(request.quiet, request.style)
     try:
-        loaded = load_machine(path)
+        loaded = load_machine(request.machine)
     except BadInput as error:
         _reraise_unreadable(error)
         return _finish(to, {}, list(error.faults), error.total, as_json)
@@ -35,15 +70,36 @@ def run_check(path: str, measurements: tuple[str, ...], as_json: bool, quiet: bo
     for fault in warnings:
         to.warn(fault)
     result["warnings"] = [_json(f) for f in warnings]
-    total = len(faults)
-    if measurements:
-        result["measurements"], table_faults, count = _check_tables(loaded, measurements, to)
+    total, agrees = len(faults), True
+    if request.tables:
+        measured = _read(loaded, request.tables)
+        if isinstance(measured, BadInput):
+            result["measurements"] = {"n_rows": None}
+            return _finish(to, result, faults + list(measured.faults), total + measured.total, as_json)
+        start = load_parameters(loaded.model.for_sessions(measured.sessions), request.parameters)
+        result["measurements"], table_faults, count = _check_tables(loaded, measured, start, to)
         faults, total = faults + table_faults, total + count
-    return _finish(to, result, faults, total, as_json)
+        if request.parameters is not None and result["measurements"]["n_values"]:
+            from pkmcal_cli.workflow.verify import verify
+
+            verification = verify(loaded, measured, start, request.parameters, tolerance, to)
+            result["verification"], agrees = verification.json(), verification.ok
+    return _finish(to, result, faults, total, as_json, agrees)
 
 
-def _finish(to: Reporter, result: dict[str, Any], faults: list[Fault], total: int, as_json: bool) -> int:
-    """Tell the faults, emit the result; the exit code."""
+def _tolerance(text: str | None) -> tuple[float, Unit] | None:
+    """The tolerance, m, and its unit. Raises UsageError."""
+    if text is None:
+        return None
+    from pkmcal_cli.workflow.verify import tolerance_of
+
+    return tolerance_of(text)
+
+
+def _finish(
+    to: Reporter, result: dict[str, Any], faults: list[Fault], total: int, as_json: bool, agrees: bool = True
+) -> int:
+    """Tell the faults, emit the result; the exit code: 1 also where a table does not agree with parameters."""
     for fault in faults[:MAX_FAULTS]:
         to.fail(fault)
         to.fail("")
@@ -51,8 +107,9 @@ def _finish(to: Reporter, result: dict[str, Any], faults: list[Fault], total: in
         to.fail(f"... and {total - min(len(faults), MAX_FAULTS)} more faults")
     if as_json:
         emit_json({"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]], **result})
-    to.say(count(total, "fault") if total else "no faults")
-    return 1 if total else 0
+    if total or agrees:
+        to.say(count(total, "fault") if total else "no faults")
+    return 0 if agrees and not total else 1
 
 
 def _reraise_unreadable(error: BadInput) -> None:
@@ -106,32 +163,42 @@ def idle_faults(loaded: LoadedMachine) -> list[Fault]:
     ]
 
 
+def _read(loaded: LoadedMachine, paths: tuple[str, ...]) -> Measurements | BadInput:
+    """The tables, or their faults. Raises BadInput for unreadable files."""
+    from pkmcal_cli.loading.load_machine import load_measurements
+
+    try:
+        return load_measurements(loaded, paths)
+    except BadInput as error:
+        _reraise_unreadable(error)
+        return error
+
+
 def _check_tables(
-    loaded: LoadedMachine, paths: tuple[str, ...], to: Reporter
+    loaded: LoadedMachine, measured: Measurements, start: Start, to: Reporter
 ) -> tuple[dict[str, Any], list[Fault], int]:
     """Counts, faults (the first ones) and their number: of reading, rows without a solution, gross mistakes."""
     import numpy as np
 
     from pkmcal_cli.calibration.measured_problem import problem_of
     from pkmcal_cli.calibration.residual import evaluate
+    from pkmcal_cli.calibration.verification import own_of
     from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
-    from pkmcal_cli.loading.load_machine import load_measurements
     from pkmcal_cli.loading.poses import place_of
     from pkmcal_cli.report.loads import Loads
 
-    try:
-        measured = load_measurements(loaded, paths)
-    except BadInput as error:
-        _reraise_unreadable(error)
-        return {"n_rows": None}, list(error.faults), error.total
     to.notes(measured.notes)
     for fault in measured.warnings:
         to.warn(fault)
     problem = problem_of(loaded.model, measured)
-    prediction = evaluate(problem, problem.model.nominal).prediction
+    values = problem.model.nominal
+    if start.inputs:  # a file tells them, but for what stands elsewhere each time
+        own = own_of(problem.model)
+        values = np.where([n in own for n in problem.model.names], values, start.values)
+    prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    messages = measurement_hints(loaded, problem, problem.model.nominal, measured)
+    messages = measurement_hints(loaded, problem, values, measured)
     hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, get_args
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import assessed
 from pkmcal_cli.correction.commands import corrected, depends_on_sides
 from pkmcal_cli.correction.formats import format_named
@@ -27,7 +31,9 @@ from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
 from pkmcal_cli.workflow.export import Export, exported, write_export
+from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 
+_COMMANDS = "commands.csv"
 _MOST = 1e6  # of seconds, or mm/min
 
 
@@ -45,6 +51,7 @@ class CorrectionRequest:
     dwell: float
     feed: float
     output: str | None
+    run: str | None
     as_json: bool
     quiet: bool
     force: bool
@@ -63,6 +70,7 @@ class CorrectionRequest:
 def run_correction(request: CorrectionRequest) -> int:
     """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
     choice, target, export = request.choice, _checked(request), _export(request)
+    check_run(request.run, request.machine, request.targets, request.parameters)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
@@ -88,17 +96,40 @@ def run_correction(request: CorrectionRequest) -> int:
     inputs = loaded.inputs | start.inputs | dict(targets.inputs)
     head = provenance(inputs, redundant=choice, at=request.at)
     more: dict[str, Any] = {}
+    files: dict[str, str] = {}
     if result is not None and len(result.correction.good) and export is not None:
         written = exported(export, loaded, model, start, targets, result)
         more = {"export": written.json(write_export(export, written, inputs, head, to))}
     elif result is not None and len(result.correction.good):
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
-        comments = ["set values corrected by pkmcal", *provenance_lines(head)]
+        comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], table.cells(report.ids, result)
         with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
-            writer.write(table.cells(report.ids, result))
+            writer.write(cells)
+        if request.run is not None:
+            files[_COMMANDS] = _text_of(table.columns, cells, comments)
+    answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
     if request.as_json:
-        emit_json(report.json() | {"output": request.output, "at": request.at, "provenance": head} | more)
-    return 1 if report.lost.reasons and not targets.grid else 0
+        emit_json(answer | more)
+    code = 1 if report.lost.reasons and not targets.grid else 0
+    keep_run(request.run, inputs, _run(request.machine, answer, files, code), to)
+    return code
+
+
+def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int) -> Run:
+    """What is kept of a correction."""
+    done = f"{answer['n_corrected']} of {answer['n_targets']} targets corrected"
+    return Run(command="correct", machine=machine, result=answer, code=code, verdict=done, files=files)
+
+
+def _text_of(
+    columns: Sequence[tuple[str, str | None]], cells: Sequence[Array | Sequence[str]], comments: Sequence[str]
+) -> str:
+    """The table as a text."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / _COMMANDS
+        with open_writer(str(file), columns, (), comments=comments) as writer:
+            writer.write(cells)
+        return file.read_text(encoding="utf-8")
 
 
 def _checked(request: CorrectionRequest) -> str:

@@ -18,9 +18,10 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.fail_on import failing
+from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
+from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 FAILING: tuple[Verdict, ...] = ("found", "ambiguous", "unknown", "measurement_fault", "sigma_too_small")
 
@@ -34,6 +35,7 @@ class DiagnosisRequest:
     seed: int
     plots: str | None
     fail_on: str | None
+    run: str | None
     as_json: bool
     quiet: bool
     style: str
@@ -50,6 +52,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
 
         check_folder(request.plots)
         check_library()
+    check_run(request.run, request.case.machine, *request.case.measurements, request.case.parameters)
     to = Reporter(request.quiet, request.style)
     case = prepare(request.case, to)
     with to.stages() as observe:
@@ -58,11 +61,17 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     report.show(to)
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
+    result = report.json() | case.record | {"provenance": _origin(case)}
     if request.as_json:
-        emit_json(report.json() | case.record | {"provenance": _origin(case)})
+        emit_json(result)
     failed = diagnosis.verdict in fails_on
     if request.quiet and failed:
         to.fail(report.verdict_line())
+    line = report.verdict_line().partition("\n")[0]
+    kept = Run(
+        command="diagnose", machine=request.case.machine, result=result, code=int(failed), verdict=line
+    )
+    keep_run(request.run, case.inputs, kept, to)
     return int(failed)
 
 

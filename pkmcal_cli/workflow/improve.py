@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.errors import BadInput, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.calibration.identify import RowsFailed
@@ -18,8 +18,6 @@ from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, FEWEST_TO_SPLIT, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.gross_errors.hints import nothing_measured
-from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
-from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading.load_machine import load_measurements
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -29,11 +27,13 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
-from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.fail_on import failing
 from pkmcal_cli.workflow.gates import check_gates, gates, measured_kinds, missed_limits
+from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved, improvement_run
 from pkmcal_cli.workflow.result_figures import Result
+from pkmcal_cli.workflow.run_folder import check_run, keep_run
 from pkmcal_cli.workflow.search_case import FEWEST_ROWS, Case, CaseRequest, prepare
+from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 FAILING = (*FAILURES, "implausible")
 
@@ -51,6 +51,7 @@ class ImproveRequest:
     accept: bool
     fail_above: tuple[str, ...] | None
     fail_on: str | None
+    run: str | None
     as_json: bool
     quiet: bool
     style: str
@@ -67,6 +68,7 @@ def run_improvement(request: ImproveRequest) -> int:
     check_alpha(request.alpha)
     fails_on = failing(request.fail_on, FAILING)
     one_stdin(*request.inputs)
+    check_run(request.run, *request.inputs)
     targets = _targets(request)
     limits = gates(request.fail_above or ())
     to = Reporter(request.quiet, request.style)
@@ -93,15 +95,20 @@ def run_improvement(request: ImproveRequest) -> int:
         written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
     judged = _result(case, report).judged(limits)
+    told = {"implausible": list(odd), "failures": list(failures), "gates": [each.json() for each in judged]}
+    result = report.json(*written) | case.record | told
     if request.as_json:
-        told = {"implausible": list(odd), "failures": list(failures), "gates": [each.json() for each in judged]}
-        emit_json(report.json(*written) | case.record | told)
+        emit_json(result)
     if improvement.broken is not None:
         raise improvement.broken
     missed = missed_limits(judged, case.loaded, case.measured.files[0])
     for fault in missed:
         to.fail(fault)
-    return int(bool(missed) or not fails_on.isdisjoint(failures))
+    code = int(bool(missed) or not fails_on.isdisjoint(failures))
+    if request.run is not None:
+        head = _head(request, inputs, improvement, odd)
+        keep_run(request.run, inputs, improvement_run(request.case.machine, inputs, report, head, result, code), to)
+    return code
 
 
 def _result(case: Case, report: ImprovementReport) -> Result:
@@ -220,7 +227,7 @@ def _write(
     with write_together((parameters, machine), inputs, force=request.force) as (values, overlay):
         overlay.write(report.overlay(base))
         overlay.flush()
-        values.write(report.parameter_file(head, replace(_fingerprint(overlay.name, inputs), of=machine)))
+        values.write(report.parameter_file(head, replace(fingerprint_of_improved(overlay.name, inputs), of=machine)))
     to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
     return targets
 
@@ -232,16 +239,6 @@ def _head(
     accepted = {"accepted": list(odd)} if odd and request.accept else {}
     status = "implausible" if odd else improvement.fit.status
     return provenance(inputs, seed=request.seed, status=status, **accepted)
-
-
-def _fingerprint(overlay: str, inputs: dict[str, str]) -> Fingerprint:
-    """Of the improved machine, as every command will read it. Raises BadInput where its base is no longer the same."""
-    improved = read_machine(overlay)
-    for name, digest in improved.files[1:]:
-        if digest not in inputs.values():
-            what = "this file has changed since it was read, so the improved machine would differ"
-            raise BadInput.single(what, Location(name), "run the command again", "file")
-    return fingerprint_of(improved)
 
 
 def _base(machine: str, target: str) -> str:

@@ -32,9 +32,9 @@ from pkmcal_cli.report.number_format import finite, readable
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.arguments import selection
-from pkmcal_cli.workflow.calibrate import unsolved
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _POOL = 400
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned

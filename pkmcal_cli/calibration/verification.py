@@ -1,0 +1,220 @@
+"""A second table against what parameters predict: normalised errors, one test of all readings, a tolerance.
+
+An error e = measured - predicted has the variance u_p^2 + u_m^2: of the prediction, by the joint covariance of the
+parameters and what the calibration left unexplained, and of the measurement. E_n = |e| / (2 sqrt(u_p^2 + u_m^2))
+(ISO 13528; k = 2). All errors together have the covariance S + J Sigma J^T, since errors of parameters are common to
+all rows; where an instrument stands anew, its frame is fitted to the rows first, and costs degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.errors_before_after import kinds_of
+from pkmcal_cli.calibration.frame_start import FRAME
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.units.measurands import Measurand
+
+K = 2.0
+"""Coverage factor of expanded uncertainties."""
+SIGNIFICANT = 0.01
+"""Chance of errors so large below which readings and parameters do not agree."""
+_RANK = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """Errors (N, C) of readings and their standard uncertainties by prediction and by measurement, SI; `on` (N, C).
+
+    chi2, dof: of all errors together; refitted: what was fitted to these rows; failed: why rows have no prediction.
+    """
+
+    problem: Problem
+    on: NDArray[np.bool_]
+    errors: Array
+    by_model: Array
+    by_instrument: Array
+    chi2: float
+    dof: int
+    refitted: tuple[str, ...]
+    failed: Mapping[int, str]
+
+    @property
+    def p_value(self) -> float:
+        """Chance of errors as large if nothing has changed; nan without any degree of freedom."""
+        return float(chdtrc(self.dof, self.chi2)) if self.dof > 0 else float("nan")
+
+    @property
+    def compatible(self) -> bool:
+        """Whether parameters and readings agree, and every row has a prediction."""
+        return not self.failed and self.p_value >= SIGNIFICANT
+
+    @property
+    def normalised(self) -> Array:
+        """E_n (N, C); 0 where nothing was measured."""
+        u = K * np.hypot(self.by_model, self.by_instrument)
+        return np.divide(np.abs(self.errors), u, out=np.zeros_like(u), where=self.on & (u > 0))
+
+
+@dataclass(frozen=True)
+class Known:
+    """How well parameters are known: `covariance` (p, p) of `names`; unexplained: std beyond noise, by kind. SI."""
+
+    names: tuple[str, ...]
+    covariance: Array
+    unexplained: Mapping[str, float]
+
+
+def own_of(model: Model) -> tuple[str, ...]:
+    """Parameters that rows of a new set-up have for themselves: frames of instruments that stand anywhere, sessions."""
+    frames = [e for e in model.effects if e.effect.keyword == FRAME and e.at in model.fitted_frames]
+    names = {n for e in frames for n in e.parameters}
+    free = (p for p in model.parameters if p.identify and not p.fixed)
+    return tuple(p.name for p in free if p.name in names or p.session or p.per_session)
+
+
+def verified(problem: Problem, values: Array, known: Known) -> Verification:
+    """Readings against parameter values (P,). Raises RowsFailed where most rows have no prediction."""
+    own = own_of(problem.model)
+    failed: Mapping[int, str] = {}
+    if own:
+        index = [problem.model.names.index(n) for n in own]
+        start = values.copy()
+        start[index] = problem.model.nominal[index]
+        fit = identify(problem, own, start)
+        values, failed = fit.values, fit.failed
+    else:
+        failed = reasons(problem, evaluate(problem, values))
+    problem = problem.without(failed)
+    names = tuple(n for n in known.names if n not in own)
+    keep = [known.names.index(n) for n in names]
+    root = _root(known.covariance[np.ix_(keep, keep)])
+    evaluation = evaluate(problem, values, (*own, *names))
+    problem = problem.without(lost_rows(problem, evaluation))
+    wider = replace(problem, sigma=np.hypot(problem.sigma, _unexplained(problem, known.unexplained)))
+    near = linearise(wider, evaluation)
+    frame, moved = near.jacobian[:, : len(own)], near.jacobian[:, len(own) :] @ root
+    basis, response = _fitted(frame)
+    residual = near.residual - basis @ (basis.T @ near.residual)
+    within = moved - basis @ (basis.T @ moved)
+    chi2 = _chi_square(residual, within)
+    by_model = _of_prediction(evaluation, root, len(own), response @ moved)
+    return Verification(
+        problem=problem,
+        on=problem.measured,
+        errors=np.where(problem.measured, evaluation.residual, 0.0),
+        by_model=np.hypot(by_model, _unexplained(problem, known.unexplained)),
+        by_instrument=_of_measurement(problem, evaluation),
+        chi2=chi2,
+        dof=problem.count - basis.shape[1],
+        refitted=own,
+        failed=failed,
+    )
+
+
+def _root(covariance: Array) -> Array:
+    """L (p, k) with L L^T a covariance (p, p)."""
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(std > 0, std, 1.0)
+    value, vector = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vector * np.sqrt(np.maximum(value, 0.0)))
+
+
+def _fitted(columns: Array) -> tuple[Array, Array]:
+    """Orthonormal basis (n, k) of what is fitted, and the estimator (o, n) of its o parameters."""
+    size = np.sqrt((columns**2).sum(axis=0))
+    size = np.where(size > 0, size, 1.0)
+    u, s, vt = np.linalg.svd(columns / size, full_matrices=False)
+    kept = s > _RANK * s.max(initial=0.0)
+    return u[:, kept], (vt[kept].T / s[kept]) @ u[:, kept].T / size[:, None]
+
+
+def _chi_square(residual: Array, moved: Array) -> float:
+    """r^T (1 + A A^T)^-1 r for residuals r (n,) and A (n, p) (Woodbury)."""
+    pulled = moved.T @ residual
+    inner = np.eye(len(pulled)) + moved.T @ moved
+    return max(float(residual @ residual - pulled @ np.linalg.solve(inner, pulled)), 0.0)
+
+
+def _of_prediction(evaluation: Evaluation, root: Array, own: int, answered: Array) -> Array:
+    """Standard uncertainties (N, C) of predicted readings by parameters; `answered` (o, k): how fitted ones follow."""
+    jacobian = evaluation.prediction.jacobian
+    assert jacobian is not None
+    moved = jacobian[..., own:] @ root - jacobian[..., :own] @ answered
+    return np.asarray(np.sqrt((np.nan_to_num(moved) ** 2).sum(axis=2)))
+
+
+def _of_measurement(problem: Problem, evaluation: Evaluation) -> Array:
+    """Standard uncertainties (N, C) of readings, those of the drives' readings included."""
+    by_drive = evaluation.prediction.by_drive
+    assert by_drive is not None
+    drives = np.nan_to_num(by_drive) * problem.reading_sigma[:, None, :]
+    return np.where(problem.measured, np.sqrt(problem.sigma**2 + (drives**2).sum(axis=2)), 0.0)
+
+
+def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
+    """What a calibration left beyond noise, by the kind of a reading (C,)."""
+    out = np.zeros(len(problem.model.channels))
+    for kind, columns in kinds_of(problem.model).items():
+        out[columns] = left.get(kind, 0.0)
+    return out
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Position errors (n,) of points in rows (n,) and their expanded uncertainties U (n,) by the instrument, m.
+
+    By ISO 14253-1 a point passes where |e| + U is within the tolerance, and fails where |e| - U exceeds it.
+    """
+
+    rows: NDArray[np.intp]
+    errors: Array
+    expanded: Array
+    tolerance: float
+
+    @property
+    def passed(self) -> NDArray[np.bool_]:
+        """Points (n,) that conform."""
+        return np.asarray(self.errors + self.expanded <= self.tolerance)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Points (n,) that do not conform."""
+        return np.asarray(self.errors - self.expanded > self.tolerance)
+
+    @property
+    def verdict(self) -> str:
+        """Of all: "pass" if every point passes, "fail" if one fails, else "undecided"."""
+        if self.failed.any():
+            return "fail"
+        return "pass" if self.passed.all() and len(self.rows) else "undecided"
+
+
+def judged(v: Verification, tolerance: float) -> Judged:
+    """Position errors by a tolerance, m: distance of measured from predicted point, in the coordinates measured.
+
+    U is twice the standard uncertainty of the instrument along the error (its largest where there is none).
+    """
+    by_point: dict[int, list[int]] = {}
+    for k in v.problem.model.measuring(Measurand.POSITION):
+        by_point.setdefault(v.problem.model.channels[k].index, []).append(k)
+    rows, errors, expanded = [], [], []
+    for columns in by_point.values():
+        for row in np.nonzero(v.on[:, columns].any(axis=1))[0]:
+            used = [k for k in columns if v.on[row, k]]
+            e, noise = v.errors[row, used], v.problem.noise[row][np.ix_(used, used)]
+            size = float(np.sqrt(e @ e))
+            variance = float(e @ noise @ e) / size**2 if size > 0 else float(np.linalg.eigvalsh(noise)[-1])
+            rows.append(int(row))
+            errors.append(size)
+            expanded.append(K * float(np.sqrt(variance)))
+    return Judged(np.array(rows, dtype=np.intp), np.array(errors), np.array(expanded), tolerance)

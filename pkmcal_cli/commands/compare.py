@@ -1,0 +1,31 @@
+"""`pkmcal compare`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pkmcal_cli.commands._options import Json, Quiet, as_request
+
+
+def compare(
+    things: Annotated[
+        list[str],
+        typer.Argument(metavar="A B ...", help="Parameter files or runs; two machine files and a table; a run folder."),
+    ],
+    machine: Annotated[
+        str | None, typer.Option("--machine", metavar="M.yaml", help="Machine whose tool point is predicted.")
+    ] = None,
+    alpha: Annotated[float, typer.Option("--alpha", help="Chance of an alarm where nothing has changed.")] = 0.05,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Has the machine changed between these calibrations, in what, and what does it do to the tool point?
+
+    Example: pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv
+    """
+    options = locals()
+    from pkmcal_cli.workflow.compare import ComparisonRequest, run_comparison
+
+    raise typer.Exit(run_comparison(as_request(ComparisonRequest, options)))

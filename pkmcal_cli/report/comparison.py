@@ -1,0 +1,299 @@
+"""What `compare` shows of parameter files: one test, changes of parameters and effects, of the tool point, a trend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.special import ndtr
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.comparison import Alone, Changes, Common, Omnibus
+from pkmcal_cli.loading.known_parameters import KnownParameters
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.number_format import finite, readable, uncertain
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_LISTED = 12  # names told one by one
+_LEFT = 0.01  # p value of what is left, below which one parameter does not explain a change
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Tests of what data sets have in common; apart: what is not compared, with the files that have it.
+
+    unit: of the time in which parameters change, "" for two files.
+    """
+
+    common: Common
+    test: Omnibus
+    changes: Changes
+    alone: Alone | None
+    apart: Mapping[str, tuple[int, ...]]
+    unit: str
+
+    def named(self, alpha: float) -> tuple[str, ...]:
+        """Parameters whose own tests say that they have changed, once the test of all says that something has."""
+        if not self.test.p_value < alpha:
+            return ()
+        both = zip(self.changes.names, self.changes.holm, strict=True)
+        return tuple(name for name, p in both if p < alpha)
+
+    @property
+    def trend(self) -> bool:
+        """Whether there are dates."""
+        return bool(self.unit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolChange:
+    """Change of the tool point's position, m: rms, that by chance alone, largest with its uncertainty, and where."""
+
+    rms: float
+    rms_by_chance: float
+    largest: float
+    std: float
+    where: Mapping[str, float]
+    count: int
+    over: str
+
+
+class ComparisonReport:
+    """A comparison, ready to be shown; alpha: chance of an alarm where nothing has changed."""
+
+    def __init__(
+        self, known: Sequence[KnownParameters], compared: Compared, tool: ToolChange | str | None, alpha: float
+    ) -> None:
+        self.known, self.compared, self.tool, self.alpha = known, compared, tool, alpha
+        self.effects = _effects(known)
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether something could be tested, and does not alarm."""
+        return self.compared.test.p_value >= self.alpha
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """What has changed: parameters by their own tests; where none tells, those of which one alone explains it."""
+        found = self.compared.named(self.alpha)
+        one = self.compared.alone
+        if not found and not self.unchanged and one is not None and self._explains(one):
+            return (one.name, *one.rivals)
+        return found
+
+    def _explains(self, one: Alone) -> bool:
+        return not one.p_left < _LEFT
+
+    def verdict(self) -> str:
+        """The verdict in a sentence."""
+        t = self.compared.test
+        if not t.dof:
+            return "NOTHING TO COMPARE: these data determine nothing in common"
+        chance = f"F = {t.statistic:.3g} for {t.dof} and {t.freedom:.0f} degrees of freedom, p {t.p_value:.2g}"
+        what = "no change" if self.unchanged else "CHANGED"
+        return f"{what}: {chance}, of {count(t.dof, 'combination')} of parameters that all data sets determine"
+
+    def show(self, to: Reporter) -> None:
+        """For people."""
+        c = self.compared
+        (to.say if self.unchanged else to.fail)(self.verdict())
+        self._show_alone(to)
+        to.say()
+        heads = [_letter(i) for i in range(len(self.known))]
+        for head, k in zip(heads, self.known, strict=True):
+            date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
+            to.say(f"{head}: {k.file}, {date}")
+        change = f"change per {c.unit}" if c.trend else "change"
+        if self.compared.changes.names:
+            to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
+        if self.effects:
+            to.table("Effects", ("effect", *heads, "remark"), [self._effect_row(e) for e in self.effects], folded=())
+        self._show_tool(to)
+        self._show_apart(to)
+
+    def _show_alone(self, to: Reporter) -> None:
+        one, found = self.compared.alone, self.compared.named(self.alpha)
+        if self.unchanged or not self.compared.test.dof or one is None or (found and one.name not in found):
+            return
+        unit = self._unit(one.name)
+        size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)
+        per = f" per {self.compared.unit}" if self.compared.trend else ""
+        if not self._explains(one):
+            left = f"p {one.p_left:.2g} of what is left"
+            to.say(f"no single parameter explains it; most of it: {one.name} by {size}{per} ({left})")
+            return
+        others = f"; as well: {', '.join(one.rivals[:_LISTED])}" if one.rivals else ""
+        to.say(f"explained by one parameter alone: {one.name} by {size}{per}{others}")
+
+    def _unit(self, name: str) -> Unit:
+        return next(k.parameters[name].unit for k in self.known if name in k.parameters)
+
+    def _parameter_rows(self) -> list[tuple[str, ...]]:
+        found, rows, named = self.compared.changes, list[tuple[str, ...]](), self.compared.named(self.alpha)
+        for k, name in enumerate(found.names):
+            unit = self._unit(name)
+            values = [f"{unit.from_si(f.parameters[name].value):.8g}" for f in self.known]
+            size = uncertain(float(found.values[k]) / unit.scale, float(found.std[k]) / unit.scale, unit.text)
+            known = bool(found.determined[k])
+            p = f"{found.holm[k]:.2g}" if known else "-"
+            remark = "" if known else "not determined by all"
+            rows.append((name, *values, size, p, "CHANGED" if name in named else remark))
+        return rows
+
+    def _effect_row(self, effect: Effect) -> tuple[str, ...]:
+        sizes, scale = [effect.sizes.get(i) for i in range(len(self.known))], effect.unit.scale
+        shown = ["-" if s is None else uncertain(s[0] / scale, s[1] / scale, effect.unit.text) for s in sizes]
+        return (effect.name, *shown, effect.remark(len(self.known), self.alpha))
+
+    def _show_tool(self, to: Reporter) -> None:
+        if self.tool is None:
+            return
+        if isinstance(self.tool, str):
+            to.say(f"change of the tool point: not available ({self.tool})")
+            return
+        t, unit = self.tool, parse_unit("mm")
+        per = f" per {self.compared.unit}" if self.compared.trend else ""
+        where = ", ".join(f"{axis} = {v / unit.scale:.4g} mm" for axis, v in t.where.items())
+        to.say(
+            f"change of the tool point{per} over the {t.over}: {readable(t.rms, unit)} rms "
+            f"({readable(t.rms_by_chance, unit)} by chance alone), largest {readable(t.largest, unit)} "
+            f"(u {readable(t.std, unit)}) at {where}"
+        )
+
+    def _show_apart(self, to: Reporter) -> None:
+        """What was not compared."""
+        by_files: dict[tuple[int, ...], list[str]] = {}
+        for name, where in self.compared.apart.items():
+            by_files.setdefault(where, []).append(name)
+        for where, names in by_files.items():
+            lone = len(where) < len(self.known)
+            what = f"without partner, only in {', '.join(_letter(i) for i in where)}" if lone else "not compared"
+            to.say(f"{what}: {_listed(names)}")
+
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        c, t = self.compared, self.compared.test
+        return {
+            "kind": "parameters",
+            "verdict": "no change" if self.unchanged else "changed" if t.dof else "nothing in common",
+            "named": list(self.named),
+            "files": [
+                {"file": k.file, "created": None if k.created is None else k.created.isoformat(), "status": k.status}
+                for k in self.known
+            ],
+            "test": {
+                "statistic": finite(t.statistic),
+                "degrees_of_freedom": t.dof,
+                "noise_degrees_of_freedom": finite(t.freedom),
+                "p_value": finite(t.p_value),
+                "alpha": self.alpha,
+            },
+            "alone": None if c.alone is None else self._alone_json(c.alone),
+            "per": c.unit or None,
+            "parameters": [self._parameter_json(k) for k in range(len(c.changes.names))],
+            "effects": [e.json(len(self.known), self.alpha) for e in self.effects],
+            "tool_point": self._tool_json(),
+            "apart": [{"name": n, "files": [self.known[i].file for i in w]} for n, w in c.apart.items()],
+        }
+
+    def _alone_json(self, one: Alone) -> dict[str, Any]:
+        unit = self._unit(one.name)
+        return {
+            "name": one.name,
+            "change": one.value / unit.scale,
+            "std": one.std / unit.scale,
+            "unit": unit.text,
+            "p_value_left": finite(one.p_left),
+            "explains": not self.unchanged and self._explains(one),
+            "rivals": list(one.rivals),
+        }
+
+    def _parameter_json(self, k: int) -> dict[str, Any]:
+        found = self.compared.changes
+        name = found.names[k]
+        unit = self._unit(name)
+        return {
+            "name": name,
+            "values": [unit.from_si(f.parameters[name].value) for f in self.known],
+            "change": float(found.values[k]) / unit.scale,
+            "std": float(found.std[k]) / unit.scale,
+            "unit": unit.text,
+            "determined": bool(found.determined[k]),
+            "p_value": finite(float(found.p_values[k])),
+            "p_value_holm": finite(float(found.holm[k])),
+            "changed": name in self.compared.named(self.alpha),
+        }
+
+    def _tool_json(self) -> dict[str, Any] | None:
+        if self.tool is None or isinstance(self.tool, str):
+            return None
+        t, um = self.tool, 1e-6
+        return {
+            "rms": t.rms / um,
+            "rms_by_chance": t.rms_by_chance / um,
+            "max": t.largest / um,
+            "std": t.std / um,
+            "unit": "um",
+            "at": {axis: v / 1e-3 for axis, v in t.where.items()},
+            "at_unit": "mm",
+            "count": t.count,
+            "over": t.over,
+        }
+
+
+def _letter(index: int) -> str:
+    return chr(ord("A") + index) if index < 26 else f"F{index + 1}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(names[:_LISTED]) + more
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A number of an effect: value and standard uncertainty, SI, by number of the file that has it."""
+
+    name: str
+    unit: Unit
+    sizes: Mapping[int, tuple[float, float]]
+
+    def p_value(self) -> float:
+        """Of no difference between the first and the last; nan where one lacks it, or its uncertainty is not known."""
+        if len(self.sizes) < 2:
+            return math.nan
+        (a, u), (b, v) = self.sizes[min(self.sizes)], self.sizes[max(self.sizes)]
+        size = math.hypot(u, v)
+        return float(2.0 * ndtr(-abs(a - b) / size)) if size > 0 else math.nan
+
+    def remark(self, files: int, alpha: float) -> str:
+        """Where it is, or whether its size has changed."""
+        if len(self.sizes) < files:
+            return f"only in {', '.join(_letter(i) for i in self.sizes)}"
+        return "other size" if self.p_value() < alpha else ""
+
+    def json(self, files: int, alpha: float) -> dict[str, Any]:
+        """The same for JSON."""
+        sizes = [self.sizes.get(i) for i in range(files)]
+        return {
+            "name": self.name,
+            "values": [None if s is None else s[0] / self.unit.scale for s in sizes],
+            "stds": [None if s is None else finite(s[1] / self.unit.scale) for s in sizes],
+            "unit": self.unit.text,
+            "p_value": finite(self.p_value()),
+            "remark": self.remark(files, alpha) or None,
+        }
+
+
+def _effects(known: Sequence[KnownParameters]) -> tuple[Effect, ...]:
+    """Numbers of effects but for places of instruments, which are new each time."""
+    names = dict.fromkeys(n for k in known for n in k.parameters if "@" in n and not n.startswith("frame@"))
+    out = []
+    for name in names:
+        there = {i: k.parameters[name] for i, k in enumerate(known) if name in k.parameters}
+        unit = next(iter(there.values())).unit
+        out.append(Effect(name, unit, {i: (p.value, p.std) for i, p in there.items()}))
+    return tuple(out)
+

@@ -1,0 +1,163 @@
+"""What `check -p` shows: normalised errors of a second table, and the verdict on a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.verification import Judged, K, Verification
+from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.failed_rows import FailedRows
+from pkmcal_cli.report.number_format import finite, readable
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+_LISTED = 20
+
+
+class VerificationReport:
+    """A verification, ready to be shown; `judged`: by a tolerance, where there is one, in its unit."""
+
+    def __init__(
+        self, found: Verification, judged: Judged | None, unit: Unit | None, place: Callable[[int], Place]
+    ) -> None:
+        self.found, self.judged, self.unit, self.place = found, judged, unit, place
+        self.failed = FailedRows(found.failed, place, len(found.problem))
+        self.normalised = found.normalised
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in a sentence: on the tolerance where there is one, else on all readings."""
+        v, j = self.found, self.judged
+        chance = f"chi-square {v.chi2:.4g}, {count(v.dof, 'degree')} of freedom, p {v.p_value:.2g}"
+        if j is None:
+            return f"{'compatible' if v.compatible else 'NOT COMPATIBLE'} with the parameters: {chance}"
+        words = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}[j.verdict]
+        assert self.unit is not None
+        sums = f"{int(j.passed.sum())} pass, {int(j.failed.sum())} fail, {self._undecided} undecided"
+        points = f"{count(len(j.rows), 'point')}: {sums}"
+        return f"{words} (ISO 14253-1, tolerance {self.unit.from_si(j.tolerance):.6g} {self.unit.text}): {points}"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the verdict is positive."""
+        if self.judged is None:
+            return self.found.compatible
+        return self.judged.verdict == "pass" and not self.found.failed
+
+    @property
+    def _undecided(self) -> int:
+        assert self.judged is not None
+        return int((~self.judged.passed & ~self.judged.failed).sum())
+
+    def show(self, to: Reporter) -> None:
+        """For people."""
+        v = self.found
+        (to.say if self.ok else to.fail)(self.verdict)
+        if self.judged is not None and not v.compatible and v.dof > 0:
+            to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
+        if v.refitted:
+            to.notes([f"fitted to these rows: {', '.join(v.refitted)}"])
+        rows = []
+        for c in self._channels():
+            unit = parse_unit(c["unit"])
+            si = (unit.to_si(c[key]) for key in ("rms", "max", "u_predicted", "u_measured"))
+            sizes = (readable(x, unit) for x in si)
+            above = f"{c['n_above']} of {c['count']}"
+            rows.append((c["name"], *sizes, f"{c['e_n_max']:.2f}", above))
+        headers = ("reading", "rms", "max", "U predicted", "U measured", "max E_n", "E_n > 1")
+        to.table("Errors, measured - predicted; U: expanded uncertainties (k = 2), rms", headers, rows)
+        for text in self._worst():
+            to.say(text)
+        self.failed.show(to)
+
+    def _worst(self) -> list[str]:
+        """The point that is furthest off, where there is a tolerance."""
+        j = self.judged
+        if j is None or not len(j.rows):
+            return []
+        k, unit = int(np.argmax(j.errors)), self.unit
+        assert unit is not None
+        e, u = (f"{unit.from_si(float(x[k])):.4g}" for x in (j.errors, j.expanded))
+        return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {self.place(int(j.rows[k]))}"]
+
+    def _channels(self) -> list[dict[str, Any]]:
+        v, out = self.found, []
+        for k, channel in enumerate(v.problem.model.channels):
+            on = v.on[:, k]
+            if not on.any():
+                continue
+            unit = parse_unit(channel.unit)
+            e, n = np.abs(v.errors[on, k]), self.normalised[on, k]
+            out.append(
+                {
+                    "name": channel.name,
+                    "rms": _rms(e) / unit.scale,
+                    "max": float(e.max()) / unit.scale,
+                    "u_predicted": K * _rms(v.by_model[on, k]) / unit.scale,
+                    "u_measured": K * _rms(v.by_instrument[on, k]) / unit.scale,
+                    "e_n_max": float(n.max()),
+                    "n_above": int((n > 1).sum()),
+                    "count": int(on.sum()),
+                    "unit": unit.text,
+                }
+            )
+        return out
+
+    def json(self) -> dict[str, Any]:
+        """The JSON result."""
+        v = self.found
+        above = [(int(r), int(k)) for r, k in zip(*np.nonzero(self.normalised > 1), strict=True)]
+        return {
+            "compatible": v.compatible,
+            "chi2": finite(v.chi2),
+            "degrees_of_freedom": v.dof,
+            "p_value": finite(v.p_value),
+            "fitted": list(v.refitted),
+            "channels": self._channels(),
+            "above": [self._reading(r, k) for r, k in above],
+            **self.failed.json(),
+            "tolerance": None if self.judged is None else self._tolerance(self.judged),
+        }
+
+    def _reading(self, row: int, channel: int) -> dict[str, Any]:
+        """A reading whose normalised error exceeds 1."""
+        about, place = self.found.problem.model.channels[channel], self.place(row)
+        return {
+            "file": place.file,
+            "line": place.line,
+            "id": place.id or None,
+            "channel": about.name,
+            "error": float(self.found.errors[row, channel]) / parse_unit(about.unit).scale,
+            "unit": about.unit,
+            "e_n": float(self.normalised[row, channel]),
+        }
+
+    def _tolerance(self, j: Judged) -> dict[str, Any]:
+        assert self.unit is not None
+        worst = int(np.argmax(j.errors)) if len(j.rows) else None
+        place = None if worst is None else self.place(int(j.rows[worst]))
+        return {
+            "value": self.unit.from_si(j.tolerance),
+            "unit": self.unit.text,
+            "verdict": j.verdict,
+            "n_pass": int(j.passed.sum()),
+            "n_fail": int(j.failed.sum()),
+            "n_undecided": self._undecided,
+            "largest": None
+            if worst is None or place is None
+            else {
+                "file": place.file,
+                "line": place.line,
+                "id": place.id or None,
+                "error": self.unit.from_si(float(j.errors[worst])),
+                "expanded_uncertainty": self.unit.from_si(float(j.expanded[worst])),
+            },
+        }
+
+
+def _rms(values: np.ndarray[Any, Any]) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,180 @@
+"""`compare`: what changed between calibrations; which of two machine files predicts better; the history of runs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.calibration.comparison import Common, alone, changes, chosen_by_all, common, omnibus
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
+from pkmcal_cli.loading.plain_files import yaml_kind
+from pkmcal_cli.report.comparison import Compared, ComparisonReport
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.workflow.alpha import check_alpha
+from pkmcal_cli.workflow.compare_machines import compare_machines
+from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, show_history
+from pkmcal_cli.workflow.tool_change import tool_change
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonRequest:
+    """The arguments of `compare`."""
+
+    things: tuple[str, ...]
+    machine: str | None
+    alpha: float
+    as_json: bool
+    quiet: bool
+
+
+def run_comparison(request: ComparisonRequest) -> int:
+    """Compare and show; returns the exit code: 1 where something has changed. Raises PkmcalError."""
+    check_alpha(request.alpha)
+    to = Reporter(request.quiet)
+    if sum(is_stream(t) for t in request.things):
+        raise UsageError("compare reads no stdin", hint="give files or folders of runs")
+    kinds = [_kind(t) for t in request.things]
+    if kinds == ["runs"]:
+        runs = history(request.things[0])
+        show_history(to, runs)
+        if request.as_json:
+            emit_json({"kind": "history", "runs": [r.json() for r in runs]})
+        return 0
+    if "runs" in kinds:
+        one = request.things[kinds.index("runs")]
+        raise UsageError(f"`{one}` holds several runs", hint="name one of the folders in it, or give it alone")
+    if "machine" in kinds:
+        return _machines(request, kinds, to)
+    if "table" in kinds:
+        raise UsageError("a table is compared by machine files", hint="compare M1.yaml M2.yaml TABLE.csv")
+    if len(kinds) < 2:
+        raise UsageError("there is nothing to compare it with", hint="give two parameter files or more")
+    return _parameters(request, kinds, to)
+
+
+def _kind(name: str) -> str:
+    """What an argument is: "run", "runs", "table", "machine" or "parameters". Raises BadInput."""
+    if os.path.isdir(name):
+        return "run" if os.path.exists(os.path.join(name, RECORD)) else "runs"
+    if os.path.splitext(name)[1].lower() in (".csv", ".txt", ".tsv"):
+        return "table"
+    return yaml_kind(name)
+
+
+def _machines(request: ComparisonRequest, kinds: list[str], to: Reporter) -> int:
+    """Two machine files on the same held-out rows."""
+    machines = [t for t, k in zip(request.things, kinds, strict=True) if k == "machine"]
+    tables = [t for t, k in zip(request.things, kinds, strict=True) if k == "table"]
+    if len(machines) != 2 or not tables or len(machines) + len(tables) < len(kinds):
+        hint = "compare M1.yaml M2.yaml TABLE.csv"
+        raise UsageError("machine files are compared in pairs, on the rows of a table", hint=hint)
+    report = compare_machines(machines[0], machines[1], tuple(tables), to)
+    report.show(to)
+    if request.as_json:
+        emit_json(report.json())
+    return 0
+
+
+def _parameters(request: ComparisonRequest, kinds: list[str], to: Reporter) -> int:
+    """What changed between calibrations."""
+    files = [
+        os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.things, kinds, strict=True)
+    ]
+    known = [known_parameters(f) for f in files]
+    for k in known:
+        if k.data is None:
+            what = "this parameter file has no whole section `data`, so what its rows determine is unknown"
+            raise BadInput.single(what, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
+    compared = _compared(known)
+    change = None
+    if (compared.test.dof and len(known) == 2) or compared.trend:
+        change = tool_change(request.machine, files, known, compared.changes)
+    report = ComparisonReport(known, compared, change, request.alpha)
+    for text in _warnings(known):
+        to.warn(text)
+    report.show(to)
+    if request.as_json:
+        emit_json(report.json())
+    return 0 if report.unchanged else 1
+
+
+def _compared(known: Sequence[KnownParameters]) -> Compared:
+    """The tests."""
+    data = [k.data for k in known if k.data is not None]
+    odd = _of_other_kinds(known)
+    c = common(data, [k.values for k in known], [_own(k) | odd for k in known])
+    test, contrasts = omnibus(c)
+    times, unit = _times(known)
+    chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
+    moved = chosen_by_all(c, chosen)
+    found = changes(c, moved, times, test.freedom)
+    single = alone(c, contrasts, test, times) if test.dof else None
+    return Compared(c, test, found, single, _apart(known, c), unit)
+
+
+def _own(known: KnownParameters) -> set[str]:
+    """Parameters that a campaign has for itself: those of its sessions, and errors of the measurement."""
+    effects = catalogue()
+    out = set()
+    for name in known.parameters:
+        effect = effects.get(name.partition("@")[0]) if "@" in name else None
+        if "[" in name or (effect is not None and effect.measurement):
+            out.add(name)
+    return out
+
+
+def _of_other_kinds(known: Sequence[KnownParameters]) -> set[str]:
+    """Names that mean a length here and an angle there."""
+    kinds: dict[str, set[object]] = {}
+    for k in known:
+        for name, p in k.parameters.items():
+            kinds.setdefault(name, set()).add(p.unit.dimension)
+    return {name for name, found in kinds.items() if len(found) > 1}
+
+
+def _apart(known: Sequence[KnownParameters], c: Common) -> dict[str, tuple[int, ...]]:
+    """Parameters that are not compared, each with the files that have it (by number): for lack of a partner, or own."""
+    names = dict.fromkeys(n for k in known for n in k.parameters)
+    lists = {n: tuple(i for i, k in enumerate(known) if n in k.parameters) for n in names}
+    return {n: where for n, where in lists.items() if n not in c.names}
+
+
+def _times(known: Sequence[KnownParameters]) -> tuple[tuple[float, ...], str]:
+    """When each was made, in days after the first, and "day"; 0, 1 and "" for two, or where dates are not known."""
+    dates = [k.created for k in known]
+    if len(known) == 2:
+        return (0.0, 1.0), ""
+    if any(d is None for d in dates) or len(set(dates)) < len(dates):
+        lacking = next((k for k in known if k.created is None), known[0])
+        what = "a trend needs the date of each file; this one has none, or shares it with another"
+        raise BadInput.single(what, Location(lacking.file), "write `created:` in its `provenance:`", "date")
+    first = min(d for d in dates if d is not None)
+    return tuple((d - first) / timedelta(days=1) for d in dates if d is not None), "day"
+
+
+def _warnings(known: Sequence[KnownParameters]) -> list[str]:
+    """Files that share rows, fits that did not end well, machines that differ."""
+    out = []
+    for i, one in enumerate(known):
+        if one.status not in (None, "converged"):
+            out.append(f"warning: {one.file}: the fit ended with status `{one.status}`")
+        for other in known[i + 1 :]:
+            tables = {d: n for n, d in one.inputs.items() if not n.endswith((".yaml", ".yml"))}
+            if same := [tables[d] for d in other.inputs.values() if d in tables]:
+                rows = ", ".join(same)
+                out.append(f"warning: {one.file} and {other.file} share rows ({rows}): the tests do not hold")
+    first = known[0].fingerprint
+    for other in known[1:]:
+        if first is not None and other.fingerprint is not None:
+            difference = first.difference(other.fingerprint)
+            out += [f"note: the machine of {known[0].file} differs from that of {other.file}: {difference}"] * bool(
+                difference
+            )
+    return out

@@ -1,0 +1,56 @@
+"""Which rows of a calibration are held out, and the figures on them."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.complete_fit import FitOptions, refit
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.arguments import by_method
+from pkmcal_cli.workflow.unsolved_rows import unsolved
+
+_FOLDS = "5"
+_DIGITS = 9
+
+
+def held_out(
+    problem: Problem, measured: Measurements, fit: Fit, scheme: str | None, options: FitOptions
+) -> HeldOut | str:
+    """Figures on rows of the table itself, or why there are none. Raises UsageError."""
+    if scheme == "none":
+        return "not requested"
+    if fit.status != "converged":
+        return f"the fit did not succeed ({fit.status})"
+    if scheme is not None and not 0 < len(scheme) <= _DIGITS:
+        raise UsageError("--holdout: invalid number of folds", hint="give a number such as 5")
+    if scheme is None and not enough_rows(problem, fit.selected):
+        rows, parameters = count(len(problem), "row"), count(len(fit.selected), "parameter")
+        return f"{rows} for {parameters}: fewer than 3 rows per parameter"
+    try:
+        labels, words = fold_labels(scheme or _FOLDS, problem, measured)
+    except ValueError as error:
+        if scheme is None:
+            return str(error)
+        raise UsageError(f"--holdout {scheme}: {error}") from None
+    return cross_validate(problem, fit, labels, words, partial(refit, options))
+
+
+def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurements) -> HeldOut | str:
+    """Figures on the rows of another file; problem: that was fitted. Raises BadInput."""
+    apart = by_method(problem_of(loaded.model, other), problem.method)
+    if not apart.count:
+        return f"no reading in {other.files[0]} has a sigma"
+    if fit.status != "converged":
+        return f"the fit did not succeed ({fit.status})"
+    try:
+        return validate(apart, problem.model, fit, f"rows of {other.files[0]}")
+    except RowsFailed as failure:
+        raise unsolved(other, failure.evaluation.prediction) from None

@@ -1,0 +1,101 @@
+"""`calibrate --prior OLD.params.yaml`: what an earlier calibration knows, of which few rows after a repair suffice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.prior import Prior, joined, prior_of_covariance, prior_of_ranges
+from pkmcal_cli.calibration.verification import own_of
+from pkmcal_cli.effects.unexplained import UNEXPLAINED
+from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.units.unit_text import parse_unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarlierCalibration:
+    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes."""
+
+    selected: tuple[str, ...]
+    prior: Prior
+    values: Array
+    inputs: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def earlier_calibration(
+    model: Model, path: str, chosen: tuple[str, ...], all_known: bool, loosen: str | None, start: Array
+) -> EarlierCalibration:
+    """Of the parameters `chosen`, and of all that the file knows where `all_known`; start (P,): values elsewhere.
+
+    What is named in `loosen`, what the file does not know, and what a new set-up of an instrument changes is known to
+    its declared range about nominal. Raises BadInput for a file without covariance, UsageError for names of nothing.
+    """
+    dimensions = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
+    known = known_parameters(path).of_dimensions(dimensions)
+    if known.covariance is None:
+        what = "this parameter file has no whole `correlations` with `std`, so nothing is known of its errors"
+        raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
+    free = [p for p in model.parameters if not p.fixed and p.range > 0 and p.kind != UNEXPLAINED]
+    of_file = set(known.names) if all_known else set()
+    selected = tuple(p.name for p in free if p.name in chosen or p.name in of_file)
+    loosened = _loosened(model, loosen) | set(own_of(model))
+    matched = tuple(n for n in selected if n in known.names and n not in loosened)
+    others = tuple(n for n in selected if n not in matched)
+    if not matched:
+        what = "the file knows none of the selected parameters"
+        raise BadInput.single(what, Location(path), "give the parameter file of this machine", "parameters")
+    values = _values(model, known, {p.name for p in free} - loosened, loosened, start)
+    places = [known.names.index(n) for n in matched]
+    centre = values[[model.names.index(n) for n in matched]]
+    prior = prior_of_covariance(matched, known.covariance[np.ix_(places, places)], centre)
+    return EarlierCalibration(
+        selected=selected,
+        prior=joined(prior, prior_of_ranges(model, others)) if others else prior,
+        values=values,
+        inputs={known.file: known.sha256},
+        notes=_notes(model, known, selected, loosened),
+    )
+
+
+def _values(model: Model, known: KnownParameters, here: set[str], loosened: set[str], start: Array) -> Array:
+    """Values (P,): of the file for parameters `here`, nominal ones for `loosened`, else those of the start (P,)."""
+    values, nominal, there = start.copy(), model.nominal, known.values
+    for k, name in enumerate(model.names):
+        if name in loosened:
+            values[k] = nominal[k]
+        elif name in here and name in there:
+            values[k] = there[name]
+    return values
+
+
+def _loosened(model: Model, text: str | None) -> set[str]:
+    """Parameters that patterns name, separated by commas. Raises UsageError for a pattern that names none."""
+    out: set[str] = set()
+    for pattern in filter(None, (part.strip() for part in (text or "").split(","))):
+        found = {n for n in model.names if fnmatchcase(n, pattern)}
+        if not found:
+            hint = did_you_mean(pattern, model.names)
+            raise UsageError(f"--loosen: the machine has no parameter `{pattern}`", hint=hint)
+        out |= found
+    return out
+
+
+def _notes(
+    model: Model, known: KnownParameters, selected: tuple[str, ...], loosened: set[str]
+) -> tuple[str, ...]:
+    """What is known by which file, what is not, and what has no partner."""
+    matched = sum(n in known.names and n not in loosened for n in selected)
+    out = [f"prior: {matched} of {len(selected)} identified parameters known by {known.file}"]
+    if loose := [n for n in selected if n in loosened]:
+        out.append(f"prior: known to their ranges only (loosened): {', '.join(loose)}")
+    if new := [n for n in selected if n not in known.names and n not in loosened]:
+        out.append(f"prior: without partner in {known.file}, known to their ranges: {', '.join(new)}")
+    if gone := [n for n in known.parameters if n not in model.names]:
+        out.append(f"prior: not in this machine, left out: {', '.join(gone)}")
+    return tuple(out)

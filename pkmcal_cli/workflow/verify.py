@@ -1,0 +1,64 @@
+"""`check M.yaml AFTER.csv -p PARAMS.yaml`: does a second table agree with identified parameters?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.verification import Known, judged, verified
+from pkmcal_cli.loading.evidence import Evidence
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start
+from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.report.verification import VerificationReport
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.dimensions import LENGTH
+from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.units.unit_text import Unit
+from pkmcal_cli.workflow.amounts import amount
+from pkmcal_cli.workflow.unsolved_rows import unsolved
+
+
+def verify(
+    loaded: LoadedMachine,
+    measured: Measurements,
+    start: Start,
+    parameters: str,
+    tolerance: tuple[float, Unit] | None,
+    to: Reporter,
+) -> VerificationReport:
+    """Readings against the parameters of a file, named `parameters`; shown. Raises BadInput and UsageError."""
+    problem = problem_of(loaded.model, measured)
+    on = problem.measured.copy()
+    on[:, problem.once] = False  # what was measured on the bench is no reading of this table
+    problem = replace(problem, measured=on)
+    for text in start.warnings:
+        to.warn(text)
+    if start.covariance is None:
+        what = "this parameter file has no `correlations` with `std`, so the uncertainty of predictions is unknown"
+        raise BadInput.single(what, Location(parameters), "write it with `pkmcal calibrate -o`", "parameters")
+    if tolerance is not None and not problem.measured[:, problem.model.measuring(Measurand.POSITION)].any():
+        raise UsageError("--tolerance: no positions were measured", hint="leave out `--tolerance`")
+    left = dict((start.evidence or Evidence({})).unexplained)
+    try:
+        found = verified(problem, start.values, Known(*start.covariance, left))
+    except RowsFailed as failure:
+        raise unsolved(measured, failure.evaluation.prediction) from None
+    limit, unit = tolerance or (None, None)
+    by_limit = None if limit is None else judged(found, limit)
+    report = VerificationReport(found, by_limit, unit, partial(place_of, measured))
+    report.show(to)
+    return report
+
+
+def tolerance_of(text: str | None) -> tuple[float, Unit] | None:
+    """A tolerance, m, and its unit. Raises UsageError for what is no positive length."""
+    if text is None:
+        return None
+    value, unit = amount("--tolerance", text, fitting=(LENGTH,))
+    if unit.dimension.name != "length" or value <= 0:
+        raise UsageError(f"--tolerance: `{text}` is not a positive length", hint='give a length such as "20 um"')
+    return value, unit

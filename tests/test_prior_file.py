@@ -1,0 +1,113 @@
+"""`calibrate --prior OLD.params.yaml`: few rows after a repair, what an earlier calibration knows besides."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.prior import prior_of_covariance
+from tests.campaign_tables import MM, true_values, write_table
+from tests.campaigns import shipped
+from tests.command import MACHINES, run
+from tests.truth import generate
+
+BIGLIDE = str(MACHINES / "biglide.yaml")
+REPAIRED = 0.12 * MM  # a new strut, off by more than its range
+
+
+def tool_error(parameters: Path, true: Array) -> float:
+    """rms of the predicted tool point over 60 poses, m, by the independent simulator at both sets of values."""
+    plan, machine = shipped("biglide"), generate.campaigns()["biglide"].machine
+    entries = yaml.safe_load(parameters.read_text())["parameters"]
+    found = plan.model.nominal
+    scale = {"mm": 1e-3, "N/mm": 1e3}
+    for name, entry in entries.items():
+        found[plan.model.names.index(name)] = entry["value"] * scale[entry["unit"]]
+    poses, places = plan.positions[::2], list[Array]()
+    for values in (found, true):
+        given = plan.model.by_name(values)
+        places.append(machine.forward(poses, {n: given.get(n, v) for n, v in machine.nominal.items()}).tcp[:, :2])
+    return float(np.sqrt(((places[0] - places[1]) ** 2).sum(axis=1).mean()))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An old calibration with 60 rows: old.yaml."""
+    monkeypatch.chdir(tmp_path)
+    table = write_table(tmp_path / "old.csv", "biglide", true_values("biglide", 3), 1, 60)
+    assert run("calibrate", BIGLIDE, table, "-o", "old.yaml", "-q", "--holdout", "none").code == 0
+    return tmp_path
+
+
+def test_six_points_after_a_repair_are_enough(folder: Path) -> None:
+    """Against a full calibration of the repaired machine; six rows alone are far worse."""
+    true = true_values("biglide", 3, l1=REPAIRED)
+    six = write_table(folder / "six.csv", "biglide", true, 5, 6)
+    full = write_table(folder / "full.csv", "biglide", true, 6, 60)
+    assert run("calibrate", BIGLIDE, full, "-o", "full.yaml", "-q", "--holdout", "none").code == 0
+    done = run("calibrate", BIGLIDE, six, "--prior", "old.yaml", "--loosen", "l1", "-o", "new.yaml")
+    assert done.code == 0, done.err
+    assert "loosened): l1" in done.err and "known by old.yaml" in done.err
+    run("calibrate", BIGLIDE, six, "--prior", "ranges", "-o", "alone.yaml", "-q")
+    new, fully, alone, old = (tool_error(folder / f"{n}.yaml", true) for n in ("new", "full", "alone", "old"))
+    assert new < 2.5 * fully and new < 8e-6 < 0.5 * alone and old > 50e-6, (new, fully, alone, old)
+    verified = run("check", BIGLIDE, full, "-p", "new.yaml", "-q")
+    assert verified.code == 0, verified.err  # and its uncertainties hold
+
+
+def test_the_prior_counts_as_it_says(folder: Path) -> None:
+    """The posterior of a linear problem: the sum of the informations, whatever unit parameters are in."""
+    true = true_values("biglide", 3)
+    six = write_table(folder / "six.csv", "biglide", true, 5, 6)
+    assert run("calibrate", BIGLIDE, six, "--prior", "old.yaml", "-o", "new.yaml", "-q").code == 0
+    old, new = (yaml.safe_load((folder / n).read_text()) for n in ("old.yaml", "new.yaml"))
+    sections = [dict(zip(s["names"], s["std"], strict=True)) for s in (old["correlations"], new["correlations"])]
+    assert sections[0].keys() == sections[1].keys()  # what was held is identified now, by what is known of it
+    assert all(sections[1][n] <= 1.02 * sections[0][n] for n in sections[0])
+    wide = {n for n in sections[0] if sections[1][n] > 0.9 * sections[0][n]}
+    assert {"k1", "k2"} <= wide  # six points tell nothing of stiffnesses
+
+
+def test_names_without_partner_are_listed(folder: Path) -> None:
+    """A machine with another parameter, without one of the old: no fingerprint is asked for."""
+    (folder / "other.yaml").write_text(
+        f"extends: {BIGLIDE}\nparameters: {{l3: null, leg: 300}}\nactuators: {{q3: {{offset: leg}}}}\n"
+    )
+    six = write_table(folder / "six.csv", "biglide", true_values("biglide", 3), 5, 6)
+    done = run("calibrate", "other.yaml", six, "--prior", "old.yaml")
+    assert "without partner in old.yaml, known to their ranges: leg" in done.err
+    assert "not in this machine, left out: l3" in done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["--loosen", "l1"], 2, "--loosen needs a prior"),
+        (["--prior", "old.yaml", "--loosen", "m*"], 2, "no parameter `m*`"),
+        (["--prior", "none.yaml"], 3, "No such file"),
+        (["--prior", "rangse"], 2, "not a valid value"),
+        (["--prior", "plain.yaml"], 3, "no whole `correlations`"),
+        (["--prior", "spoilt.yaml"], 3, "no whole `correlations`"),
+        (["--prior", BIGLIDE], 3, "must have a finite `value`"),
+    ],
+)
+def test_odd_priors(folder: Path, arguments: list[str], code: int, told: str) -> None:
+    (folder / "plain.yaml").write_text("parameters: {l1: {value: 300, unit: mm}}\n")
+    spoilt = (folder / "old.yaml").read_text().replace("    - [1, ", "    - [-1, ", 1)
+    (folder / "spoilt.yaml").write_text(spoilt)  # what has a negative variance is no covariance
+    done = run("calibrate", BIGLIDE, str(MACHINES / "biglide.csv"), *arguments)
+    assert done.code == code and told in done.err, done.err
+
+
+def test_a_prior_is_its_covariance() -> None:
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(4, 4)) * [1e-3, 1.0, 1e3, 1e-6]
+    covariance = root.T @ root
+    prior = prior_of_covariance(("a", "b", "c", "d"), covariance, np.zeros(4))
+    std = np.sqrt(np.diag(covariance))
+    scaled = prior.rows * std
+    assert np.linalg.inv(scaled.T @ scaled) == pytest.approx(covariance / np.outer(std, std), abs=1e-6)
