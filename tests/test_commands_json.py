@@ -177,7 +177,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
-        "compare": [["p.yaml", "scaled.params.yaml"], [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA], ["runs"]],
+        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA], ["runs"]],
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
             [SCISSORS, "shop.csv"], [SCISSORS, SHOPFLOOR.replace("-shopfloor", "")], odd_field(folder),
@@ -186,6 +186,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         ],
         "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
         "plan": [[SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
+            [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
             "--aim", "scale@q1", "--points", "1", "--power", "1"]],
         "improve": [[SCISSORS, "shop.csv", "-o", "improved.yaml", "--loss", "tukey", "--fail-above", "chi2 2"]],

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Json, Quiet, as_request
+from pkmcal_cli.commands._options import FailAbove, Json, Quiet, Style, as_request
 
 
 def compare(
@@ -18,8 +18,10 @@ def compare(
         str | None, typer.Option("--machine", metavar="M.yaml", help="Machine whose tool point is predicted.")
     ] = None,
     alpha: Annotated[float, typer.Option("--alpha", help="Chance of an alarm where nothing has changed.")] = 0.05,
+    fail_above: FailAbove = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    style: Style = "text",
 ) -> None:
     """Has the machine changed between these calibrations, in what, and what does it do to the tool point?
 

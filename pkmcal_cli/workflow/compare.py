@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,13 @@ from pkmcal_cli.calibration.comparison import Common, alone, changes, chosen_by_
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.loading.plain_files import yaml_kind
-from pkmcal_cli.report.comparison import Compared, ComparisonReport
+from pkmcal_cli.report.comparison import Compared, ComparisonReport, ToolChange
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.units.dimensions import LENGTH
+from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.compare_machines import compare_machines
+from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
 from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
 
@@ -30,17 +34,21 @@ class ComparisonRequest:
     things: tuple[str, ...]
     machine: str | None
     alpha: float
+    fail_above: tuple[str, ...] | None
     as_json: bool
     quiet: bool
+    style: str
 
 
 def run_comparison(request: ComparisonRequest) -> int:
     """Compare and show; returns the exit code: 1 where something has changed. Raises PkmcalError."""
     check_alpha(request.alpha)
-    to = Reporter(request.quiet)
+    to = Reporter(request.quiet, request.style)
+    limits = gates(request.fail_above or ())
     if sum(is_stream(t) for t in request.things):
         raise UsageError("compare reads no stdin", hint="give files or folders of runs")
     kinds = [_kind(t) for t in request.things]
+    _check_limits(limits, kinds)
     if kinds == ["runs"]:
         runs = history(request.things[0])
         show_history(to, runs)
@@ -51,12 +59,30 @@ def run_comparison(request: ComparisonRequest) -> int:
         one = request.things[kinds.index("runs")]
         raise UsageError(f"`{one}` holds several runs", hint="name one of the folders in it, or give it alone")
     if "machine" in kinds:
-        return _machines(request, kinds, to)
+        return _machines(request, kinds, limits, to)
     if "table" in kinds:
         raise UsageError("a table is compared by machine files", hint="compare M1.yaml M2.yaml TABLE.csv")
     if len(kinds) < 2:
         raise UsageError("there is nothing to compare it with", hint="give two parameter files or more")
-    return _parameters(request, kinds, to)
+    return _parameters(request, kinds, limits, to)
+
+
+def _check_limits(limits: Sequence[Gate], kinds: Sequence[str]) -> None:
+    """Whether what is compared has what limits name. Raises UsageError."""
+    fitting = "heldout" if "machine" in kinds else "change"
+    for gate in limits:
+        if gate.figure != fitting or (gate.figure == "change" and gate.unit.dimension != LENGTH):
+            words = "of two machine files" if fitting == "heldout" else "of calibrations"
+            raise UsageError(f"{gate.option}: `{gate.text}` is no limit {words}", hint=f'write e.g. "{fitting} 20 um"')
+
+
+def _judge(limits: Sequence[Gate], figures: Figures, place: str, to: Reporter) -> tuple[list[dict[str, Any]], bool]:
+    """Limits as JSON has them, and whether one is missed; these are told."""
+    judged = [gate.judged(figures) for gate in limits]
+    for each in judged:
+        if not each.kept:
+            to.fail(each.fault(Location(place)))
+    return [each.json() for each in judged], any(not each.kept for each in judged)
 
 
 def _kind(name: str) -> str:
@@ -68,8 +94,8 @@ def _kind(name: str) -> str:
     return yaml_kind(name)
 
 
-def _machines(request: ComparisonRequest, kinds: list[str], to: Reporter) -> int:
-    """Two machine files on the same held-out rows."""
+def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
+    """Two machine files on the same held-out rows; limits are for the second one."""
     machines = [t for t, k in zip(request.things, kinds, strict=True) if k == "machine"]
     tables = [t for t, k in zip(request.things, kinds, strict=True) if k == "table"]
     if len(machines) != 2 or not tables or len(machines) + len(tables) < len(kinds):
@@ -77,12 +103,14 @@ def _machines(request: ComparisonRequest, kinds: list[str], to: Reporter) -> int
         raise UsageError("machine files are compared in pairs, on the rows of a table", hint=hint)
     report = compare_machines(machines[0], machines[1], tuple(tables), to)
     report.show(to)
+    rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.found.second, report.unit, report.kind)
+    told, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
     if request.as_json:
-        emit_json(report.json())
-    return 0
+        emit_json(report.json() | {"gates": told})
+    return int(missed)
 
 
-def _parameters(request: ComparisonRequest, kinds: list[str], to: Reporter) -> int:
+def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
     """What changed between calibrations."""
     files = [
         os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.things, kinds, strict=True)
@@ -94,15 +122,23 @@ def _parameters(request: ComparisonRequest, kinds: list[str], to: Reporter) -> i
             raise BadInput.single(what, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None
-    if (compared.test.dof and len(known) == 2) or compared.trend:
+    if (compared.test.dof and len(known) == 2) or compared.trend or limits:
         change = tool_change(request.machine, files, known, compared.changes)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
         to.warn(text)
     report.show(to)
+    told, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
     if request.as_json:
-        emit_json(report.json())
-    return 0 if report.unchanged else 1
+        emit_json(report.json() | {"gates": told})
+    return int(missed or not report.unchanged)
+
+
+def _largest(change: ToolChange | str | None) -> list[Figure] | str:
+    """The largest change of the tool point, or why it is not known."""
+    if change is None or isinstance(change, str):
+        return change or "not known"
+    return [Figure("largest change of the tool point's position", change.largest, parse_unit("um"), "position")]
 
 
 def _compared(known: Sequence[KnownParameters]) -> Compared:

@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.prediction.tool_change import tool_change
+from pkmcal_cli.prediction.tool_difference import tool_difference
 from pkmcal_cli.report.figures import figure_unit
 from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
@@ -63,7 +63,7 @@ class Result:
 
     def _change(self) -> list[Figure]:
         """The largest change of the tool point at the set values of the table."""
-        units, changes = self.machine.file_units, tool_change(self.before, self.after, self.rows)
+        units, changes = self.machine.file_units, tool_difference(self.before, self.after, self.rows)
         kinds = (("position", LENGTH), ("orientation", ANGLE))
         return [
             Figure(f"largest change of the tool point's {kind}", _largest(change), units.unit(dimension), kind)

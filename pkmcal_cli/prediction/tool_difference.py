@@ -12,7 +12,7 @@ from pkmcal_cli.prediction.rows import Rows
 from pkmcal_cli.units.measurands import Measurand
 
 
-def tool_change(before: tuple[Model, Array], after: tuple[Model, Array], rows: Rows) -> tuple[Array, Array]:
+def tool_difference(before: tuple[Model, Array], after: tuple[Model, Array], rows: Rows) -> tuple[Array, Array]:
     """Distances (N,), m, and angles (N,), rad, between the tool of two machines with values (P,); nan where unsolved.
 
     Angles are 0 for a tool point that has no orientation.
