@@ -219,7 +219,7 @@ def test_pairs_are_resampled_together() -> None:
         (["one.yaml", "a.csv"], 2, "by machine files"),
         ([BIGLIDE, "a.csv"], 2, "in pairs"),
         (["empty"], 3, "no run"),
-        (["one.yaml", "empty"], 2, "several runs"),
+        (["one.yaml", "empty"], 2, "not the folder of one run"),
         (["one.yaml", "spoilt.yaml"], 3, "no whole section `data`"),
         (["one.yaml", "one.yaml", "--alpha", "2"], 2, "--alpha"),
         (["one.yaml", "other.yaml", "--machine", "none.yaml"], 3, "error[file]"),

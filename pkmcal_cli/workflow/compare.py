@@ -57,7 +57,7 @@ def run_comparison(request: ComparisonRequest) -> int:
         return 0
     if "runs" in kinds:
         one = request.things[kinds.index("runs")]
-        raise UsageError(f"`{one}` holds several runs", hint="name one of the folders in it, or give it alone")
+        raise UsageError(f"`{one}` is not the folder of one run", hint="name a folder in it, or list all: compare DIR")
     if "machine" in kinds:
         return _machines(request, kinds, limits, to)
     if "table" in kinds:
