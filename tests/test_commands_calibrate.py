@@ -118,7 +118,8 @@ def test_a_limit_on_the_command_line_decides() -> None:
     assert run("calibrate", *arguments, "20 um").code == 0
     done = run("calibrate", *arguments, "0.001 mm")
     assert done.code == 1
-    assert done.err == "position rms of fitted rows: 14.65 um, above the limit of 0.001 mm\n"
+    what = "position rms of fitted rows: 14.65 um, above the limit of 0.001 mm (--max-rms)"
+    assert done.err == f"{TRIGLIDE_DATA}: error[above]: {what}\n"
     Path("d.csv").write_text("motor_a_deg,motor_b_deg,motor_c_deg,motor_d_deg\n1,2,3,4\n")
     none = run("calibrate", HANGPRINTER, "d.csv", "--max-rms", "1 mm")
     assert none.code == 2 and "no positions were measured" in none.err

@@ -24,6 +24,11 @@ from pkmcal_cli.commands._options import (
     as_request,
 )
 
+Only = Annotated[
+    str | None,
+    typer.Option("--only", metavar="EFFECTS", help="Look for these alone, e.g. zero@all,scale@upper; takes few rows."),
+]
+
 
 def improve(
     machine: MachineFile,
@@ -40,12 +45,7 @@ def improve(
     parameters: Parameters = None,
     loss: Loss = "squares",
     prior: Prior = "none",
-    only: Annotated[
-        str | None,
-        typer.Option(
-            "--only", metavar="EFFECTS", help="Look for these alone, e.g. zero@all,scale@upper; takes few rows."
-        ),
-    ] = None,
+    only: Only = None,
     alpha: Alpha = 0.005,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
     accept: Accept = False,

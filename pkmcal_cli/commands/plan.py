@@ -21,6 +21,27 @@ from pkmcal_cli.commands._options import (
     as_request,
 )
 
+Aim = Annotated[
+    str | None,
+    typer.Option(
+        "--aim",
+        metavar="PURPOSE",
+        help='Add points for: uncertainty, "l1 5 um", l1,l3, an effect (backlash@q2), separate:EFFECT,EFFECT.',
+    ),
+]
+Points = Annotated[
+    int | None, typer.Option("--points", min=1, max=400, help='Points to add; default 8, up to 100 for "l1 5 um".')
+]
+Next = Annotated[
+    bool, typer.Option("--next", help="Points to measure next, from the table measured so far, until --aim is met.")
+]
+Budget = Annotated[
+    int | None, typer.Option("--budget", min=1, max=400, help="Rows that --next may use, those measured included.")
+]
+Form = Annotated[
+    str, typer.Option("--as", metavar="csv|gcode|checklist", help="Form of the points to measure.")
+]
+
 
 def plan(
     machine: MachineFile,
@@ -28,23 +49,10 @@ def plan(
     grid: Grid = None,
     parameters: Parameters = None,
     select: Select = "auto",
-    aim: Annotated[
-        str | None,
-        typer.Option(
-            "--aim",
-            metavar="PURPOSE",
-            help='Add points for: uncertainty, "l1 5 um", l1,l3, an effect (backlash@q2), separate:EFFECT,EFFECT.',
-        ),
-    ] = None,
-    points: Annotated[
-        int | None, typer.Option("--points", min=1, max=400, help='Points to add; default 8, up to 100 for "l1 5 um".')
-    ] = None,
-    next: Annotated[
-        bool, typer.Option("--next", help="Points to measure next, from the table measured so far, until --aim is met.")
-    ] = False,
-    budget: Annotated[
-        int | None, typer.Option("--budget", min=1, max=400, help="Rows that --next may use, those measured included.")
-    ] = None,
+    aim: Aim = None,
+    points: Points = None,
+    next: Next = False,
+    budget: Budget = None,
     power: Annotated[
         int,
         typer.Option("--power", metavar="K", min=0, max=1000, help="Simulate and diagnose K campaigns of each effect."),
@@ -53,9 +61,7 @@ def plan(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PLAN.csv", help="Table of points to measure; - is stdout.")
     ] = None,
-    as_form: Annotated[
-        str, typer.Option("--as", metavar="csv|gcode|checklist", help="Form of the points to measure.")
-    ] = "csv",
+    as_form: Form = "csv",
     dwell: Dwell = 2.0,
     feed: Feed = 1000.0,
     seed: Annotated[

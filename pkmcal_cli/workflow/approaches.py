@@ -27,6 +27,7 @@ _SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried
 _OVERRUN = 0.01  # of a drive's travel among the poses: by which it overruns at least
 _LEAST = 1e-3  # m or rad: the same where it hardly travels
 _LONGEST = 0.05  # of the machine's size, or rad: step of the tool point
+_BEYOND = 1e-7  # m or rad, beyond rounding
 _STILL = 0.1  # of the overrun: a drive that moves less has no side
 _SMALL = 1e-4  # of the machine's size, or rad: step for the directions in which drives move
 _HALVINGS = 4
@@ -113,7 +114,8 @@ def _best_step(
     step = _nearly_straight(model, every, step, unit, there)
     back = drive_positions(model, every - step[:, None] * unit, held=held)
     good = back.reached & ~np.isnan(there).any(axis=1)
-    good &= ((back.readings >= limits[:, 0]) & (back.readings <= limits[:, 1])).all(axis=1)
+    outside = (there < limits[:, 0] - _BEYOND) | (there > limits[:, 1] + _BEYOND)  # a plan that goes there knows why
+    good &= (((back.readings >= limits[:, 0]) & (back.readings <= limits[:, 1])) | outside).all(axis=1)
     if model.workspace is not None:
         good &= model.workspace.holds(back.poses, back.readings) | ~model.workspace.holds(every, there)
     suits = (np.sign(slope) * np.tile(wanted, (_TRIES, 1)) >= 0).mean(axis=1)

@@ -12,7 +12,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.correction.assessment import assessed
+from pkmcal_cli.correction.assessment import Assessment, assessed
 from pkmcal_cli.correction.commands import corrected, depends_on_sides
 from pkmcal_cli.correction.formats import format_named
 from pkmcal_cli.correction.redundancy import Choice
@@ -69,7 +69,8 @@ class CorrectionRequest:
 
 def run_correction(request: CorrectionRequest) -> int:
     """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
-    choice, target, export = request.choice, _checked(request), _export(request)
+    _checked(request)
+    choice, export = request.choice, _export(request)
     check_run(request.run, request.machine, request.targets, request.parameters)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
@@ -85,12 +86,7 @@ def run_correction(request: CorrectionRequest) -> int:
     for text in start.warnings:
         to.warn(text)
     to.notes(targets.notes)
-    made = corrected(model, start.values, Aim(poses=targets.poses, held=targets.held, rows=targets.rows), choice)
-    evidence = start.evidence or Evidence({})
-    result = None
-    if made is not None:
-        known = _known(model, start, stated, evidence)
-        result = assessed(model, start.values, made, known, evidence.measured)
+    result = _assessed(model, start, targets, stated, choice)
     report = CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     report.show(to)
     inputs = loaded.inputs | start.inputs | dict(targets.inputs)
@@ -102,17 +98,38 @@ def run_correction(request: CorrectionRequest) -> int:
         more = {"export": written.json(write_export(export, written, inputs, head, to))}
     elif result is not None and len(result.correction.good):
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
-        comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], table.cells(report.ids, result)
-        with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
-            writer.write(cells)
-        if request.run is not None:
-            files[_COMMANDS] = _text_of(table.columns, cells, comments)
+        files = _write(request, table, report, result, inputs, head)
     answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
     if request.as_json:
         emit_json(answer | more)
     code = 1 if report.lost.reasons and not targets.grid else 0
     keep_run(request.run, inputs, _run(request.machine, answer, files, code), to)
     return code
+
+
+def _assessed(model: Model, start: Start, targets: Targets, stated: Conditions, choice: Choice) -> Assessment | None:
+    """Corrected set values and how sure they are; None where no target is within reach."""
+    made = corrected(model, start.values, Aim(poses=targets.poses, held=targets.held, rows=targets.rows), choice)
+    evidence = start.evidence or Evidence({})
+    if made is None:
+        return None
+    return assessed(model, start.values, made, _known(model, start, stated, evidence), evidence.measured)
+
+
+def _write(
+    request: CorrectionRequest,
+    table: CommandTable,
+    report: CorrectionReport,
+    result: Assessment,
+    inputs: dict[str, str],
+    head: dict[str, Any],
+) -> dict[str, str]:
+    """The table of commands, and what of it a kept run has. Raises OutputError."""
+    comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], table.cells(report.ids, result)
+    target = "-" if request.output is None else request.output
+    with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
+        writer.write(cells)
+    return {} if request.run is None else {_COMMANDS: _text_of(table.columns, cells, comments)}
 
 
 def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int) -> Run:

@@ -28,7 +28,7 @@ from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.fail_on import failing
-from pkmcal_cli.workflow.gates import check_gates, gates, measured_kinds, missed_limits
+from pkmcal_cli.workflow.gates import Gate, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved, improvement_run
 from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.run_folder import check_run, keep_run
@@ -69,8 +69,7 @@ def run_improvement(request: ImproveRequest) -> int:
     fails_on = failing(request.fail_on, FAILING)
     one_stdin(*request.inputs)
     check_run(request.run, *request.inputs)
-    targets = _targets(request)
-    limits = gates(request.fail_above or ())
+    targets, limits = _targets(request), gates(request.fail_above or ())
     to = Reporter(request.quiet, request.style)
     fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
     case = prepare(request.case, to, fewest)
@@ -81,8 +80,7 @@ def run_improvement(request: ImproveRequest) -> int:
     inputs = case.inputs | ({} if apart is None else apart.inputs)
     for target in targets or ():
         check_target(target, inputs, force=request.force)
-    validation = None if apart is None else _validation(case, apart)
-    improvement = _improved(case, validation, request, to)
+    improvement = _improved(case, None if apart is None else _validation(case, apart), request, to)
     report = ImprovementReport(case.loaded.machine, case.measured, improvement)
     report.show(to)
     Loads.of_fit(improvement.problem, improvement.fit, partial(place_of, case.measured)).show(to)
@@ -94,21 +92,28 @@ def run_improvement(request: ImproveRequest) -> int:
     if targets is not None:
         written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
-    judged = _result(case, report).judged(limits)
-    told = {"implausible": list(odd), "failures": list(failures), "gates": [each.json() for each in judged]}
-    result = report.json(*written) | case.record | told
+    result = report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)}
+    code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
     if request.as_json:
-        emit_json(result)
+        emit_json(result | gates_told)
     if improvement.broken is not None:
         raise improvement.broken
+    if request.run is not None:
+        head, result = _head(request, inputs, improvement, odd), result | gates_told
+        kept = improvement_run(request.case.machine, inputs, report, head, result, code)
+        keep_run(request.run, inputs, kept, to)
+    return code
+
+
+def _verdict(
+    case: Case, report: ImprovementReport, limits: tuple[Gate, ...], failed: bool, to: Reporter
+) -> tuple[int, dict[str, Any]]:
+    """The exit code, and limits as JSON has them; those that are missed are told."""
+    judged = _result(case, report).judged(limits)
     missed = missed_limits(judged, case.loaded, case.measured.files[0])
     for fault in missed:
         to.fail(fault)
-    code = int(bool(missed) or not fails_on.isdisjoint(failures))
-    if request.run is not None:
-        head = _head(request, inputs, improvement, odd)
-        keep_run(request.run, inputs, improvement_run(request.case.machine, inputs, report, head, result, code), to)
-    return code
+    return int(bool(missed) or failed), {"gates": [each.json() for each in judged]}
 
 
 def _result(case: Case, report: ImprovementReport) -> Result:

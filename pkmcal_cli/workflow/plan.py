@@ -100,14 +100,10 @@ def run_plan(request: PlanRequest) -> int:
     tool = used.tool if wanted is None else _posed(loaded, to, used)
     added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
-    report = PlanReport(
-        loaded.machine,
-        plan,
-        at_nominal=request.parameters is None,
-        added=added,
-        bench=bench_proposals(problem.model, observability(problem, values, selected).directions),
-        rates=power_of_plan(request.power, () if wanted is None else wanted.effects, campaigns, to),
-    )
+    rates = power_of_plan(request.power, () if wanted is None else wanted.effects, campaigns, to)
+    bench = bench_proposals(problem.model, observability(problem, values, selected).directions)
+    at_nominal = request.parameters is None
+    report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
     report.show(to)
     Loads.of(problem.model, values, problem.rows, used.poses.place).show(to)
     if ways is not None:
