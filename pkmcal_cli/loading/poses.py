@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
 import numpy as np
@@ -175,10 +175,11 @@ class PoseSource:
         """All poses at once. Raises BadInput with those of a table that are out of reach; a grid's are `lost`."""
         if self.points is not None and len(self.points) > _TOGETHER:
             raise UsageError(f"--grid: more than {_TOGETHER} poses", hint="use a coarser grid")
-        poses = _joined(self.loaded.model, list(self))
+        poses = _joined(self.loaded.model, list(self._blocks()))
+        self.travels.add(poses.rows.readings)
         if poses.lost and self.points is None:
             raise failed_rows(poses.place, poses.lost)
-        return poses
+        return poses if self.points is None else replace(poses, sides=None)
 
 
 def reference_poses(model: Model) -> Poses:

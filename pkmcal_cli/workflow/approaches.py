@@ -26,6 +26,7 @@ _TRIES = 16  # directions in which the tool point may step back
 _SHORTER = (1.0, 0.3, 0.1)  # lengths of the way that are tried
 _OVERRUN = 0.01  # of a drive's travel among the poses: by which it overruns at least
 _LEAST = 1e-3  # m or rad: the same where it hardly travels
+_ENOUGH = 0.3  # of the overrun, by the drive that moves least
 _LONGEST = 0.05  # of the machine's size, or rad: step of the tool point
 _BEYOND = 1e-7  # m or rad, beyond rounding
 _STILL = 0.1  # of the overrun: a drive that moves less has no side
@@ -97,8 +98,8 @@ def _best_step(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The same for one length of steps: within reach and travel, and the workspace where the poses are in it.
 
-    Of a few random directions that with most of the wanted sides, then one in which every drive moves by its overrun,
-    or, where none is, that in which the laziest drive moves most.
+    Of a few random directions that with most of the wanted sides, then one in which every drive moves enough, or, where
+    none is, that in which the laziest drive moves most.
     """
     count, limits = len(poses), np.array([a.limits for a in model.actuators])
     size, held = np.where(np.arange(6) < 3, model.length, 1.0), model.independent_coordinates
@@ -119,7 +120,8 @@ def _best_step(
     if model.workspace is not None:
         good &= model.workspace.holds(back.poses, back.readings) | ~model.workspace.holds(every, there)
     suits = (np.sign(slope) * np.tile(wanted, (_TRIES, 1)) >= 0).mean(axis=1)
-    worth = np.where(good, 2.0 * suits + np.round(np.minimum(step * laziest, 1.0), 3), -1.0).reshape(_TRIES, count)
+    moves = np.minimum(step * laziest, _ENOUGH)  # among those that move enough chance decides: all kinds of sides
+    worth = np.where(good, 2.0 * suits + moves, -1.0).reshape(_TRIES, count)
     best, row = worth.argmax(axis=0), np.arange(count)
     off = np.nan_to_num(back.readings - there).reshape(_TRIES, count, -1)[best, row]
     return off, worth[best, row] >= 0
