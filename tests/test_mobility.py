@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from pkmcal_cli.prediction import Request
 from tests.support import SHIPPED, at, compiled, errors_of, model, overlay, poses_of, truth
@@ -14,6 +15,7 @@ COUNTS = {
     "triglide-nonredundant": (2 + 2, 2, 2, 0),
     "biglide": (2 + 2, 2, 3, 0),  # the leg is a drive: it holds nothing when released
     "scissors": (3 + 4, 2, 4, 0),  # x, y, rz of the platform, four travels; five rods
+    "scissors-strained": (3 + 4, 2, 4, 0),
     # eight bars: four sums hold the place, four differences hold three turns, so one stresses another
     "delta4": (6 + 4, 3, 4, 1),
     "hangprinter": (3, 3, 4, 0),  # every line is a drive
@@ -74,12 +76,27 @@ bars: {rod1: {k: null}, rod2: {k: null}, rod3: {k: null}}
 
 
 def test_closed_loop_in_which_nothing_yields() -> None:
-    """Three rigid rods hold two coordinates; with one drive that yields they do not."""
-    assert compiled(overlay("triglide", RIGID_RODS)).mobility.rigid_loops == ("rod1", "rod2", "rod3")
+    """Three rigid rods hold two coordinates; with one drive that yields they do not, and without any all do alike."""
+    shared = compiled(overlay("triglide", RIGID_RODS))
+    assert shared.mobility.rigid_loops == () and shared.shared_by == ("rod1", "rod2", "rod3")
     yielding = RIGID_RODS + "actuators: {q2: {stiffness: 20000}}"
     found = compiled(overlay("triglide", yielding)).mobility
     assert found.rigid_loops == ()
     assert found.redundancy == 1
+
+
+def test_drives_of_a_rigid_machine_share_their_misfit() -> None:
+    """Least squares of all drives' misfits, by the closed form; where all agree, the pose that all hold. No loads."""
+    rigid, simulator, poses = overlay("triglide", RIGID_RODS), truth("triglide"), poses_of("triglide", 40)
+    readings = simulator.inverse(poses)
+    assert np.abs(at(model(rigid), readings).values[:, :2] - poses).max() < 1e-12
+    apart = readings + np.random.default_rng(0).normal(0, 1e-3, readings.shape)
+    found = at(model(rigid), apart).values[:, :2]
+    loaded = overlay("triglide", RIGID_RODS + "loads: {weight: {at: tcp, force: [0, -5000]}}")
+    np.testing.assert_array_equal(at(model(loaded), apart).values[:, :2], found)
+    for row, begin, pose in zip(apart, poses, found, strict=True):
+        best = least_squares(lambda p, row=row: simulator.inverse([p])[0] - row, begin, xtol=1e-15, gtol=1e-15)
+        assert np.abs(best.x - pose).max() < 1e-8  # m; the optimiser differentiates by differences
 
 
 def test_a_drive_in_force_control_opens_a_loop() -> None:

@@ -22,6 +22,7 @@ from pkmcal_cli.compiler.reference import ReferenceConfiguration
 from pkmcal_cli.compiler.rope_faults import drawn_faults
 from pkmcal_cli.compiler.ropes import cables
 from pkmcal_cli.compiler.sensor_table import PlacedPoint, SensorTable
+from pkmcal_cli.compiler.shared_misfit import with_yielding_drives, yields
 from pkmcal_cli.compiler.site_coefficients import LOAD, effect_sites_of
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.compiler.weights import add_loads
@@ -51,9 +52,22 @@ class Compiled:
     mobility: asm.Mobility
     gaps: tuple[asm.Gap, ...]
     doubts: tuple[Fault, ...]  # warnings of what the reference configuration looks like
+    shared_by: tuple[str, ...] = ()  # rigid elements that join drives, all of which yield alike
 
 
 def compile_machine(machine: Machine, receptive: bool = False) -> Compiled:
+    """The model of a machine; where nothing yields in loops of drives, all drives yield alike. Raises BadInput."""
+    made = _compiled(machine, receptive)
+    if not made.mobility.rigid_loops or yields(machine):
+        return made
+    shared = _compiled(with_yielding_drives(machine, made.model.length), receptive)
+    if shared.mobility.rigid_loops:  # not the drives' doing
+        return made
+    model = replace(shared.model, fingerprint=made.model.fingerprint)
+    return replace(shared, model=model, shared_by=made.mobility.rigid_loops)
+
+
+def _compiled(machine: Machine, receptive: bool) -> Compiled:
     """The model of a machine. Faults of the mechanism are in `mobility` and `gaps`; `check` reports them.
 
     Raises BadInput where it has numbers that cannot be, or effects at places that it does not have.

@@ -62,6 +62,7 @@ def mechanism_faults(machine: Machine, compiled: Compiled) -> list[Fault]:
         *faults,
         *compiled.doubts,
         *_mobility_faults(machine, compiled.mobility),
+        *_shared_misfit(machine, compiled.shared_by),
         *outside_limits(machine, compiled.model),
         *beyond_beams(machine, compiled.model),
         *workspace_faults(machine, compiled.model),
@@ -234,6 +235,16 @@ def _mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
         what = f"closed loop without compliance: {members}"
         faults.append(machine.source.fault("rigid-loop", what, path, hint, at_key=True))
     return faults
+
+
+def _shared_misfit(machine: Machine, members: tuple[str, ...]) -> list[Fault]:
+    """A warning that a rigid machine takes the least squares of its drives' misfits."""
+    if not members:
+        return []
+    named = ", ".join(f"`{n}`" for n in members)
+    what = f"nothing yields in the loop of {named}: the pose is the least squares of all drives' misfits, without loads"
+    hint = "forces mean nothing there; give one of them, or a joint or actuator of the loop, a stiffness"
+    return [machine.source.fault("rigid-loop", what, path_of(machine, members[0]), hint, at_key=True, warning=True)]
 
 
 def _immobile(mobility: Mobility) -> bool:

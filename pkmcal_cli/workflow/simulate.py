@@ -65,6 +65,9 @@ def run_simulation(request: SimulationRequest) -> int:
     target = _checked(request)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
+    if request.forces and loaded.compiled.shared_by:
+        what = "--forces: nothing yields in this machine, so the forces of its drives are not determined"
+        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
     for fault in loaded.warnings:
         to.warn(fault)
     source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
