@@ -68,12 +68,12 @@ def truth(name: str) -> object:
         return SENSING[name]
     if name == "gantry":
         return Gantry()
-    return Hexapod7() if name == "hexapod7" else PINNED[name]()
+    return Hexapod7() if name == "hexapod7" else PINNED[name.removesuffix("-strained")]()
 
 
 def poses_of(name: str, rows: int, seed: int = 0) -> Array:
     """Random poses (N, k) in the workspace of a shipped machine, as its simulator wants them."""
-    low, high = _WORKSPACE[name]
+    low, high = _WORKSPACE[name.removesuffix("-strained")]
     out: Array = np.random.default_rng(seed).uniform(low, high, (rows, len(low)))
     return out
 

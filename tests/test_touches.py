@@ -193,7 +193,7 @@ def test_what_a_plan_of_touches_determines(tmp_path: Path) -> None:
     std = 5 * UM * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
     assert [p["std"] * (1e-3 if p["name"] == "h" else 1) for p in found] == pytest.approx(std, rel=1e-6)
     plan = tmp_path / "plan.csv"
-    ok("plan", machine, *grid, "--determine", "h", "--select", "h,t", "-o", plan)
+    ok("plan", machine, *grid, "--aim", "h", "--select", "h,t", "-o", plan)
     check = tmp_path / "check.yaml"
     check.write_text(f"extends: {machine}\nsensors: {{probe: {{reading: null}}}}\n")
     ok("simulate", check, plan, "-o", tmp_path / "s.csv")

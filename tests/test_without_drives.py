@@ -170,7 +170,7 @@ def test_a_payload_and_a_soft_frame_are_told_apart() -> None:
 
 def test_what_cannot_be_done_with_a_frame_is_said() -> None:
     table(200.0)
-    for option in (["--determine", "EI"], ["--see", "payload"], ["-o", "plan.csv"]):
+    for option in (["--aim", "EI"], ["--aim", "payload"], ["-o", "plan.csv"]):
         done = run("plan", "m.yaml", "t.csv", *option)
         assert done.code == 2 and "no actuator holds a position, so there are no points to choose" in done.err
     assert run("plan", "m.yaml", "t.csv").code == 0

@@ -68,7 +68,7 @@ def proposed(machine: str, *more: str) -> tuple[Done, Array]:
 
 def test_what_a_plan_proposes_is_in_the_workspace_and_fills_it() -> None:
     """A small grid in the middle; points for the arms of the delta lie on the rim of the cylinder, none beyond."""
-    grid = ("--grid", "x=-10:10:2,y=-10:10:2,z=-450:-430:2", "--determine", "l1a,l2a,l1b,l2b")
+    grid = ("--grid", "x=-10:10:2,y=-10:10:2,z=-450:-430:2", "--aim", "l1a,l2a,l1b,l2b")
     _, q = proposed(with_workspace("delta4", ROUND), *grid)
     x, y, z = truth("delta4").forward(q * 1e-3).tcp[:, :3].T  # type: ignore[attr-defined]
     assert np.hypot(x, y).max() < 0.1 + 1e-6 and z.min() > -0.54 - 1e-6 and z.max() < -0.34 + 1e-6
@@ -81,14 +81,14 @@ def test_what_a_plan_proposes_is_in_the_workspace_and_fills_it() -> None:
 
 def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
     file = with_workspace("delta4", "drives: {q1: [-20, 30 mm], q3: [0, 0.05 m]}, cylinder: null, box: {x: [-80, 80]}")
-    _, q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--determine", "l1a,l2a")
+    _, q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--aim", "l1a,l2a")
     assert q[:, 0].min() >= -20 and q[:, 0].max() <= 30 and q[:, 2].min() >= 0 and q[:, 2].max() <= 50
 
 
 def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> None:
     """z, rx and ry: its tip's x and y follow, as its legs have it."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [0, 15 deg]}")
-    _, q = proposed(file, "--determine", "r")
+    _, q = proposed(file, "--aim", "r")
     poses = np.array([fsolve(lambda p, row=row: head_poses(*p[:, None])[1][0] - row, START) for row in q * 1e-3])
     low, high = np.array([0.55, *np.radians([-15, 0])]), np.array([0.62, *np.radians([15, 15])])
     assert (poses > low - 1e-9).all() and (poses < high + 1e-9).all()
@@ -100,7 +100,7 @@ def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> Non
 def test_a_plan_along_one_line_is_widened_in_the_coordinates_of_the_workspace() -> None:
     """Tilts of 10 to 15 deg about y, though the plan has none; held by its tip's place, the head would not tilt."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [10, 15]}")
-    _, q = proposed(file, "--grid", "z=560:600:3,rx=0:0:1,ry=0:0:1", "--determine", "r")
+    _, q = proposed(file, "--grid", "z=560:600:3,rx=0:0:1,ry=0:0:1", "--aim", "r")
     poses = np.array([fsolve(lambda p, row=row: head_poses(*p[:, None])[1][0] - row, START) for row in q * 1e-3])
     assert (np.degrees(poses[:, 2]) > 10 - 1e-6).all() and (np.degrees(poses[:, 2]) < 15 + 1e-6).all()
 
@@ -111,7 +111,7 @@ def used_poses(machine: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Done, Arr
 
     seen: list[Any] = []
     real = analysis.sensitivity
-    monkeypatch.setattr(analysis, "sensitivity", lambda m, v, rows, s: seen.append(rows) or real(m, v, rows, s))
+    monkeypatch.setattr(analysis, "sensitivity", lambda m, v, rows, *s: seen.append(rows) or real(m, v, rows, *s))
     done = run("sensitivity", machine, "--json")
     assert done.code == 0, done.err
     return done, seen[0].readings
@@ -166,7 +166,7 @@ def test_a_workspace_that_nothing_reaches_is_an_error_where_it_is_needed() -> No
     file = with_workspace("crank", "box: {y: [300, 400]}")
     shown = run("check", file)
     assert shown.code == 0 and "warning[workspace]: the reference configuration is outside the workspace" in shown.err
-    for command in (["sensitivity"], ["observability"], ["plan"], ["plan", "--grid", "x=0:9:3", "--determine", "r"]):
+    for command in (["sensitivity"], ["observability"], ["plan"], ["plan", "--grid", "x=0:9:3", "--aim", "r"]):
         done = run(command[0], file, *command[1:])
         assert done.code == 3 and "error[workspace]: the machine reaches no pose of its workspace" in done.err
     assert run("simulate", file, "--grid", "x=0:9:3").code == 0  # grids are the user's

@@ -215,7 +215,7 @@ class DiagnosisReport(VisibilityReport):
 
     def _to_decide(self, finding: Finding) -> str:
         names = dict.fromkeys([finding.hypothesis.name, *(r.hypothesis.name for r in finding.rivals)])
-        return command("plan", *self.files(), "--separate", ",".join(list(names)[:_SEPARATED]))
+        return command("plan", *self.files(), "--aim", f"separate:{','.join(list(names)[:_SEPARATED])}")
 
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""

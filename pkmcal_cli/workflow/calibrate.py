@@ -133,11 +133,12 @@ def _written(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     judged = _judged(s, report)
+    result = report.json() | {"method": request.method, "gates": [each.json() for each in judged]}
     if request.as_json:
-        emit_json(report.json() | {"method": request.method, "gates": [each.json() for each in judged]})
+        emit_json(result)
     code = _exit_code(s, report, judged, to)
     if request.run is not None:
-        keep_run(request.run, s.inputs, calibration_run(request.machine, report, text, code), to)
+        keep_run(request.run, s.inputs, calibration_run(request.machine, report, result, text, code), to)
     return code
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.figures import figure_unit
 from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.workflow.run_folder import PARAMETERS, Run
 
 
-def calibration_run(machine: str, report: CalibrationReport, parameters: str, code: int) -> Run:
-    """The run; parameters: text of the parameter file; code: exit code."""
+def calibration_run(
+    machine: str, report: CalibrationReport, result: dict[str, Any], parameters: str, code: int
+) -> Run:
+    """The run; result: as JSON has it; parameters: text of the parameter file; code: exit code."""
     return Run(
         command="calibrate",
         machine=machine,
-        result=report.json(),
+        result=result,
         code=code,
         verdict=report.verdict().partition("\n")[0],
         rms=_rms(report),
