@@ -17,7 +17,8 @@ LIBRARY = re.compile(r"SVD|[Ss]ingular matrix|positive definite|infs or NaNs|arr
 """What a linear-algebra library would say."""
 
 
-LONG = dict.fromkeys(("hexapod7", "gantry", "gantry-bow", "five-bar", "scissors-shopfloor"), pytest.mark.slow)
+_MANY = ("hexapod7", "gantry", "gantry-bow", "five-bar", "scissors-shopfloor", "scissors-strained")
+LONG = dict.fromkeys(_MANY, pytest.mark.slow)
 """Fits that take long, many times over."""
 
 

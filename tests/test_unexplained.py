@@ -208,6 +208,7 @@ def test_a_named_effect_keeps_its_name() -> None:
     assert not d.shapes and "pitch_curve@q2" in [f.hypothesis.name for f in d.findings]
 
 
+@pytest.mark.slow
 def test_a_smooth_field_over_the_workspace_has_no_place_in_the_machine() -> None:
     d = diagnosed(campaign("scissors", [Planted("smooth_field", "grid", {"rms": 2e-6})], 4), 4)
     assert d.verdict == "unknown" and not d.shapes
