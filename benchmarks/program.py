@@ -10,7 +10,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-from pkmcal_cli.calibration.complete_fit import FitOptions
 from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
 
 from .predictions import MACHINES
@@ -45,20 +44,7 @@ def start_lines(effort: Effort) -> list[Line]:
 def calibration_line(effort: Effort) -> Line:
     """`calibrate` on the Scissors from files to the report, inside the process."""
     machine, measured = str(MACHINES / "scissors.yaml"), str(MACHINES / "scissors.csv")
-    request = CalibrationRequest(
-        machine=machine,
-        measurements=(measured,),
-        output=None,
-        select="auto",
-        holdout=None,
-        parameters=None,
-        fit_options=FitOptions(),
-        max_rms=None,
-        accept=False,
-        as_json=False,
-        quiet=True,
-        force=False,
-    )
+    request = CalibrationRequest(machine=machine, measurements=(measured,), quiet=True)
 
     def calibrate() -> None:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,21 +52,21 @@ class CalibrationRequest:
 
     machine: str
     measurements: tuple[str, ...]
-    output: str | None
-    select: str
-    holdout: str | None
-    parameters: str | None
-    method: str
-    fit_options: FitOptions
-    loosen: str | None
-    max_rms: str | None
-    accept: bool
-    fail_above: tuple[str, ...] | None
-    run: str | None
-    as_json: bool
-    quiet: bool
-    style: str
-    force: bool
+    output: str | None = None
+    select: str = "auto"
+    holdout: str | None = None
+    parameters: str | None = None
+    method: str = "exact"
+    fit_options: FitOptions = field(default_factory=FitOptions)
+    loosen: str | None = None
+    max_rms: str | None = None
+    accept: bool = False
+    fail_above: tuple[str, ...] | None = None
+    run: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    style: str = "text"
+    force: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
