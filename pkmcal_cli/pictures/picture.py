@@ -1,0 +1,87 @@
+"""What a picture is, and how it becomes a file (SVG, PNG, PDF) or a part of a page."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("svg", "png", "pdf")
+BEFORE, AFTER, FITTED, NOISE, OTHER = "#D55E00", "#0072B2", "#000000", "#8c8c8c", "#009E73"
+"""Colours that the colour-blind tell apart (Okabe and Ito 2008); a marker or line style goes with each."""
+MARKERS = {BEFORE: "o", AFTER: "s", OTHER: "^"}
+_DPI = 150
+_STYLE: Any = {
+    "svg.fonttype": "none",  # text stays text: searchable, and small
+    "svg.hashsalt": "pkmcal",
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-5, 6),
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture: name of its file without ending, title, what it shows in words, size in inches, and who draws it."""
+
+    name: str
+    title: str
+    alt: str
+    size: tuple[float, float]
+    draw: Callable[[Figure], None]
+
+    def svg(self) -> str:
+        """The picture as an `svg` element, without the head of a file."""
+        text = io.StringIO()
+        with _drawn(self) as figure:
+            figure.savefig(text, format="svg", metadata={"Date": None})
+        whole = text.getvalue()
+        return whole[whole.index("<svg") :]
+
+
+@contextmanager
+def _drawn(picture: Picture) -> Iterator[Figure]:
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(_STYLE):
+        figure = Figure(figsize=picture.size, layout="constrained")
+        picture.draw(figure)
+        yield figure
+
+
+def format_of(file: str) -> str:
+    """Format of a picture's file, by its ending. Raises UsageError for another, and for a stream."""
+    ending = os.path.splitext(file)[1].lower().lstrip(".")
+    if is_stream(file) or ending not in FORMATS:
+        raise UsageError(f"--plot: `{file}` is no picture", hint="name a file that ends with .svg, .png or .pdf")
+    return ending
+
+
+def check_picture(file: str | None, inputs: Collection[str], *, force: bool) -> None:
+    """Find out before the work whether a picture could be written. Raises UsageError and OutputError."""
+    if file is not None:
+        format_of(file)
+        check_target(file, inputs, force=force)
+
+
+def write_picture(picture: Picture, file: str, inputs: Collection[str], *, force: bool) -> None:
+    """Write a picture. Raises UsageError and OutputError."""
+    kind = format_of(file)
+    with _drawn(picture) as figure:
+        dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+        with write_text(file, inputs, force=force) as text:
+            metadata = {"Title": picture.title} | dates.get(kind, {})
+            figure.savefig(text.buffer, format=kind, dpi=_DPI, metadata=metadata)
