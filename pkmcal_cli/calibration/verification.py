@@ -19,13 +19,11 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.frame_start import FRAME
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.point_errors import Judged, K, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, linearise, lost_rows, reasons
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.units.measurands import Measurand
 
-K = 2.0
-"""Coverage factor of expanded uncertainties."""
 SIGNIFICANT = 0.01
 """Chance of errors so large below which readings and parameters do not agree."""
 _RANK = 1e-9
@@ -169,52 +167,6 @@ def _unexplained(problem: Problem, left: Mapping[str, float]) -> Array:
     return out
 
 
-@dataclass(frozen=True)
-class Judged:
-    """Position errors (n,) of points in rows (n,) and their expanded uncertainties U (n,) by the instrument, m.
-
-    By ISO 14253-1 a point passes where |e| + U is within the tolerance, and fails where |e| - U exceeds it.
-    """
-
-    rows: NDArray[np.intp]
-    errors: Array
-    expanded: Array
-    tolerance: float
-
-    @property
-    def passed(self) -> NDArray[np.bool_]:
-        """Points (n,) that conform."""
-        return np.asarray(self.errors + self.expanded <= self.tolerance)
-
-    @property
-    def failed(self) -> NDArray[np.bool_]:
-        """Points (n,) that do not conform."""
-        return np.asarray(self.errors - self.expanded > self.tolerance)
-
-    @property
-    def verdict(self) -> str:
-        """Of all: "pass" if every point passes, "fail" if one fails, else "undecided"."""
-        if self.failed.any():
-            return "fail"
-        return "pass" if self.passed.all() and len(self.rows) else "undecided"
-
-
 def judged(v: Verification, tolerance: float) -> Judged:
-    """Position errors by a tolerance, m: distance of measured from predicted point, in the coordinates measured.
-
-    U is twice the standard uncertainty of the instrument along the error (its largest where there is none).
-    """
-    by_point: dict[int, list[int]] = {}
-    for k in v.problem.model.measuring(Measurand.POSITION):
-        by_point.setdefault(v.problem.model.channels[k].index, []).append(k)
-    rows, errors, expanded = [], [], []
-    for columns in by_point.values():
-        for row in np.nonzero(v.on[:, columns].any(axis=1))[0]:
-            used = [k for k in columns if v.on[row, k]]
-            e, noise = v.errors[row, used], v.problem.noise[row][np.ix_(used, used)]
-            size = float(np.sqrt(e @ e))
-            variance = float(e @ noise @ e) / size**2 if size > 0 else float(np.linalg.eigvalsh(noise)[-1])
-            rows.append(int(row))
-            errors.append(size)
-            expanded.append(K * float(np.sqrt(variance)))
-    return Judged(np.array(rows, dtype=np.intp), np.array(errors), np.array(expanded), tolerance)
+    """Position errors by a tolerance, m: distance of measured from predicted point."""
+    return Judged(point_errors(v.problem, v.errors, v.on), tolerance)

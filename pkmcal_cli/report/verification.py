@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.verification import Judged, K, Verification
+from pkmcal_cli.calibration.point_errors import Judged, K
+from pkmcal_cli.calibration.verification import Verification
 from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
@@ -37,8 +38,8 @@ class VerificationReport:
             return f"{'compatible' if v.compatible else 'NOT COMPATIBLE'} with the parameters: {chance}"
         words = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}[j.verdict]
         assert self.unit is not None
-        sums = f"{int(j.passed.sum())} pass, {int(j.failed.sum())} fail, {self._undecided} undecided"
-        points = f"{count(len(j.rows), 'point')}: {sums}"
+        sums = f"{int(j.passed.sum())} pass, {int(j.failed.sum())} fail, {int(j.undecided.sum())} undecided"
+        points = f"{count(len(j.points.rows), 'point')}: {sums}"
         return f"{words} (ISO 14253-1, tolerance {self.unit.from_si(j.tolerance):.6g} {self.unit.text}): {points}"
 
     @property
@@ -47,11 +48,6 @@ class VerificationReport:
         if self.judged is None:
             return self.found.compatible
         return self.judged.verdict == "pass" and not self.found.failed
-
-    @property
-    def _undecided(self) -> int:
-        assert self.judged is not None
-        return int((~self.judged.passed & ~self.judged.failed).sum())
 
     def show(self, to: Reporter) -> None:
         """For people."""
@@ -77,12 +73,12 @@ class VerificationReport:
     def _worst(self) -> list[str]:
         """The point that is furthest off, where there is a tolerance."""
         j = self.judged
-        if j is None or not len(j.rows):
+        if j is None or (k := j.points.worst) is None:
             return []
-        k, unit = int(np.argmax(j.errors)), self.unit
+        unit, at = self.unit, self.place(int(j.points.rows[k]))
         assert unit is not None
-        e, u = (f"{unit.from_si(float(x[k])):.4g}" for x in (j.errors, j.expanded))
-        return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {self.place(int(j.rows[k]))}"]
+        e, u = (f"{unit.from_si(float(x[k])):.4g}" for x in (j.points.errors, j.points.expanded))
+        return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {at}"]
 
     def _channels(self) -> list[dict[str, Any]]:
         v, out = self.found, []
@@ -138,23 +134,23 @@ class VerificationReport:
 
     def _tolerance(self, j: Judged) -> dict[str, Any]:
         assert self.unit is not None
-        worst = int(np.argmax(j.errors)) if len(j.rows) else None
-        place = None if worst is None else self.place(int(j.rows[worst]))
+        worst = j.points.worst
+        place = None if worst is None else self.place(int(j.points.rows[worst]))
         return {
             "value": self.unit.from_si(j.tolerance),
             "unit": self.unit.text,
             "verdict": j.verdict,
             "n_pass": int(j.passed.sum()),
             "n_fail": int(j.failed.sum()),
-            "n_undecided": self._undecided,
+            "n_undecided": int(j.undecided.sum()),
             "largest": None
             if worst is None or place is None
             else {
                 "file": place.file,
                 "line": place.line,
                 "id": place.id or None,
-                "error": self.unit.from_si(float(j.errors[worst])),
-                "expanded_uncertainty": self.unit.from_si(float(j.expanded[worst])),
+                "error": self.unit.from_si(float(j.points.errors[worst])),
+                "expanded_uncertainty": self.unit.from_si(float(j.points.expanded[worst])),
             },
         }
 

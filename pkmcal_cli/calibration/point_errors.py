@@ -1,0 +1,88 @@
+"""Errors of measured points by themselves, with what the instrument knows of each; judged by ISO 14253-1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.units.measurands import Measurand
+
+K = 2.0
+"""Coverage factor of expanded uncertainties."""
+
+
+@dataclass(frozen=True)
+class PointErrors:
+    """Position errors (n,) of points in rows (n,) and their expanded uncertainties U (n,) by the instrument, m."""
+
+    rows: NDArray[np.intp]
+    errors: Array
+    expanded: Array
+
+    @property
+    def worst(self) -> int | None:
+        """The point that is furthest off; None without any."""
+        return int(np.argmax(self.errors)) if len(self.errors) else None
+
+
+def point_errors(problem: Problem, errors: Array, on: NDArray[np.bool_]) -> PointErrors:
+    """Distances of measured from predicted points in the coordinates measured; errors and `on` (N, C), m.
+
+    U is twice the standard uncertainty of the instrument along the error (its largest where there is none).
+    """
+    by_point: dict[int, list[int]] = {}
+    for k in problem.model.measuring(Measurand.POSITION):
+        by_point.setdefault(problem.model.channels[k].index, []).append(k)
+    rows, sizes, expanded = [], [], []
+    for columns in by_point.values():
+        for row in np.nonzero(on[:, columns].any(axis=1))[0]:
+            used = [k for k in columns if on[row, k]]
+            e, noise = errors[row, used], problem.noise[row][np.ix_(used, used)]
+            size = float(np.sqrt(e @ e))
+            variance = float(e @ noise @ e) / size**2 if size > 0 else float(np.linalg.eigvalsh(noise)[-1])
+            rows.append(int(row))
+            sizes.append(size)
+            expanded.append(K * float(np.sqrt(variance)))
+    return PointErrors(np.array(rows, dtype=np.intp), np.array(sizes), np.array(expanded))
+
+
+def joined(parts: Sequence[PointErrors]) -> PointErrors:
+    """Points of several parts of a table together; their rows are those of the parts."""
+    if not parts:
+        return PointErrors(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0))
+    return PointErrors(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("rows", "errors", "expanded")))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Points by a tolerance, m. By ISO 14253-1 one passes where |e| + U is within it, and fails where |e| - U is not."""
+
+    points: PointErrors
+    tolerance: float
+
+    @property
+    def passed(self) -> NDArray[np.bool_]:
+        """Points (n,) that conform."""
+        return np.asarray(self.points.errors + self.points.expanded <= self.tolerance)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Points (n,) that do not conform."""
+        return np.asarray(self.points.errors - self.points.expanded > self.tolerance)
+
+    @property
+    def undecided(self) -> NDArray[np.bool_]:
+        """Points (n,) of which the instrument cannot tell."""
+        return ~self.passed & ~self.failed
+
+    @property
+    def verdict(self) -> str:
+        """Of all: "pass" if every point passes, "fail" if one fails, else "undecided"."""
+        if self.failed.any():
+            return "fail"
+        return "pass" if self.passed.all() and len(self.points.rows) else "undecided"
