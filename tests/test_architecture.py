@@ -21,7 +21,7 @@ ROOMS = (
     "base", "units", "expressions", "yaml_source", "csv_files", "effects", "elements", "sensors", "language",
     "mechanism", "equilibrium", "model", "compiler", "prediction", "tables", "loading", "correction",
     "calibration", "gross_errors",
-    "diagnosis", "report", "pictures", "workflow", "commands", "app", "__main__",
+    "diagnosis", "report", "pictures", "sheet", "workflow", "commands", "app", "__main__",
 )  # fmt: skip
 """From the innermost outwards; a folder, or loose module, imports itself and those before it, also for types only."""
 

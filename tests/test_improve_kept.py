@@ -13,6 +13,7 @@ import yaml
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.point_errors import joined
 from pkmcal_cli.diagnosis import closed_loop as loop
 from pkmcal_cli.diagnosis.closed_loop import Step, _refused
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
@@ -114,7 +115,9 @@ def test_rows_that_report_do_not_decide() -> None:
     """Whether an effect is accepted is the same whatever the error on the report rows becomes; only that is told."""
     fold = SimpleNamespace(report=np.zeros(20), fit=SimpleNamespace(usable=True))
     figure = ErrorFigures(kind="position", rms=1.0, largest=2.0, criterion=1.0, count=100, dimension="length")
-    before = Errors({}, {}, {"position": figure}, {}, 1.0)
+    before = Errors(
+        fit={}, choose={}, report={"position": figure}, channels={}, chi2=1.0, points=joined(())
+    )
     progress = SimpleNamespace(errors=before, folds=(fold,) * 5)
     for chi2 in (0.1, 1.0, 50.0):
         after = replace(before, report={"position": replace(figure, rms=chi2)}, chi2=chi2)

@@ -60,7 +60,7 @@ def joined(parts: Sequence[PointErrors]) -> PointErrors:
 
 @dataclass(frozen=True)
 class Judged:
-    """Points by a tolerance, m. By ISO 14253-1 one passes where |e| + U is within it, and fails where |e| - U is not."""
+    """Points by a tolerance, m: one passes where |e| + U is within it, fails where |e| - U is not (ISO 14253-1)."""
 
     points: PointErrors
     tolerance: float

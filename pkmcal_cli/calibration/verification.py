@@ -33,10 +33,13 @@ _RANK = 1e-9
 class Verification:
     """Errors (N, C) of readings and their standard uncertainties by prediction and by measurement, SI; `on` (N, C).
 
+    values (P,): of all parameters, those fitted to these rows among them.
+
     chi2, dof: of all errors together; refitted: what was fitted to these rows; failed: why rows have no prediction.
     """
 
     problem: Problem
+    values: Array
     on: NDArray[np.bool_]
     errors: Array
     by_model: Array
@@ -108,6 +111,7 @@ def verified(problem: Problem, values: Array, known: Known) -> Verification:
     by_model = _of_prediction(evaluation, root, len(own), response @ moved)
     return Verification(
         problem=problem,
+        values=values,
         on=problem.measured,
         errors=np.where(problem.measured, evaluation.residual, 0.0),
         by_model=np.hypot(by_model, _unexplained(problem, known.unexplained)),

@@ -12,6 +12,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.point_errors import PointErrors, joined, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, weighted_residual
 from pkmcal_cli.diagnosis.confirm import cells, shown_channels
@@ -31,7 +32,7 @@ class Interval:
     high: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Errors:
     """Figures by kind on the rows that fitted, that chose (held out by cells of them) and that only reported.
 
@@ -43,6 +44,7 @@ class Errors:
     report: dict[str, ErrorFigures]
     channels: dict[str, ErrorFigures]  # by channel, on the report rows
     chi2: float  # mean square whitened residual on the report rows
+    points: PointErrors  # of positions on the report rows
     failed: int = 0
 
 
@@ -69,7 +71,7 @@ class OuterFold:
 def errors_of(folds: Sequence[OuterFold]) -> Errors:
     """Figures over all rotations."""
     fit = [error_figures(*_predicted(t.train, t.fit.after)) for t in folds]
-    choose, report, channels, squares, values, failed = [], [], [], 0.0, 0, 0
+    choose, report, channels, points, squares, values, failed = [], [], [], [], 0.0, 0, 0
     for t in folds:
         choose += [error_figures(*_predicted(p, evaluate(p, fold.values))) for p, fold in _inner(t)]
         there = evaluate(t.report, t.fit.values, ())
@@ -77,9 +79,18 @@ def errors_of(folds: Sequence[OuterFold]) -> Errors:
         part, there = _predicted(t.report, there)
         report.append(error_figures(part, there))
         channels.append(channel_figures(part, there))
+        points.append(point_errors(part, there.residual, part.measured))
         squares += float((weighted_residual(part, there) ** 2).sum())
         values += part.count
-    return Errors(pooled(fit), pooled(choose), pooled(report), pooled(channels), squares / max(values, 1), failed)
+    return Errors(
+        fit=pooled(fit),
+        choose=pooled(choose),
+        report=pooled(report),
+        channels=pooled(channels),
+        chi2=squares / max(values, 1),
+        points=joined(points),
+        failed=failed,
+    )
 
 
 def _predicted(problem: Problem, evaluation: Evaluation) -> tuple[Problem, Evaluation]:

@@ -46,15 +46,7 @@ class DiagnosisReport(VisibilityReport):
     def show(self, to: Reporter) -> None:
         """Conclusion first, then proof."""
         to.say(self.verdict_line())
-        machine = [f for f in self.diagnosis.findings if not f.hypothesis.measurement]
-        instrument = [f for f in self.diagnosis.findings if f.hypothesis.measurement]
-        self._show_table(to, "Causes", machine)
-        self._show_table(to, "Check the measurement first", instrument)
-        for row in self.diagnosis.bad_rows:
-            to.say(f"bad row: {self.measured.place(row)}: not used; repeat this pose")
-        for row, chance in self.diagnosis.suspected.items():
-            words = f"{100 * chance:.1g} % chance that any row is off as much"
-            to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
+        self.show_causes(to)
         self.show_left_out(to)
         if untried := self.diagnosis.search.untried:
             to.say(f"not tried as far off (too many): {listed(list(untried), 6)}")
@@ -64,16 +56,28 @@ class DiagnosisReport(VisibilityReport):
             to.say(f"successive rows are correlated ({self.diagnosis.correlation:.2f}); tested after decorrelation")
         for finding in self.diagnosis.findings:
             to.say()
-            to.say(self._sentence(finding))
+            to.say(self.sentence(finding))
         for shape in self.diagnosis.shapes:
             to.say()
             to.say(ShapeText(self.machine, self.shaped_model, shape, self.error_unit).sentence())
         for unknown in self.diagnosis.unknown[len(self.diagnosis.shapes) :]:
             to.say()
-            to.say(self._unknown_sentence(unknown))
+            to.say(self.unknown_text(unknown))
         if self.diagnosis.verdict in ("clean", "sigma_too_small"):
             self.show_seen(to)
         self.show_unseen(to)
+
+    def show_causes(self, to: Reporter) -> None:
+        """Tables of what was found, in the machine and in the measurement; rows that are wrong."""
+        machine = [f for f in self.diagnosis.findings if not f.hypothesis.measurement]
+        instrument = [f for f in self.diagnosis.findings if f.hypothesis.measurement]
+        self._show_table(to, "Causes", machine)
+        self._show_table(to, "Check the measurement first", instrument)
+        for row in self.diagnosis.bad_rows:
+            to.say(f"bad row: {self.measured.place(row)}: not used; repeat this pose")
+        for row, chance in self.diagnosis.suspected.items():
+            words = f"{100 * chance:.1g} % chance that any row is off as much"
+            to.say(f"suspected row: {self.measured.place(row)}: {words}; still used; repeat this pose")
 
     def verdict_line(self) -> str:
         """What the data say; in a second line, by which figures."""
@@ -141,7 +145,7 @@ class DiagnosisReport(VisibilityReport):
             held = finding.held_out
             rows.append(
                 (
-                    finding.hypothesis.effect if to.narrow else self._title(finding.hypothesis),
+                    finding.hypothesis.effect if to.narrow else self.title(finding.hypothesis),
                     finding.hypothesis.at,
                     self.size(finding),
                     _share(finding),
@@ -157,13 +161,13 @@ class DiagnosisReport(VisibilityReport):
         cells = [tuple(row[k] for k in kept) for row in rows]
         to.table(title, tuple(headers[k] for k in kept), cells, left=2, folded=folded)
 
-    def _title(self, hypothesis: Hypothesis) -> str:
+    def title(self, hypothesis: Hypothesis) -> str:
         if hypothesis.effect == RELEASE:
             return "parameter held fixed"
         effect = catalogue()[hypothesis.effect]
         return f"{effect.title}{f' ({effect.symbol})' if effect.symbol else ''}"
 
-    def _sentence(self, finding: Finding) -> str:
+    def sentence(self, finding: Finding) -> str:
         """Cause, effect and action; the alternatives where there are some."""
         h, size = finding.hypothesis, self.size(finding)
         if h.members:
@@ -231,7 +235,7 @@ class DiagnosisReport(VisibilityReport):
             return f" Provisional: only {100 * finding.stable.share:.0f} % of the resamples find it{more}."
         return " Provisional: an unknown effect remains, of which this may be a part." if finding.provisional else ""
 
-    def _unknown_sentence(self, unknown: Unknown) -> str:
+    def unknown_text(self, unknown: Unknown) -> str:
         size = "" if np.isnan(unknown.rms) else f"{self.error(unknown.rms * self.sigma)} rms "
         warm = any(name == "T" or name.startswith("T.") for name in self.measured.covariates)
         text = unknown_sentence(size, unknown.depends_on, unknown.hint, warm)

@@ -70,7 +70,7 @@ class CalibrationRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Setting:
+class Setting:
     """What the fit starts from."""
 
     request: CalibrationRequest
@@ -93,6 +93,15 @@ class _Setting:
 def run_calibration(request: CalibrationRequest) -> int:
     """Calibrate, show and write; returns the exit code. Raises PkmcalError."""
     to = Reporter(request.quiet, request.style)
+    s, report = calibration_of(request, to)
+    report.show(to)
+    if report.implausible and request.accept:
+        to.say("accepted (`--accept`)")
+    return _written(s, report, to)
+
+
+def calibration_of(request: CalibrationRequest, to: Reporter) -> tuple[Setting, CalibrationReport]:
+    """Read and calibrate; what is noticed on the way is told. Raises PkmcalError."""
     s = _prepare(request)
     to.notes(s.measured.notes)
     for finding in (*s.loaded.warnings, *s.measured.warnings):
@@ -116,14 +125,10 @@ def run_calibration(request: CalibrationRequest) -> int:
     else:
         held = validated(s.loaded, s.problem, fit, s.apart)
     gross = gross_row_reasons(s.problem, calibration, _places(s))
-    report = CalibrationReport(s.loaded.machine, s.problem, calibration, held, _places(s), (*hints, *gross))
-    report.show(to)
-    if report.implausible and request.accept:
-        to.say("accepted (`--accept`)")
-    return _written(s, report, to)
+    return s, CalibrationReport(s.loaded.machine, s.problem, calibration, held, _places(s), (*hints, *gross))
 
 
-def _written(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
+def _written(s: Setting, report: CalibrationReport, to: Reporter) -> int:
     """Write what is asked for; the exit code. Raises OutputError."""
     request = s.request
     accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
@@ -158,7 +163,7 @@ def _checked(request: CalibrationRequest) -> str | None:
     return file
 
 
-def _prepare(request: CalibrationRequest) -> _Setting:
+def _prepare(request: CalibrationRequest) -> Setting:
     """Check the arguments, read the files. Raises PkmcalError."""
     file, method = _checked(request), checked_method(request.method)
     limits = gates(request.fail_above or (), request.max_rms)
@@ -180,7 +185,7 @@ def _prepare(request: CalibrationRequest) -> _Setting:
         raise BadInput(absurd)
     check_gates(limits, problem.model, measured_kinds(problem))
     apart = None if file is None else _apart(loaded, measured, file)
-    s = _Setting(
+    s = Setting(
         request=request,
         loaded=loaded,
         measured=measured,
@@ -207,7 +212,7 @@ def _after(
     return replace(problem, prior=earlier.prior), earlier.selected, start
 
 
-def _determined(s: _Setting, to: Reporter) -> _Setting:
+def _determined(s: Setting, to: Reporter) -> Setting:
     """The setting without the parameters that are held as datum. Raises BadInput for data that determine too little."""
     asked = determinacy(s.problem, s.start.values, s.selected)
     if asked.refusal:
@@ -235,7 +240,7 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
     return other
 
 
-def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
+def _fit(s: Setting, options: FitOptions, to: Reporter) -> Calibration:
     try:
         calibration = calibrated(
             s.problem,
@@ -253,12 +258,12 @@ def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
     return calibration
 
 
-def _places(s: _Setting) -> Callable[[int], Place]:
+def _places(s: Setting) -> Callable[[int], Place]:
     """Where a row stands in its file."""
     return lambda row: place_of(s.measured, row)
 
 
-def _exit_code(s: _Setting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> int:
+def _exit_code(s: Setting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> int:
     """1 when the verdict is negative: not converged, a named parameter undetermined, a limit missed; all is told."""
     failed = report.status != "converged" and not (report.implausible and s.request.accept)
     if failed and s.request.quiet:
@@ -273,7 +278,7 @@ def _exit_code(s: _Setting, report: CalibrationReport, judged: Sequence[Judged],
     return int(failed or bool(lost) or bool(missed))
 
 
-def _judged(s: _Setting, report: CalibrationReport) -> tuple[Judged, ...]:
+def _judged(s: Setting, report: CalibrationReport) -> tuple[Judged, ...]:
     """Limits of the command line and what they are held against."""
     held = report.held_out
     std = {r.name: None if r.std is None else r.std * parse_unit(r.unit).scale for r in report.rows}

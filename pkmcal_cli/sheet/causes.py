@@ -1,0 +1,63 @@
+"""What the search for causes found: each with its proof, and with what else would explain it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.shape_text import ShapeText
+from pkmcal_cli.sheet.content import Block, Section, Table, Text, section
+from pkmcal_cli.sheet.recorder import Recorder
+from pkmcal_cli.sheet.results import Results
+
+_CORRELATED = 0.5  # from which on a correlation is worth a line
+_MOST = 5
+
+
+def causes(results: Results) -> Section | None:
+    """Verdict of the diagnosis, table of causes, a paragraph for each, correlations; nothing where none was sought."""
+    report = results.diagnosis
+    if report is None:
+        return None
+    blocks: list[Block] = [Text(line) for line in report.verdict_line().splitlines()]
+    recorder = Recorder()
+    report.show_causes(recorder)
+    blocks += recorder.blocks
+    for finding in report.diagnosis.findings:
+        blocks += [Text(line) for line in report.sentence(finding).splitlines()]
+    for shape in report.diagnosis.shapes:
+        blocks.append(Text(ShapeText(report.machine, report.shaped_model, shape, report.error_unit).sentence()))
+    for unknown in report.diagnosis.unknown[len(report.diagnosis.shapes) :]:
+        blocks.append(Text(report.unknown_text(unknown)))
+    blocks += [b for b in (_not_told_from(report), _correlations(results)) if b is not None]
+    return section("causes", "Causes", blocks)
+
+
+def _not_told_from(report: DiagnosisReport) -> Table | None:
+    """Rivals of what was found; None where each cause stands alone."""
+    rows = [
+        (f.hypothesis.name, r.hypothesis.name, f"{100 * r.weight:.0f} %", f"{r.cosine:.3f}")
+        for f in report.diagnosis.findings
+        if f.ambiguous
+        for r in f.rivals[: _MOST + 1]
+        if r.hypothesis != f.hypothesis
+    ]
+    if not rows:
+        return None
+    return Table("Not told from", ("cause", "or", "probability", "cosine"), tuple(rows), left=2)
+
+
+def _correlations(results: Results) -> Table | None:
+    """Declared parameters that go along with the numbers of a cause."""
+    assert results.improved is not None
+    improvement = results.improved.improvement
+    names, covariance = improvement.fit.selected, np.nan_to_num(improvement.fit.covariance)
+    std = np.sqrt(np.diag(covariance))
+    found = {n: f for f in improvement.whole.findings for n in f.hypothesis.parameters if n in names}
+    rows = []
+    for name in found:
+        k = names.index(name)
+        share = np.divide(covariance[k], std * std[k], out=np.zeros(len(std)), where=std * std[k] > 0)
+        order = [int(j) for j in np.argsort(-np.abs(share)) if j != k and abs(share[j]) > _CORRELATED]
+        rows += [(name, names[j], f"{share[j]:+.2f}") for j in order[:_MOST]]
+    return Table("Correlations above 0.5", ("of", "with", "correlation"), tuple(rows), left=2) if rows else None

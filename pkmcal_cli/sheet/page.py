@@ -1,0 +1,44 @@
+"""A sheet as one HTML file: pictures inside, no script, nothing from the network."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from pkmcal_cli.sheet.content import Sheet
+
+if TYPE_CHECKING:
+    from pkmcal_cli.pictures.picture import Picture
+
+_TEMPLATE = "page.html.jinja"
+_ID = re.compile(r'(\bid="|href="#|url\(#)')
+
+
+def html(sheet: Sheet) -> str:
+    """The page."""
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+    drawn = 0
+
+    def svg(picture: Picture) -> Markup:
+        nonlocal drawn
+        drawn += 1
+        return Markup(_inline(picture, f"f{drawn}-"))
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    text = files(__package__).joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    return environment.from_string(text).render(sheet=sheet, svg=svg)
+
+
+def _inline(picture: Picture, prefix: str) -> str:
+    """The picture as part of a page: as wide as its place, its names its own, told to readers that do not see."""
+    from markupsafe import escape
+
+    text = picture.svg()
+    text = _ID.sub(lambda m: m.group(1) + prefix, text)  # names of several pictures would meet
+    head, rest = text.split(">", 1)
+    head = re.sub(r' (width|height)="[^"]*"', "", head)
+    label = escape(picture.alt)
+    return f'{head} role="img" aria-label="{label}" style="max-width: {picture.size[0]:g}in">{rest}'

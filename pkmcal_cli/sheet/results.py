@@ -1,0 +1,83 @@
+"""All that a sheet is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pkmcal_cli.calibration.point_errors import Judged, PointErrors, point_errors
+from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.report.calibration import CalibrationReport
+from pkmcal_cli.report.diagnosis import DiagnosisReport
+from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.verification import VerificationReport
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.units.unit_text import UNITS, Unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """A calibration, what the search for causes found (`not_searched`: why there was none), and a second table.
+
+    tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance.
+    """
+
+    machine: Machine
+    measured: Measurements
+    calibrated: CalibrationReport
+    improved: ImprovementReport | None
+    not_searched: str
+    verified: VerificationReport | None
+    tolerance: tuple[float, Unit] | None
+    feed: float | None
+    head: Mapping[str, Any]
+
+    @property
+    def diagnosis(self) -> DiagnosisReport | None:
+        """What the search found."""
+        return None if self.improved is None else self.improved.diagnosis
+
+    @property
+    def before(self) -> tuple[PointErrors, str]:
+        """Position errors of the calibrated machine without what it lacks, and of which rows they are."""
+        if self.improved is not None:
+            return self.improved.improvement.before.points, "rows used neither for fitting nor for selection"
+        problem = self.calibrated.problem.without(self.calibrated.slipped)
+        there = evaluate(problem, self.calibrated.fit.values, ())
+        return point_errors(problem, there.residual, problem.measured), "the rows that were fitted"
+
+    @property
+    def expected(self) -> PointErrors | None:
+        """The same with the effects that the search added and the report rows confirm; None without any."""
+        if self.improved is None or not self.improved.improvement.confirmed:
+            return None
+        return self.improved.improvement.after.points
+
+    @property
+    def judged(self) -> Judged | None:
+        """By the tolerance: the second table where there is one, else the calibrated machine as it is."""
+        if self.tolerance is None:
+            return None
+        if self.verified is not None:
+            return self.verified.judged
+        return Judged(self.before[0], self.tolerance[0])
+
+    @property
+    def length_unit(self) -> Unit:
+        """That of the tolerance, else of the largest error."""
+        if self.tolerance is not None:
+            return self.tolerance[1]
+        points = self.before[0]
+        large = points.worst is not None and points.errors[points.worst] >= 1e-3
+        return UNITS["mm"] if large else UNITS["um"]
+
+    def length_text(self, value: float) -> str:
+        """A length, m, in this unit."""
+        return f"{self.length_unit.from_si(value):.3g} {self.length_unit.text}"
+
+    def place_text(self, value: float) -> str:
+        """A coordinate, m, in the file's unit of lengths."""
+        unit = self.machine.file_units.length
+        return f"{unit.from_si(value):.6g} {unit.text}"

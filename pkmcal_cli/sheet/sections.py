@@ -1,0 +1,162 @@
+"""The parts of a sheet, in the order of the questions of whoever reads it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from pkmcal_cli.calibration.errors_before_after import ErrorFigures
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
+from pkmcal_cli.effects import catalogue
+from pkmcal_cli.report.figures import figure_unit, kind_label
+from pkmcal_cli.report.number_format import readable
+from pkmcal_cli.report.sentences import cause_effect_action, command
+from pkmcal_cli.sheet.acceptance import acceptance
+from pkmcal_cli.sheet.causes import causes
+from pkmcal_cli.sheet.content import Block, Section, Sheet, Table, Text, section
+from pkmcal_cli.sheet.recorder import Recorder
+from pkmcal_cli.sheet.results import Results
+from pkmcal_cli.sheet.verdict import verdict
+
+_ERROR = "Error"  # title of the table that the sheet has in a form of its own
+
+
+def sheet(results: Results) -> Sheet:
+    """The whole sheet."""
+    parts = [
+        errors(results),
+        causes(results),
+        parameters(results),
+        verification(results),
+        acceptance(results),
+        not_seen(results),
+        next_steps(results),
+        provenance(results),
+    ]
+    files = ", ".join(results.measured.files)
+    created = str(results.head["created"])[:10]
+    return Sheet(
+        machine=_name(results),
+        subtitle=f"Machine file {results.machine.files[0][0]}; measurements {files}; sheet of {created}",
+        verdict=verdict(results),
+        sections=tuple(part for part in parts if part is not None),
+        footer=f"{results.head['program']}, {results.head['created']}. Standard uncertainties in brackets apply to "
+        "the last digits; U are expanded uncertainties (k = 2). Intervals hold for the measured region.",
+    )
+
+
+def _name(results: Results) -> str:
+    return os.path.basename(results.machine.files[0][0])
+
+
+def errors(results: Results) -> Section | None:
+    """Errors as built, calibrated, with effects, after correction."""
+    report = results.calibrated
+    rows = [*_figures(results, "as built (nominal parameters)", "fitted rows", report.before)]
+    rows += _figures(results, "calibrated", "fitted rows", report.after)
+    if not isinstance(report.held_out, str):
+        rows += _figures(results, "calibrated", "held out", report.held_out.after)
+    if results.improved is not None and results.improved.improvement.accepted:
+        names = ", ".join(h.name for h in results.improved.improvement.accepted)
+        rows += _figures(results, f"with {names}", "held out", results.improved.improvement.after.report)
+    table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
+    held = report.held_out
+    remark = f"Held-out error: not available ({held})." if isinstance(held, str) else f"Held out: {held.scheme}."
+    return section("errors", "Errors before and after", [table, Text(remark, "note")])
+
+
+def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorFigures]) -> list[tuple[str, ...]]:
+    out: list[tuple[str, ...]] = []
+    for kind, f in figures.items():
+        unit = figure_unit(results.machine, f)
+        sizes = readable(f.rms, unit), readable(f.largest, unit)
+        out.append((state, on, kind_label(results.calibrated.model, kind), *sizes))
+    return out
+
+
+def parameters(results: Results) -> Section | None:
+    """What `calibrate` shows, but for its table of errors."""
+    recorder = Recorder()
+    results.calibrated.show(recorder)
+    blocks = [b for b in recorder.blocks if not (isinstance(b, Table) and b.title == _ERROR)]
+    return section("parameters", "Identified parameters", blocks)
+
+
+def verification(results: Results) -> Section | None:
+    """The second table against what was identified."""
+    if results.verified is None:
+        return None
+    recorder = Recorder()
+    results.verified.show(recorder)
+    return section("verification", "Measured after correction", recorder.blocks)
+
+
+def not_seen(results: Results) -> Section | None:
+    """What these data could not have shown."""
+    report = results.diagnosis
+    if report is None:
+        return section("not-seen", "What could not be seen", [Text(f"No search: {results.not_searched}.")])
+    recorder = Recorder()
+    if not report.diagnosis.findings:
+        report.show_seen(recorder)
+    report.show_unseen(recorder)
+    blocks: list[Block] = list(recorder.blocks) or [Text("Every effect of the catalogue would have been seen.")]
+    return section("not-seen", "What could not be seen", blocks)
+
+
+def next_steps(results: Results) -> Section | None:
+    """What to correct, and what to measure next."""
+    report, blocks = results.diagnosis, list[Block]()
+    machine, table = results.machine.files[0][0], results.measured.files
+    if report is not None and report.diagnosis.findings:
+        rows = []
+        for f in report.diagnosis.findings:
+            h = f.hypothesis
+            rows.append((h.name, report.size(f), _action(h, report.size(f))))
+        blocks.append(Table("Corrections", ("cause", "size", "action"), tuple(rows), words=("action",)))
+        blocks += [Text("Write the machine with these causes, and set values that account for them:")]
+        blocks += [Text(command("improve", machine, *table, "-o", "improved.yaml"), "command")]
+        blocks += [Text("pkmcal correct improved.yaml TARGETS.csv -p improved.params.yaml -o commands.csv", "command")]
+    else:
+        blocks += [Text("Set values that account for the identified parameters:")]
+        blocks += [Text(command("calibrate", machine, *table, "-o", "params.yaml"), "command")]
+        correct = command("correct", machine, "TARGETS.csv", "-p", "params.yaml", "-o", "commands.csv")
+        blocks += [Text(correct, "command")]
+    blocks += _next_measurement(results)
+    return section("next", "Corrections and next measurement", blocks)
+
+
+def _action(hypothesis: Hypothesis, size: str) -> str:
+    """What is to be done about a cause."""
+    if hypothesis.effect == RELEASE:
+        return f"Identify it: --select auto,{hypothesis.at}"
+    return cause_effect_action(catalogue()[hypothesis.effect], hypothesis.at, size)[2]
+
+
+def _next_measurement(results: Results) -> list[Block]:
+    """Which points would tell most."""
+    report, machine = results.diagnosis, results.machine.files[0][0]
+    table = results.measured.files[0]
+    ambiguous = [] if report is None else [f for f in report.diagnosis.findings if f.ambiguous]
+    if ambiguous:
+        names = ",".join([ambiguous[0].hypothesis.name, *(r.hypothesis.name for r in ambiguous[0].rivals[:3])])
+        text = "Several causes explain the data alike. Points that separate them:"
+        return [Text(text), Text(command("plan", machine, table, "--aim", f"separate:{names}"), "command")]
+    if results.verified is None:
+        text = "After correction, measure again and hand over the sheet with both tables:"
+        after = command("report", machine, *results.measured.files, "--after", "AFTER.csv")
+        return [Text(text), Text(after, "command")]
+    text = "To find out later whether the machine has changed, measure some of these points again:"
+    return [Text(text), Text(command("plan", machine, table, "--next", "--budget", "6"), "command")]
+
+
+def provenance(results: Results) -> Section | None:
+    """Where all of this comes from."""
+    head = results.head
+    rows = [("program", str(head["program"])), ("date", str(head["created"]))]
+    rows += [(name, str(head[name])) for name in ("python", "numpy", "scipy")]
+    rows += [("arguments", " ".join(str(a) for a in head["arguments"]))]
+    blocks: list[Block] = [Table("", ("", ""), tuple(rows), left=2)]
+    files = tuple((name, digest) for name, digest in head["inputs"].items())
+    blocks.append(Table("Files that were read", ("file", "sha256"), files, left=2))
+    return section("provenance", "Provenance", blocks)

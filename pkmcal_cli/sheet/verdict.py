@@ -1,0 +1,123 @@
+"""The verdict of a sheet: one word, and the sentence that a customer remembers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.point_errors import Judged
+from pkmcal_cli.report.sentences import listed
+from pkmcal_cli.sheet.content import Verdict, Word
+from pkmcal_cli.sheet.results import Results
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+_BY_TOLERANCE: dict[str, Word] = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}
+_BY_DIAGNOSIS: dict[str, Word] = {"clean": "CLEAN", "found": "FOUND", "ambiguous": "FOUND"}
+
+
+def verdict(results: Results) -> Verdict:
+    """By the tolerance (ISO 14253-1) where there is one, else by what the search found."""
+    if results.calibrated.status != "converged":
+        first, *reasons = results.calibrated.verdict().splitlines()
+        return Verdict("IMPLAUSIBLE", first, tuple(reasons))
+    judged = results.judged
+    if judged is None:
+        return Verdict(_found(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
+    worst = _worst(results, judged)
+    lines = [_share(results, judged), *_lines(results)]
+    return Verdict(_BY_TOLERANCE[judged.verdict], "; ".join([worst, *_causes(results)]), tuple(lines))
+
+
+def _found(results: Results) -> Word:
+    report = results.diagnosis
+    return "DONE" if report is None else _BY_DIAGNOSIS.get(report.diagnosis.verdict, "UNKNOWN")
+
+
+def _worst(results: Results, judged: Judged) -> str:
+    """The largest error beside the tolerance."""
+    k, unit = judged.points.worst, results.length_unit
+    if k is None:
+        return "no point was measured"
+    error, u = (unit.from_si(float(x[k])) for x in (judged.points.errors, judged.points.expanded))
+    limit = f"{unit.from_si(judged.tolerance):.6g} {unit.text}"
+    if judged.verdict == "undecided":
+        return f"{error:.3g} um".replace("um", unit.text) + f" with U = {u:.2g} {unit.text} against {limit}"
+    sign = ">" if error > unit.from_si(judged.tolerance) else "<="
+    return f"{error:.3g} {unit.text} {sign} {limit}"
+
+
+def _error(results: Results) -> str:
+    """The error that remains after calibration, where no tolerance judges it."""
+    points, _ = results.before
+    if not len(points.errors):
+        kind, figures = next(iter(results.calibrated.after.items()))
+        unit = results.machine.file_units.length if figures.dimension == "length" else None
+        size = f"{figures.rms:.3g}" if unit is None else f"{unit.from_si(figures.rms):.3g} {unit.text}"
+        return f"{kind} errors of {size} rms after calibration"
+    unit = results.length_unit
+    rms = float(np.sqrt((points.errors**2).mean()))
+    return f"position errors of {unit.from_si(rms):.3g} {unit.text} rms after calibration"
+
+
+def _causes(results: Results) -> list[str]:
+    """How many causes were found, and what is expected once they are corrected."""
+    report = results.diagnosis
+    if report is None or results.improved is None:
+        return []
+    diagnosis, n = report.diagnosis, len(report.diagnosis.findings)
+    if diagnosis.verdict == "clean":
+        return ["no further cause found"]
+    out = []
+    if n:
+        number = _NUMBERS[n] if n < len(_NUMBERS) else str(n)
+        doubt = " (one of several that explain the data alike)" if diagnosis.verdict == "ambiguous" else ""
+        out.append(f"{number} {'cause' if n == 1 else 'causes'} found{doubt}")
+    if diagnosis.unknown:
+        depends = listed(list(dict.fromkeys(u.depends_on for u in diagnosis.unknown)), 2)
+        out.append(f"an unknown cause remains that depends on {depends}")
+    if results.verified is None and (expected := _expected(results, n)):
+        out.append(expected)
+    return out
+
+
+def _expected(results: Results, n: int) -> str:
+    """The error on rows that took no part, with what was found corrected: the largest beside a tolerance, else rms."""
+    points, improved = results.expected, results.improved
+    if points is None or improved is None or not len(points.errors):
+        return ""
+    number = len(improved.improvement.accepted)
+    each = "it" if number == 1 else "both" if number == 2 else f"all {number}"
+    each = each if number == n else f"{number} of them"
+    size = points.errors.max() if results.tolerance is not None else np.sqrt((points.errors**2).mean())
+    unit, kind = results.length_unit, "" if results.tolerance is not None else " rms"
+    return f"with {each} corrected {unit.from_si(float(size)):.3g} {unit.text}{kind} expected"
+
+
+def _share(results: Results, judged: Judged) -> str:
+    """Of how many points, on which rows, and what part of the verdict is the instrument's."""
+    unit, points = results.length_unit, judged.points
+    parts = [(judged.passed, "pass"), (judged.failed, "fail"), (judged.undecided, "undecided")]
+    sums = ", ".join(f"{int(part.sum())} {word}" for part, word in parts)
+    which = "the table measured after correction" if results.verified is not None else results.before[1]
+    u = unit.from_si(float(np.max(points.expanded, initial=0.0)))
+    share = 100 * u / unit.from_si(judged.tolerance)
+    return (
+        f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}. "
+        f"Instrument: U = {u:.2g} {unit.text} (k = 2), {share:.2g} % of the tolerance."
+    )
+
+
+def _lines(results: Results) -> list[str]:
+    """What makes the verdict provisional."""
+    lines = []
+    report = results.diagnosis
+    if results.not_searched:
+        lines.append(f"Causes were not searched: {results.not_searched}.")
+    if report is not None and any(f.provisional for f in report.diagnosis.findings):
+        names = listed([f.hypothesis.name for f in report.diagnosis.findings if f.provisional], 3)
+        lines.append(f"Provisional: {names}.")
+    if results.improved is not None and results.improved.improvement.accepted and results.expected is None:
+        lines.append("Rows used neither for fitting nor for selection do not confirm what was found.")
+    if results.verified is not None and not results.verified.found.compatible:
+        lines.append("The second table does not agree with the identified parameters: something has changed.")
+    return lines

@@ -1,0 +1,184 @@
+"""The sheet to hand over, from files: calibration, search for causes, second table, one page."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pkmcal_cli.base.errors import BadInput, UsageError
+from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.calibration.complete_fit import FitOptions
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.diagnosis.closed_loop import FEWEST_TO_SPLIT, improve
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements, load_parameters
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.report.verification import VerificationReport
+from pkmcal_cli.sheet.page import html
+from pkmcal_cli.sheet.recorder import Recorder
+from pkmcal_cli.sheet.results import Results
+from pkmcal_cli.sheet.sections import sheet
+from pkmcal_cli.units.unit_text import Unit
+from pkmcal_cli.workflow.alpha import check_alpha
+from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.calibrate import CalibrationRequest, Setting, calibration_of
+from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved
+from pkmcal_cli.workflow.search_case import CaseRequest, prepare
+from pkmcal_cli.workflow.unsolved_rows import unsolved
+from pkmcal_cli.workflow.verify import tolerance_of, verify
+
+_MM_PER_MIN = 60e3  # of 1 m/s
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportRequest:
+    """The arguments of `report`."""
+
+    machine: str
+    measurements: tuple[str, ...]
+    after: str | None = None
+    output: str = "report.html"
+    tolerance: str | None = None
+    select: str = "auto"
+    parameters: str | None = None
+    loss: str = "squares"
+    prior: str = "none"
+    alpha: float = 0.005
+    seed: int = 0
+    circle_feed: float | None = None
+    as_json: bool = False
+    quiet: bool = False
+    force: bool = False
+
+    @property
+    def case(self) -> CaseRequest:
+        """What is searched for causes."""
+        names = ("machine", "measurements", "select", "parameters", "loss", "prior")
+        return CaseRequest(**{name: getattr(self, name) for name in names})
+
+
+def run_report(request: ReportRequest) -> int:
+    """Calibrate, search, verify, write the page; returns the exit code. Raises PkmcalError."""
+    tolerance, to = _checked(request), Reporter(request.quiet)
+    calibrated = CalibrationRequest(
+        machine=request.machine,
+        measurements=request.measurements,
+        select=request.select,
+        parameters=request.parameters,
+        fit_options=FitOptions(loss=request.loss, prior=request.prior, seed=request.seed),
+    )
+    setting, report = calibration_of(calibrated, to)
+    inputs = dict(setting.inputs)
+    head = provenance(inputs, seed=request.seed, status=report.status)
+    improved, why = _improved(request, to)
+    verified = None
+    if request.after is not None:
+        improved_here = improved if improved is not None and improved.improvement.confirmed else None
+        text = report.parameter_file(head)
+        verified, read = _verified(request, setting, improved_here, text, tolerance)
+        inputs |= read
+    results = Results(
+        machine=setting.loaded.machine,
+        measured=setting.measured,
+        calibrated=report,
+        improved=improved,
+        not_searched=why,
+        verified=verified,
+        tolerance=tolerance,
+        feed=None if request.circle_feed is None else request.circle_feed / _MM_PER_MIN,
+        head=head | {"inputs": inputs},
+    )
+    return _written(request, results, inputs, to)
+
+
+def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
+    """The tolerance, m, and its unit, if the arguments go together. Raises UsageError, OutputError."""
+    files = (request.machine, *request.measurements, request.parameters, request.after)
+    check_alpha(request.alpha)
+    one_stdin(*files)
+    if request.as_json and is_stream(request.output):
+        raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
+    streams = [f for f in files if f is not None and is_stream(f)]
+    if streams:
+        what = "a sheet reads its files several times, but one of them is stdin"
+        raise UsageError(what, hint="give the machine and the tables as files")
+    if request.circle_feed is not None and not request.circle_feed > 0:
+        raise UsageError("--circle-feed: not a positive feed", hint="give mm/min, e.g. `--circle-feed 1000`")
+    check_target(request.output, given(*files), force=request.force)
+    return tolerance_of(request.tolerance)
+
+
+def _improved(request: ReportRequest, to: Reporter) -> tuple[ImprovementReport | None, str]:
+    """What the search for causes finds, or why there is none. Raises PkmcalError."""
+    try:
+        case = prepare(request.case, Recorder(), FEWEST_TO_SPLIT)  # what it tells was told by the calibration
+    except BadInput as error:
+        if all(fault.code == "measurements" for fault in error.faults):
+            return None, error.faults[0].what
+        raise
+    with to.stages() as observe:
+        try:
+            found = improve(
+                case.candidates,
+                case.problem,
+                case.selected,
+                None,
+                request.alpha,
+                request.seed,
+                loss=case.loss,
+                observe=observe,
+            )
+        except RowsFailed as failure:
+            raise unsolved(case.measured, failure.evaluation.prediction) from None
+    return ImprovementReport(case.loaded.machine, case.measured, found), ""
+
+
+def _verified(
+    request: ReportRequest,
+    setting: Setting,
+    improved: ImprovementReport | None,
+    parameters: str,
+    tolerance: tuple[float, Unit] | None,
+) -> tuple[VerificationReport, dict[str, str]]:
+    """The second table against what was identified, with the causes that were found; sha256 of what was read."""
+    assert request.after is not None
+    with tempfile.TemporaryDirectory() as folder:
+        machine, file = request.machine, Path(folder) / "identified.params.yaml"
+        if improved is not None:
+            machine = os.path.join(folder, "improved.yaml")
+            Path(machine).write_text(improved.overlay(os.path.abspath(request.machine)), encoding="utf-8")
+            absolute = {os.path.abspath(name): digest for name, digest in setting.inputs.items()}
+            fingerprint = replace(fingerprint_of_improved(machine, absolute), of=request.machine)
+            parameters = improved.parameter_file(provenance(setting.inputs, status="converged"), fingerprint)
+        file.write_text(parameters, encoding="utf-8")
+        loaded = load_machine(machine)
+        measured = load_measurements(loaded, [request.after])
+        start = load_parameters(loaded.model.for_sessions(measured.sessions), str(file))
+        found = verify(loaded, measured, start, str(file), tolerance, Recorder())
+    return found, dict(measured.inputs)
+
+
+def _written(request: ReportRequest, results: Results, inputs: dict[str, str], to: Reporter) -> int:
+    """Write the page, say the verdict; the exit code. Raises OutputError."""
+    made = sheet(results)
+    with write_text(request.output, inputs, force=request.force) as file:
+        file.write(html(made))
+    (to.fail if made.verdict.negative else to.say)(f"{made.verdict.word}  {made.verdict.headline}")
+    for line in made.verdict.lines:
+        to.say(line)
+    if not is_stream(request.output):
+        to.say(f"written: {request.output}")
+    if request.as_json:
+        emit_json(_json(request, made.json()))
+    return int(made.verdict.negative)
+
+
+def _json(request: ReportRequest, told: dict[str, Any]) -> dict[str, Any]:
+    return told | {"file": request.output}
+
+
