@@ -72,27 +72,28 @@ def axis_accuracy(targets: Array, deviations: tuple[tuple[Array, Array], ...]) -
 
 @dataclass(frozen=True)
 class CircleDeviation:
-    """Radius (m) and circular deviation G of a path, m: the range of its radii about the centre of least squares.
+    """Radius (m) and circular deviation (G) of a path, m: the range of its radii about the centre of least squares.
 
     `largest` and `smallest`: radial deviation from the nominal path about that centre, m.
     """
 
     radius: float
-    G: float
+    circular: float
     largest: float
     smallest: float
 
 
 def circle_deviation(path: Array, nominal_radius: float) -> CircleDeviation:
     """Of points (n, 2), m, of a measured path (ISO 230-4:2022, 3.4 and 3.6, centred by least squares)."""
-    centre = 0.5 * (path.min(axis=0) + path.max(axis=0))
+    middle = path.mean(axis=0)
+    scaled = (path - middle) / nominal_radius
 
-    def off(centre_: Array) -> Array:
-        radii = np.linalg.norm(path - centre_, axis=1)
+    def off(centre: Array) -> Array:
+        radii = np.linalg.norm(scaled - centre, axis=1)
         return np.asarray(radii - radii.mean())
 
-    found = least_squares(off, centre, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale=max(nominal_radius, 1e-12))
-    radii = np.linalg.norm(path - found.x, axis=1)
+    found = least_squares(off, np.zeros(2), jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    radii = np.linalg.norm(path - middle - nominal_radius * found.x, axis=1)
     return CircleDeviation(
         float(radii.mean()),
         float(np.ptp(radii)),
@@ -103,10 +104,10 @@ def circle_deviation(path: Array, nominal_radius: float) -> CircleDeviation:
 
 @dataclass(frozen=True)
 class PoseAccuracy:
-    """Positioning accuracy AP and repeatability RP of a pose by ISO 9283:1998, 7.2, m; of so many cycles."""
+    """Positioning accuracy (AP) and repeatability (RP) of a pose by ISO 9283:1998, 7.2, m; of so many cycles."""
 
-    AP: float
-    RP: float
+    accuracy: float
+    repeatability: float
     cycles: int
 
 

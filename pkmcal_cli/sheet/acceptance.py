@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pkmcal_cli.calibration.positioning_accuracy import FEWEST_APPROACHES, FEWEST_TARGETS, circle_deviation
+from pkmcal_cli.calibration.predicted_lines import predicted_lines
 from pkmcal_cli.calibration.repeated_targets import (
     AxisRun,
     MeasuredTargets,
@@ -15,7 +16,7 @@ from pkmcal_cli.calibration.repeated_targets import (
     pose_runs,
 )
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.loading.covariates import with_directions
+from pkmcal_cli.loading.covariates import at_rest, with_directions
 from pkmcal_cli.sheet.content import Block, Section, Table, Text, section
 from pkmcal_cli.sheet.results import Results
 
@@ -39,6 +40,8 @@ def acceptance(results: Results) -> Section | None:
         text = f"No ISO 230-2 figures: they need {FEWEST_APPROACHES} approaches from each side to each of at least "
         text += f"{FEWEST_TARGETS} targets in a line along one coordinate."
         blocks.append(Text(text, "note"))
+        if predicted := _predicted(results):
+            blocks.append(predicted)
     return section("acceptance", f"Acceptance figures ({which})", blocks)
 
 
@@ -66,11 +69,28 @@ def _axes(results: Results, runs: list[AxisRun]) -> Table:
     return Table("ISO 230-2: accuracy A, repeatability R, systematic E, mean M, reversal B", heads, tuple(rows), left=2)
 
 
+def _predicted(results: Results) -> Table | None:
+    """What the identified model says of lines that nobody measured again and again."""
+    improved = results.improved
+    if improved is not None and improved.improvement.accepted:
+        problem, fit = improved.improvement.problem, improved.improvement.fit
+    else:
+        problem, fit = results.calibrated.problem, results.calibrated.fit
+    rest = at_rest(problem.model, problem.rows.take(slice(0, 1)))
+    rows = []
+    for line in predicted_lines(problem, fit.values, rest):
+        at = ", ".join(f"{n} = {results.place_text(v)}" for n, v in line.others)
+        rows.append((line.coordinate, at, *(results.length_text(v) for v in (line.E, line.M, line.B))))
+    heads = ("axis", "at", "predicted E", "predicted M", "predicted B")
+    title = "Predicted by the identified model for commands by nominal parameters (no repeats: no A, no R)"
+    return Table(title, heads, tuple(rows), left=2) if rows else None
+
+
 def _poses(results: Results, runs: list[PoseRun]) -> Table:
     rows = []
     for run in runs:
         at = ", ".join(f"{n} = {results.place_text(v)}" for n, v in run.at)
-        sizes = results.length_text(run.figures.AP), results.length_text(run.figures.RP)
+        sizes = results.length_text(run.figures.accuracy), results.length_text(run.figures.repeatability)
         rows.append((at, str(run.figures.cycles), *sizes))
     return Table("ISO 9283: pose accuracy AP, pose repeatability RP", ("pose", "cycles", "AP", "RP"), tuple(rows))
 
@@ -82,7 +102,7 @@ def _circle(results: Results, targets: MeasuredTargets) -> Block | None:
         return None
     path, radius = found
     circle = circle_deviation(path, radius)
-    sizes = tuple(results.length_text(v) for v in (circle.G, circle.largest, circle.smallest))
+    sizes = tuple(results.length_text(v) for v in (circle.circular, circle.largest, circle.smallest))
     size = results.place_text(radius)
     if results.feed is not None:
         title = f"ISO 230-4, radius {size}, feed {results.feed * _MM_PER_MIN:.6g} mm/min"

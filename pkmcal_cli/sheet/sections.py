@@ -18,6 +18,7 @@ from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.verdict import verdict
 
+_SEPARATED = 4  # causes at most that one measurement is planned for
 _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 
 
@@ -75,11 +76,29 @@ def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorF
 
 
 def parameters(results: Results) -> Section | None:
-    """What `calibrate` shows, but for its table of errors."""
-    recorder = Recorder()
+    """What was identified together with the causes; then what `calibrate` shows, but for its table of errors."""
+    recorder, blocks = Recorder(), list[Block]()
+    if (together := _with_causes(results)) is not None:
+        text = "The calibration without the causes takes up part of them; these values are those of the machine."
+        blocks += [together, Text(text, "note"), Text("Calibrated alone:")]
     results.calibrated.show(recorder)
-    blocks = [b for b in recorder.blocks if not (isinstance(b, Table) and b.title == _ERROR)]
+    blocks += [b for b in recorder.blocks if not (isinstance(b, Table) and b.title == _ERROR)]
     return section("parameters", "Identified parameters", blocks)
+
+
+def _with_causes(results: Results) -> Table | None:
+    """Parameters as identified with the effects that the search added; None where it added none."""
+    report = results.improved
+    if report is None or not report.improvement.accepted:
+        return None
+    declared = {row.name: row for row in results.calibrated.rows}
+    rows = []
+    for name in report.improvement.fit.selected:
+        row = declared.get(name)
+        known = ("-", "") if row is None else (f"{row.nominal:.8g}", row.spread)
+        found = report.estimate_text(name) if report.estimate(name)[1] is not None else "undetermined"
+        rows.append((name, known[0], found, known[1]))
+    return Table("Identified together with the causes", ("name", "nominal", "identified", "range"), tuple(rows))
 
 
 def verification(results: Results) -> Section | None:
@@ -139,7 +158,8 @@ def _next_measurement(results: Results) -> list[Block]:
     table = results.measured.files[0]
     ambiguous = [] if report is None else [f for f in report.diagnosis.findings if f.ambiguous]
     if ambiguous:
-        names = ",".join([ambiguous[0].hypothesis.name, *(r.hypothesis.name for r in ambiguous[0].rivals[:3])])
+        rivals = (r.hypothesis.name for r in ambiguous[0].rivals)
+        names = ",".join(list(dict.fromkeys([ambiguous[0].hypothesis.name, *rivals]))[:_SEPARATED])
         text = "Several causes explain the data alike. Points that separate them:"
         return [Text(text), Text(command("plan", machine, table, "--aim", f"separate:{names}"), "command")]
     if results.verified is None:

@@ -1,0 +1,190 @@
+"""`pkmcal report`: verdicts by planted errors, a page that stands alone, acceptance figures by an independent count."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from tests.command import MACHINES, SCISSORS, SHOPFLOOR, clean, run
+
+TARGETS = (200.0, 300.0, 400.0, 500.0, 600.0)
+HEIGHT = 250.0
+
+
+def readings(x: float, y: float) -> tuple[float, float, float]:
+    """Carriages of the Triglide as its file says it, mm."""
+    near, far = np.sqrt(300.0**2 - (y - 100) ** 2), np.sqrt(600.0**2 - (y - 150) ** 2)
+    return x - near, x + near, x + far
+
+
+def repeats(seed: int, approaches: int = 5) -> tuple[str, dict[float, dict[int, list[float]]]]:
+    """A table of targets approached from both sides, and the deviations planted in x, um."""
+    rng, lines = np.random.default_rng(seed), ["q1 [mm],q2 [mm],q3 [mm],x [mm],y [mm],dir.q1,dir.q2,dir.q3"]
+    planted: dict[float, dict[int, list[float]]] = {}
+    for x in TARGETS:
+        for _ in range(approaches):
+            for side in (1, -1):
+                off = round(4 * np.sin(x / 60) + 3 * side + rng.normal(0, 1.0), 3)
+                planted.setdefault(x, {}).setdefault(side, []).append(off)
+                q = ",".join(f"{v:.9f}" for v in readings(x, HEIGHT))
+                lines.append(f"{q},{x + off / 1000:.6f},{HEIGHT + rng.normal(0, 0.001):.6f},{side},{side},{side}")
+    return "\n".join(lines) + "\n", planted
+
+
+def expected(planted: dict[float, dict[int, list[float]]]) -> dict[str, float]:
+    """ISO 230-2 of the planted deviations, um."""
+    mean = {x: {s: float(np.mean(v)) for s, v in by.items()} for x, by in planted.items()}
+    s = {x: {k: float(np.std(v, ddof=1)) for k, v in by.items()} for x, by in planted.items()}
+    top = max(mean[x][k] + 2 * s[x][k] for x in mean for k in (1, -1))
+    low = min(mean[x][k] - 2 * s[x][k] for x in mean for k in (1, -1))
+    every = [mean[x][k] for x in mean for k in (1, -1)]
+    middle = [(mean[x][1] + mean[x][-1]) / 2 for x in mean]
+    reversal = {x: mean[x][1] - mean[x][-1] for x in mean}
+    repeat = [
+        max(2 * s[x][1] + 2 * s[x][-1] + abs(reversal[x]), 4 * s[x][1], 4 * s[x][-1]) for x in mean
+    ]  # fmt: skip
+    return {
+        "A": top - low, "R": max(repeat), "E": max(every) - min(every), "M": max(middle) - min(middle),
+        "B": max(abs(b) for b in reversal.values()),
+    }  # fmt: skip
+
+
+class Page(HTMLParser):
+    """Which elements a page has, and whether they are closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in ("meta", "path", "use", "br"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("path", "use"):
+            return
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def table(result: dict[str, object], key: str, title: str) -> list[dict[str, str]]:
+    """Rows of one table of a section, by header."""
+    part = next(s for s in result["sections"] if s["key"] == key)  # type: ignore[attr-defined]
+    found = next(t for t in part["tables"] if t["title"].startswith(title))
+    return [dict(zip(found["headers"], row, strict=True)) for row in found["rows"]]
+
+
+@pytest.fixture(scope="module")
+def shopfloor(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object], str, int]:
+    file = tmp_path_factory.mktemp("sheet") / "sheet.html"
+    done = run("report", SCISSORS, SHOPFLOOR, "--tolerance", "5 um", "-o", file, "--json", "-q")
+    return done.json, file.read_text(encoding="utf-8"), done.code
+
+
+def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, object], str, int]) -> None:
+    """Planted: struts that grow, backlash of q3; noise 0.5 um, so that U is 1 um."""
+    result, page, code = shopfloor
+    assert (code, result["verdict"]) == (1, "fail")
+    found = re.fullmatch(
+        r"(\S+) um > 5 um; two causes found; with both corrected (\S+) um expected", str(result["headline"])
+    )
+    assert found is not None and 10 < float(found[1]) < 30 and float(found[2]) < 2.5
+    assert "U = 1 um (k = 2), 20 % of the tolerance" in str(result["lines"])
+    assert {row["cause"] for row in table(result, "next", "Corrections")} == {"thermal_strut@all", "backlash@q3"}
+    words = " ".join(" ".join(Page(page).words).split())
+    assert words.index("FAIL") < words.index("two causes found") < words.index("Errors before and after")
+
+
+def test_the_page_stands_alone(shopfloor: tuple[dict[str, object], str, int]) -> None:
+    _, text, _ = shopfloor
+    page = Page(text)
+    assert page.open == [] and not {t for t, _ in page.tags} & {"script", "link", "iframe", "img", "object"}
+    for _, attributes in page.tags:
+        for name, value in attributes.items():
+            assert not name.startswith("on")
+            if name in ("href", "src", "xlink:href"):
+                assert value is not None and value.startswith("#")
+    style = text[text.index("<style>") : text.index("</style>")]
+    assert "url(" not in style and "@import" not in style and "@page" in style
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    for svg in re.findall(r"<svg.*?</svg>", text, re.S):
+        drawn = ElementTree.fromstring(svg)
+        assert drawn.get("role") == "img" and len(drawn.get("aria-label") or "") > 10
+        for use in re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', svg):
+            assert (use[0] or use[1]) in ids
+
+
+def test_iso_230_2_of_repeats(tmp_path: Path) -> None:
+    """Equal to the count above from what was planted: the commands are those of the file, so deviations are these."""
+    text, planted = repeats(3)
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
+    done = run("report", MACHINES / "triglide.yaml", tmp_path / "m.csv", "-o", tmp_path / "s.html", "--json", "-q")
+    (axis,) = table(done.json, "acceptance", "ISO 230-2")
+    assert (axis["axis"], axis["targets"], axis["approaches"], axis["at"]) == ("x", "5", "5", "y = 250 mm")
+    for name, value in expected(planted).items():
+        assert float(axis[name].removesuffix(" um")) == pytest.approx(value, rel=6e-3), name  # three digits are shown
+
+
+def test_four_approaches_are_no_iso_230_2(tmp_path: Path) -> None:
+    text, _ = repeats(4, approaches=4)
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
+    done = run("report", MACHINES / "triglide.yaml", tmp_path / "m.csv", "-o", tmp_path / "s.html", "--json", "-q")
+    page = (tmp_path / "s.html").read_text(encoding="utf-8")
+    assert "No ISO 230-2 figures" in page and "ISO 230-4" not in page and "ISO 9283" not in page
+    assert {"predicted E", "predicted M", "predicted B"} <= set(
+        table(done.json, "acceptance", "Predicted")[0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--tolerance", "5 kg"), "--tolerance"),
+        (("--tolerance", "-5 um"), "--tolerance"),
+        (("--circle-feed", "0"), "--circle-feed"),
+        (("-o", "-", "--json"), "--json"),
+        (("--after", "-"), "stdin"),
+    ],
+)
+def test_bad_options(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run("report", SCISSORS, SHOPFLOOR, *arguments)
+    assert done.code == 2 and message in done.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_page_is_not_replaced_unasked(tmp_path: Path) -> None:
+    (tmp_path / "s.html").write_text("mine", encoding="utf-8")
+    done = run("report", SCISSORS, SHOPFLOOR, "-o", tmp_path / "s.html")
+    assert done.code == 4 and "--force" in done.err and (tmp_path / "s.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_names_do_not_become_markup(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file may be called as it likes; few rows are calibrated, but not searched."""
+    monkeypatch.chdir(tmp_path)
+    name = "<b onload=alert(1)>&amp;.csv"
+    rows = (MACHINES / "triglide.csv").read_text(encoding="utf-8").splitlines()
+    kept = [line for line in rows if not line.startswith("#")][:16]
+    (tmp_path / name).write_text("\n".join(kept) + "\n", encoding="utf-8")
+    done = clean(run("report", MACHINES / "triglide.yaml", name, "-o", "s.html", "--json"))
+    page = Page((tmp_path / "s.html").read_text(encoding="utf-8"))
+    assert not any("onload" in a for _, a in page.tags) and any(name in w for w in page.words)
+    assert any("Causes were not searched" in line for line in done.json["lines"])
