@@ -11,7 +11,6 @@ from pkmcal_cli.commands._options import (
     Force,
     Json,
     Loss,
-    MachineFile,
     Parameters,
     Prior,
     Quiet,
@@ -22,8 +21,13 @@ from pkmcal_cli.commands._options import (
 
 
 def report(
-    machine: MachineFile,
-    measurements: Annotated[list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session.")],
+    machine: Annotated[
+        str, typer.Argument(metavar="M.yaml|RUN", help="Machine file, or a folder kept by `--run` (then no MEAS.csv).")
+    ],
+    measurements: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[MEAS.csv]...", help="Measured rows, each file a session; after RUN: AFTER.csv."),
+    ] = None,
     after: Annotated[
         str | None, typer.Option("--after", metavar="AFTER.csv", help="Rows measured after correction; judged instead.")
     ] = None,
@@ -52,4 +56,4 @@ def report(
     options = locals()
     from pkmcal_cli.workflow.report import ReportRequest, run_report
 
-    raise typer.Exit(run_report(as_request(ReportRequest, options)))
+    raise typer.Exit(run_report(as_request(ReportRequest, options | {"measurements": measurements or []})))

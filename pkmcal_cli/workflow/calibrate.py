@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
+from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
@@ -34,16 +33,11 @@ from pkmcal_cli.workflow.arguments import by_method, checked_method, given, one_
 from pkmcal_cli.workflow.calibration_run import calibration_run
 from pkmcal_cli.workflow.gates import Gate, Judged, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
-from pkmcal_cli.workflow.held_out import held_out, validated
+from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.run_folder import check_run, keep_run
 from pkmcal_cli.workflow.unsolved_rows import unsolved
-
-_FOLDS = "5"
-_SCHEMES = ("session", "cells", "none")
-_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
-_DIGITS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +61,14 @@ class CalibrationRequest:
     quiet: bool = False
     style: str = "text"
     force: bool = False
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What a sheet of this calibration needs to know."""
+        options = self.fit_options
+        prior = options.prior if options.prior_file is None else "none"
+        asked = {"measurements": list(self.measurements), "parameters": self.parameters, "select": self.select}
+        return asked | {"loss": options.loss, "prior": prior, "seed": options.seed}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +145,8 @@ def _written(s: Setting, report: CalibrationReport, to: Reporter) -> int:
         emit_json(result)
     code = _exit_code(s, report, judged, to)
     if request.run is not None:
-        keep_run(request.run, s.inputs, calibration_run(request.machine, report, result, text, code), to)
+        kept = calibration_run(request.machine, request.asked, report, result, text, code)
+        keep_run(request.run, s.inputs, kept, to)
     return code
 
 
@@ -157,7 +160,7 @@ def _checked(request: CalibrationRequest) -> str | None:
     request.fit_options.check(files=True)
     if request.loosen is not None and prior is None:
         raise UsageError("--loosen needs a prior", hint="add `--prior OLD.params.yaml`, written by `calibrate -o`")
-    file = _file_of(request.holdout)
+    file = holdout_file(request.holdout)
     inputs = given(request.machine, *request.measurements, request.parameters, file, prior)
     check_target(request.output, inputs, force=request.force)
     return file
@@ -220,16 +223,6 @@ def _determined(s: Setting, to: Reporter) -> Setting:
     for line in asked.notes:
         to.say(line)
     return replace(s, selected=asked.selected, datum=asked.datum)
-
-
-def _file_of(scheme: str | None) -> str | None:
-    """The file that --holdout names, None where it names none. Raises UsageError for a word that is nothing."""
-    if scheme is None or scheme in _SCHEMES or _NUMBER.fullmatch(scheme):
-        return None
-    if not is_stream(scheme) and not os.path.splitext(scheme)[1] and not os.path.exists(scheme):
-        hint = did_you_mean(scheme, _SCHEMES, "give a number of folds, session, cells, FILE.csv or none")
-        raise UsageError(f"--holdout: `{scheme}` is not a scheme", hint=hint)
-    return scheme
 
 
 def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurements:

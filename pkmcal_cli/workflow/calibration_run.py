@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from pkmcal_cli.report.calibration import CalibrationReport
@@ -11,12 +12,18 @@ from pkmcal_cli.workflow.run_folder import PARAMETERS, Run
 
 
 def calibration_run(
-    machine: str, report: CalibrationReport, result: dict[str, Any], parameters: str, code: int
+    machine: str,
+    asked: Mapping[str, Any],
+    report: CalibrationReport,
+    result: dict[str, Any],
+    parameters: str,
+    code: int,
 ) -> Run:
     """The run; result: as JSON has it; parameters: text of the parameter file; code: exit code."""
     return Run(
         command="calibrate",
         machine=machine,
+        asked=asked,
         result=result,
         code=code,
         verdict=report.verdict().partition("\n")[0],

@@ -69,7 +69,12 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         to.fail(report.verdict_line())
     line = report.verdict_line().partition("\n")[0]
     kept = Run(
-        command="diagnose", machine=request.case.machine, result=result, code=int(failed), verdict=line
+        command="diagnose",
+        machine=request.case.machine,
+        result=result,
+        code=int(failed),
+        verdict=line,
+        asked=request.case.asked | {"alpha": request.alpha, "seed": request.seed},
     )
     keep_run(request.run, case.inputs, kept, to)
     return int(failed)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import re
 from functools import partial
 
-from pkmcal_cli.base.errors import UsageError
+from pkmcal_cli.base.errors import UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.complete_fit import FitOptions, refit
 from pkmcal_cli.calibration.fit import Fit
@@ -18,6 +21,8 @@ from pkmcal_cli.workflow.arguments import by_method
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _FOLDS = "5"
+_SCHEMES = ("session", "cells", "none")
+_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?|")
 _DIGITS = 9
 
 
@@ -54,3 +59,13 @@ def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurem
         return validate(apart, problem.model, fit, f"rows of {other.files[0]}")
     except RowsFailed as failure:
         raise unsolved(other, failure.evaluation.prediction) from None
+
+
+def holdout_file(scheme: str | None) -> str | None:
+    """The file that --holdout names, None where it names none. Raises UsageError for a word that is nothing."""
+    if scheme is None or scheme in _SCHEMES or _NUMBER.fullmatch(scheme):
+        return None
+    if not is_stream(scheme) and not os.path.splitext(scheme)[1] and not os.path.exists(scheme):
+        hint = did_you_mean(scheme, _SCHEMES, "give a number of folds, session, cells, FILE.csv or none")
+        raise UsageError(f"--holdout: `{scheme}` is not a scheme", hint=hint)
+    return scheme

@@ -100,7 +100,8 @@ def run_improvement(request: ImproveRequest) -> int:
         raise improvement.broken
     if request.run is not None:
         head, result = _head(request, inputs, improvement, odd), result | gates_told
-        kept = improvement_run(request.case.machine, inputs, report, head, result, code)
+        asked = request.case.asked | {"alpha": request.alpha, "seed": request.seed}
+        kept = improvement_run(request.case.machine, asked, inputs, report, head, result, code)
         keep_run(request.run, inputs, kept, to)
     return code
 

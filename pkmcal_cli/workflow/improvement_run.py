@@ -20,6 +20,7 @@ _IMPROVED = "improved.yaml"
 
 def improvement_run(
     machine: str,
+    asked: Mapping[str, Any],
     inputs: Mapping[str, str],
     report: ImprovementReport,
     head: dict[str, Any],
@@ -38,6 +39,7 @@ def improvement_run(
     return Run(
         command="improve",
         machine=machine,
+        asked=asked,
         result=result,
         code=code,
         verdict=report.verdict,

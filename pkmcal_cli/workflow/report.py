@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pkmcal_cli.base.errors import BadInput, UsageError
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.complete_fit import FitOptions
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.diagnosis.closed_loop import FEWEST_TO_SPLIT, improve
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements, load_parameters
+from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance
@@ -28,6 +29,7 @@ from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.calibrate import CalibrationRequest, Setting, calibration_of
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved
+from pkmcal_cli.workflow.run_folder import RECORD
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 from pkmcal_cli.workflow.verify import tolerance_of, verify
@@ -64,6 +66,10 @@ class ReportRequest:
 
 def run_report(request: ReportRequest) -> int:
     """Calibrate, search, verify, write the page; returns the exit code. Raises PkmcalError."""
+    if os.path.isdir(request.machine):
+        request = _of_run(request)
+    elif not request.measurements:
+        raise UsageError("report needs measurements", hint="name tables after the machine file, or a folder of `--run`")
     tolerance, to = _checked(request), Reporter(request.quiet)
     calibrated = CalibrationRequest(
         machine=request.machine,
@@ -94,6 +100,34 @@ def run_report(request: ReportRequest) -> int:
         head=head | {"inputs": inputs},
     )
     return _written(request, results, inputs, to)
+
+
+def _of_run(request: ReportRequest) -> ReportRequest:
+    """The same for a run that was kept: its copies of the files, its options; a further table is that after correction.
+
+    Raises BadInput for a folder that holds none, UsageError for more tables.
+    """
+    folder = request.machine
+    tables = [*request.measurements, *([request.after] if request.after is not None else [])]
+    if len(tables) > 1:
+        hint = "give at most one, measured after correction"
+        raise UsageError("report: a kept run has its own measurements, so there are too many tables", hint=hint)
+    record = plain_map(os.path.join(folder, RECORD), "the record of a run", "command:")
+    asked, files = record.get("asked"), record.get("inputs")
+    try:
+        copies = {name: os.path.join(folder, kept["file"]) for name, kept in files.items()}  # type: ignore[union-attr]
+        own = {k: asked[k] for k in ("select", "loss", "prior", "alpha", "seed") if k in asked}  # type: ignore[operator, index]
+        return replace(
+            request,
+            machine=copies[str(record["machine"])],
+            measurements=tuple(copies[name] for name in asked["measurements"]),  # type: ignore[index]
+            parameters=None if asked["parameters"] is None else copies[asked["parameters"]],  # type: ignore[index]
+            after=tables[0] if tables else None,
+            **own,
+        )
+    except (KeyError, TypeError, AttributeError):
+        hint = "give a run of `calibrate`, `diagnose` or `improve`"
+        raise BadInput.single("this run has no measurements to report", Location(folder), hint, "file") from None
 
 
 def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
@@ -158,6 +192,9 @@ def _verified(
         file.write_text(parameters, encoding="utf-8")
         loaded = load_machine(machine)
         measured = load_measurements(loaded, [request.after])
+        if set(measured.sha256) & set(setting.measured.sha256):
+            hint = "give rows that were measured after correction"
+            raise UsageError(f"--after: the rows of `{request.after}` are those that were calibrated", hint=hint)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), str(file))
         found = verify(loaded, measured, start, str(file), tolerance, Recorder())
     return found, dict(measured.inputs)

@@ -32,7 +32,10 @@ _PART = ".part"
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What a run has made: result for JSON, files by name with their text, exit code, verdict, figure in words."""
+    """What a run has made: result for JSON, files by name with their text, exit code, verdict, figure in words.
+
+    asked: options on which the result depends, by name; "measurements" and "parameters" are names of inputs.
+    """
 
     command: str
     machine: str
@@ -41,6 +44,7 @@ class Run:
     verdict: str
     rms: str = ""
     files: Mapping[str, str] = field(default_factory=dict)
+    asked: Mapping[str, Any] = field(default_factory=dict)
 
 
 def check_run(folder: str | None, *inputs: str | None) -> None:
@@ -108,6 +112,7 @@ def _record(run: Run, inputs: Mapping[str, str], kept: Mapping[str, str], result
         "rms": run.rms or None,
         "exit_code": run.code,
         "arguments": head["arguments"],
+        "asked": dict(run.asked),
         "versions": {key: head[key] for key in ("program", "python", "numpy", "scipy")},
         "inputs": {name: {"file": kept[name], "sha256": digest} for name, digest in inputs.items()},
         "results": dict(results),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,12 @@ class CaseRequest:
     parameters: str | None = None
     loss: str = "squares"
     prior: str = "none"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What a sheet of this search needs to know."""
+        asked = {"measurements": list(self.measurements), "parameters": self.parameters, "select": self.select}
+        return asked | {"loss": self.loss, "prior": self.prior}
 
     def checked_loss(self) -> Loss:
         """The loss. Raises UsageError for words that are none, for the prior too."""
