@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -82,21 +83,14 @@ class Page(HTMLParser):
         self.words.append(data)
 
 
-def table(result: dict[str, object], key: str, title: str) -> list[dict[str, str]]:
-    """Rows of one table of a section, by header."""
-    part = next(s for s in result["sections"] if s["key"] == key)  # type: ignore[attr-defined]
-    found = next(t for t in part["tables"] if t["title"].startswith(title))
-    return [dict(zip(found["headers"], row, strict=True)) for row in found["rows"]]
-
-
 @pytest.fixture(scope="module")
-def shopfloor(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object], str, int]:
+def shopfloor(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str, int]:
     file = tmp_path_factory.mktemp("sheet") / "sheet.html"
     done = run("report", SCISSORS, SHOPFLOOR, "--tolerance", "5 um", "-o", file, "--json", "-q")
     return done.json, file.read_text(encoding="utf-8"), done.code
 
 
-def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, object], str, int]) -> None:
+def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, Any], str, int]) -> None:
     """Planted: struts that grow, backlash of q3; noise 0.5 um, so that U is 1 um."""
     result, page, code = shopfloor
     assert (code, result["verdict"]) == (1, "fail")
@@ -105,12 +99,13 @@ def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, obj
     )
     assert found is not None and 10 < float(found[1]) < 30 and float(found[2]) < 2.5
     assert "U = 1 um (k = 2), 20 % of the tolerance" in str(result["lines"])
-    assert {row["cause"] for row in table(result, "next", "Corrections")} == {"thermal_strut@all", "backlash@q3"}
+    assert {(c["effect"], c["at"]) for c in result["causes"]} == {("thermal_strut", "all"), ("backlash", "q3")}
+    assert all(c["accepted"] and not c["provisional"] for c in result["causes"])
     words = " ".join(" ".join(Page(page).words).split())
     assert words.index("FAIL") < words.index("two causes found") < words.index("Errors before and after")
 
 
-def test_the_page_stands_alone(shopfloor: tuple[dict[str, object], str, int]) -> None:
+def test_the_page_stands_alone(shopfloor: tuple[dict[str, Any], str, int]) -> None:
     _, text, _ = shopfloor
     page = Page(text)
     assert page.open == [] and not {t for t, _ in page.tags} & {"script", "link", "iframe", "img", "object"}
@@ -135,10 +130,12 @@ def test_iso_230_2_of_repeats(tmp_path: Path) -> None:
     text, planted = repeats(3)
     (tmp_path / "m.csv").write_text(text, encoding="utf-8")
     done = run("report", MACHINES / "triglide.yaml", tmp_path / "m.csv", "-o", tmp_path / "s.html", "--json", "-q")
-    (axis,) = table(done.json, "acceptance", "ISO 230-2")
-    assert (axis["axis"], axis["targets"], axis["approaches"], axis["at"]) == ("x", "5", "5", "y = 250 mm")
+    found = done.json["acceptance"]
+    (axis,) = found["axes"]
+    assert (found["state"], found["unit"], axis["axis"], axis["targets"]) == ("as built", "um", "x", 5)
+    assert axis["approaches"] == 5 and axis["at"] == {"y": pytest.approx(HEIGHT, abs=1e-5)}
     for name, value in expected(planted).items():
-        assert float(axis[name].removesuffix(" um")) == pytest.approx(value, rel=6e-3), name  # three digits are shown
+        assert axis[name] == pytest.approx(value, abs=2e-5), name  # um: the table has six digits of a millimetre
 
 
 def test_four_approaches_are_no_iso_230_2(tmp_path: Path) -> None:
@@ -147,9 +144,8 @@ def test_four_approaches_are_no_iso_230_2(tmp_path: Path) -> None:
     done = run("report", MACHINES / "triglide.yaml", tmp_path / "m.csv", "-o", tmp_path / "s.html", "--json", "-q")
     page = (tmp_path / "s.html").read_text(encoding="utf-8")
     assert "No ISO 230-2 figures" in page and "ISO 230-4" not in page and "ISO 9283" not in page
-    assert {"predicted E", "predicted M", "predicted B"} <= set(
-        table(done.json, "acceptance", "Predicted")[0]
-    )
+    found = done.json["acceptance"]
+    assert found["axes"] == [] and {"E", "M", "B"} <= set(found["predicted"][0]) and "A" not in found["predicted"][0]
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ class VerificationReport:
             "channels": self._channels(),
             "above": [self._reading(r, k) for r, k in above],
             **self.failed.json(),
-            "tolerance": None if self.judged is None else self._tolerance(self.judged),
+            "tolerance": None if self.judged is None else tolerance_json(self.judged, self.unit, self.place),
         }
 
     def _reading(self, row: int, channel: int) -> dict[str, Any]:
@@ -132,27 +132,29 @@ class VerificationReport:
             "e_n": float(self.normalised[row, channel]),
         }
 
-    def _tolerance(self, j: Judged) -> dict[str, Any]:
-        assert self.unit is not None
-        worst = j.points.worst
-        place = None if worst is None else self.place(int(j.points.rows[worst]))
-        return {
-            "value": self.unit.from_si(j.tolerance),
-            "unit": self.unit.text,
-            "verdict": j.verdict,
-            "n_pass": int(j.passed.sum()),
-            "n_fail": int(j.failed.sum()),
-            "n_undecided": int(j.undecided.sum()),
-            "largest": None
-            if worst is None or place is None
-            else {
-                "file": place.file,
-                "line": place.line,
-                "id": place.id or None,
-                "error": self.unit.from_si(float(j.points.errors[worst])),
-                "expanded_uncertainty": self.unit.from_si(float(j.points.expanded[worst])),
-            },
-        }
+
+def tolerance_json(j: Judged, unit: Unit | None, place: Callable[[int], Place] | None) -> dict[str, Any]:
+    """A verdict on a tolerance, in its unit; place: of a row, None where rows are not told."""
+    assert unit is not None
+    worst = j.points.worst
+    there = None if worst is None or place is None else place(int(j.points.rows[worst]))
+    return {
+        "value": unit.from_si(j.tolerance),
+        "unit": unit.text,
+        "verdict": j.verdict,
+        "n_pass": int(j.passed.sum()),
+        "n_fail": int(j.failed.sum()),
+        "n_undecided": int(j.undecided.sum()),
+        "largest": None
+        if worst is None
+        else {
+            "file": None if there is None else there.file,
+            "line": None if there is None else there.line,
+            "id": None if there is None else there.id or None,
+            "error": unit.from_si(float(j.points.errors[worst])),
+            "expanded_uncertainty": unit.from_si(float(j.points.expanded[worst])),
+        },
+    }
 
 
 def _rms(values: np.ndarray[Any, Any]) -> float:

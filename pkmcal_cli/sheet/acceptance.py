@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
-from pkmcal_cli.calibration.positioning_accuracy import FEWEST_APPROACHES, FEWEST_TARGETS, circle_deviation
-from pkmcal_cli.calibration.predicted_lines import predicted_lines
+from pkmcal_cli.calibration.positioning_accuracy import (
+    FEWEST_APPROACHES,
+    FEWEST_TARGETS,
+    CircleDeviation,
+    circle_deviation,
+)
+from pkmcal_cli.calibration.predicted_lines import PredictedLine, predicted_lines
 from pkmcal_cli.calibration.repeated_targets import (
     AxisRun,
-    MeasuredTargets,
     PoseRun,
     axis_runs,
     circular,
@@ -16,98 +22,148 @@ from pkmcal_cli.calibration.repeated_targets import (
     pose_runs,
 )
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.loading.covariates import at_rest, with_directions
+from pkmcal_cli.loading.covariates import at_rest, resting, with_directions
 from pkmcal_cli.sheet.content import Block, Section, Table, Text, section
 from pkmcal_cli.sheet.results import Results
 
 _MM_PER_MIN = 60e3  # of 1 m/s
+_AXIS = ("A", "R", "E", "M", "B")
+_LINE = ("E", "M", "B")
 
 
-def acceptance(results: Results) -> Section | None:
-    """ISO 230-2, ISO 230-4 and ISO 9283 of the last table that was measured; None without positions."""
-    found = _targets(results)
-    if found is None:
-        return None
-    targets, which = found
-    blocks: list[Block] = []
-    if axes := axis_runs(targets):
-        blocks.append(_axes(results, axes))
-    if poses := pose_runs(targets):
-        blocks.append(_poses(results, poses))
-    if circle := _circle(results, targets):
-        blocks.append(circle)
-    if not axes:
-        text = f"No ISO 230-2 figures: they need {FEWEST_APPROACHES} approaches from each side to each of at least "
-        text += f"{FEWEST_TARGETS} targets in a line along one coordinate."
-        blocks.append(Text(text, "note"))
-        if predicted := _predicted(results):
-            blocks.append(predicted)
-    return section("acceptance", f"Acceptance figures ({which})", blocks)
+@dataclass(frozen=True, kw_only=True)
+class Acceptance:
+    """What repeats and circles of a table say, and, without repeats, what the identified model predicts.
+
+    state: of the machine, "as built" or "after correction"; rest: under which conditions lines are predicted.
+    """
+
+    results: Results
+    state: str
+    axes: Sequence[AxisRun]
+    poses: Sequence[PoseRun]
+    circle: tuple[float, CircleDeviation] | None  # with the radius commanded, m
+    lines: Sequence[PredictedLine]
+    rest: str
+
+    def section(self) -> Section | None:
+        """For the page."""
+        blocks: list[Block | None] = [self._axes(), self._poses(), self._circle()]
+        if not self.axes:
+            text = f"No ISO 230-2 figures: they need {FEWEST_APPROACHES} approaches from each side to each of at least "
+            text += f"{FEWEST_TARGETS} targets in a line along one coordinate."
+            blocks += [Text(text, "note"), self._lines()]
+            if self.lines and self.rest:
+                blocks.append(Text(self.rest[0].upper() + self.rest[1:] + ".", "note"))
+        return section("acceptance", f"Acceptance figures ({self.state})", blocks)
+
+    def _at(self, place: Sequence[tuple[str, float]]) -> str:
+        return ", ".join(f"{name} = {self.results.place_text(value)}" for name, value in place)
+
+    def _axes(self) -> Table | None:
+        rows = []
+        for run in self.axes:
+            f = run.figures
+            sizes = (self.results.length_text(getattr(f, name)) for name in _AXIS)
+            rows.append((run.coordinate, self._at(run.others), f"{len(f.targets)}", f"{f.approaches}", *sizes))
+        title = "ISO 230-2: accuracy A, repeatability R, systematic E, mean M, reversal B"
+        return Table(title, ("axis", "at", "targets", "approaches", *_AXIS), tuple(rows), left=2) if rows else None
+
+    def _poses(self) -> Table | None:
+        rows = []
+        for run in self.poses:
+            sizes = (self.results.length_text(v) for v in (run.figures.accuracy, run.figures.repeatability))
+            rows.append((self._at(run.at), str(run.figures.cycles), *sizes))
+        title, heads = "ISO 9283: pose accuracy AP, pose repeatability RP", ("pose", "cycles", "AP", "RP")
+        return Table(title, heads, tuple(rows)) if rows else None
+
+    def _circle(self) -> Table | None:
+        if self.circle is None:
+            return None
+        radius, circle = self.circle
+        sizes = tuple(self.results.length_text(v) for v in (circle.circular, circle.largest, circle.smallest))
+        size, feed = self.results.place_text(radius), self.results.feed
+        if feed is not None:
+            title = f"ISO 230-4, radius {size}, feed {feed * _MM_PER_MIN:.6g} mm/min"
+            return Table(title, ("circular deviation G", "radial deviation Fmax", "Fmin"), (sizes,), left=0)
+        title = f"Quasi-static circle, radius {size} (points at rest; not ISO 230-4)"
+        return Table(title, ("range of the radii", "largest radial deviation", "smallest"), (sizes,), left=0)
+
+    def _lines(self) -> Table | None:
+        rows = [
+            (line.coordinate, self._at(line.others), *(self.results.length_text(getattr(line, name)) for name in _LINE))
+            for line in self.lines
+        ]
+        heads = ("axis", "at", *(f"predicted {name}" for name in _LINE))
+        title = "Predicted by the identified model for commands by nominal parameters (no repeats: no A, no R)"
+        return Table(title, heads, tuple(rows), left=2) if rows else None
+
+    def json(self) -> dict[str, Any]:
+        """For programs: lengths in the unit of the sheet, places in that of the machine file."""
+        size, place = self.results.length_unit, self.results.machine.file_units.length
+
+        def at(values: Sequence[tuple[str, float]]) -> dict[str, float]:
+            return {name: value / place.scale for name, value in values}
+
+        def figures(of: object, names: Sequence[str]) -> dict[str, float]:
+            return {name: getattr(of, name) / size.scale for name in names}
+
+        circle: dict[str, float | None] | None = None
+        if self.circle is not None:
+            radius, found = self.circle
+            feed = None if self.results.feed is None else self.results.feed * _MM_PER_MIN
+            sizes = figures(found, ("circular", "largest", "smallest"))
+            circle = {**sizes, "radius": radius / place.scale, "feed": feed}
+        return {
+            "state": self.state,
+            "unit": size.text,
+            "at_unit": place.text,
+            "axes": [
+                {"axis": r.coordinate, "at": at(r.others), "targets": len(r.figures.targets)}
+                | {"approaches": r.figures.approaches, **figures(r.figures, _AXIS)}
+                for r in self.axes
+            ],
+            "poses": [
+                {"at": at(r.at), "cycles": r.figures.cycles}
+                | {"AP": r.figures.accuracy / size.scale, "RP": r.figures.repeatability / size.scale}
+                for r in self.poses
+            ],
+            "circle": circle,
+            "predicted": [{"axis": x.coordinate, "at": at(x.others), **figures(x, _LINE)} for x in self.lines],
+        }
 
 
-def _targets(results: Results) -> tuple[MeasuredTargets, str] | None:
-    """Targets of the table measured after correction, where there is one, else of the machine as it was built."""
+def acceptance(results: Results) -> Acceptance | None:
+    """Of the table measured after correction, where there is one, else of the machine as built; None without positions.
+
+    Deviations are measured - commanded, and the control commands by what it knows: the identified parameters after
+    correction, the nominal ones before.
+    """
     if results.verified is not None:
-        problem, values, which = results.verified.found.problem, results.verified.found.values, "after correction"
+        problem, values, state = results.verified.found.problem, results.verified.found.values, "after correction"
     else:
-        report = results.calibrated
-        problem, values, which = report.problem, report.fit.before.values, "as built"
-    rows = with_directions(problem.rows, [a.name for a in problem.model.actuators])
-    problem = replace(problem, rows=rows)
+        problem, values, state = results.calibrated.problem, results.calibrated.fit.before.values, "as built"
+    problem = replace(problem, rows=with_directions(problem.rows, [a.name for a in problem.model.actuators]))
     targets = measured_targets(problem, evaluate(problem, values, ()))
-    return None if targets is None else (targets, which)
+    if targets is None:
+        return None
+    circle = circular(targets)
+    axes, (lines, rest) = axis_runs(targets), _predicted(results)
+    return Acceptance(
+        results=results,
+        state=state,
+        axes=axes,
+        poses=pose_runs(targets),
+        circle=None if circle is None else (circle[1], circle_deviation(*circle)),
+        lines=[] if axes else lines,
+        rest=rest,
+    )
 
 
-def _axes(results: Results, runs: list[AxisRun]) -> Table:
-    rows = []
-    for run in runs:
-        f = run.figures
-        at = ", ".join(f"{n} = {results.place_text(v)}" for n, v in run.others)
-        sizes = (results.length_text(v) for v in (f.A, f.R, f.E, f.M, f.B))
-        rows.append((run.coordinate, at, f"{len(f.targets)}", f"{f.approaches}", *sizes))
-    heads = ("axis", "at", "targets", "approaches", "A", "R", "E", "M", "B")
-    return Table("ISO 230-2: accuracy A, repeatability R, systematic E, mean M, reversal B", heads, tuple(rows), left=2)
-
-
-def _predicted(results: Results) -> Table | None:
-    """What the identified model says of lines that nobody measured again and again."""
-    improved = results.improved
+def _predicted(results: Results) -> tuple[list[PredictedLine], str]:
+    """What the identified model says of lines that nobody measured again and again, and under which conditions."""
+    improved, problem, fit = results.improved, results.calibrated.problem, results.calibrated.fit
     if improved is not None and improved.improvement.accepted:
         problem, fit = improved.improvement.problem, improved.improvement.fit
-    else:
-        problem, fit = results.calibrated.problem, results.calibrated.fit
     rest = at_rest(problem.model, problem.rows.take(slice(0, 1)))
-    rows = []
-    for line in predicted_lines(problem, fit.values, rest):
-        at = ", ".join(f"{n} = {results.place_text(v)}" for n, v in line.others)
-        rows.append((line.coordinate, at, *(results.length_text(v) for v in (line.E, line.M, line.B))))
-    heads = ("axis", "at", "predicted E", "predicted M", "predicted B")
-    title = "Predicted by the identified model for commands by nominal parameters (no repeats: no A, no R)"
-    return Table(title, heads, tuple(rows), left=2) if rows else None
-
-
-def _poses(results: Results, runs: list[PoseRun]) -> Table:
-    rows = []
-    for run in runs:
-        at = ", ".join(f"{n} = {results.place_text(v)}" for n, v in run.at)
-        sizes = results.length_text(run.figures.accuracy), results.length_text(run.figures.repeatability)
-        rows.append((at, str(run.figures.cycles), *sizes))
-    return Table("ISO 9283: pose accuracy AP, pose repeatability RP", ("pose", "cycles", "AP", "RP"), tuple(rows))
-
-
-def _circle(results: Results, targets: MeasuredTargets) -> Block | None:
-    """The circular deviation; by the standard's name only where the path was run at a feed."""
-    found = circular(targets)
-    if found is None:
-        return None
-    path, radius = found
-    circle = circle_deviation(path, radius)
-    sizes = tuple(results.length_text(v) for v in (circle.circular, circle.largest, circle.smallest))
-    size = results.place_text(radius)
-    if results.feed is not None:
-        title = f"ISO 230-4, radius {size}, feed {results.feed * _MM_PER_MIN:.6g} mm/min"
-        heads: tuple[str, ...] = ("circular deviation G", "radial deviation Fmax", "Fmin")
-    else:
-        title = f"Quasi-static circle, radius {size} (points at rest; not ISO 230-4)"
-        heads = ("range of the radii", "largest radial deviation", "smallest")
-    return Table(title, heads, (sizes,), left=0)
+    return predicted_lines(problem, fit.values, rest), resting(problem.model)

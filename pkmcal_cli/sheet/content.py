@@ -85,22 +85,6 @@ class Sheet:
     sections: tuple[Section, ...]
     footer: str
 
-    def json(self) -> dict[str, object]:
-        """Words and numbers of the sheet, without pictures."""
-        return {
-            "verdict": self.verdict.word.lower(),
-            "headline": self.verdict.headline,
-            "lines": list(self.verdict.lines),
-            "sections": [
-                {"key": s.key, "title": s.title, "tables": [_table(b) for b in s.blocks if isinstance(b, Table)]}
-                for s in self.sections
-            ],
-        }
-
-
-def _table(table: Table) -> dict[str, object]:
-    return {"title": table.title, "headers": list(table.headers), "rows": [list(r) for r in table.rows]}
-
 
 def section(key: str, title: str, blocks: Sequence[Block | None]) -> Section | None:
     """A section of those blocks that there are; None of none."""

@@ -11,7 +11,7 @@ from pkmcal_cli.effects import catalogue
 from pkmcal_cli.report.figures import figure_unit, kind_label
 from pkmcal_cli.report.number_format import readable
 from pkmcal_cli.report.sentences import cause_effect_action, command
-from pkmcal_cli.sheet.acceptance import acceptance
+from pkmcal_cli.sheet.acceptance import Acceptance
 from pkmcal_cli.sheet.causes import causes
 from pkmcal_cli.sheet.content import Block, Section, Sheet, Table, Text, section
 from pkmcal_cli.sheet.recorder import Recorder
@@ -22,14 +22,14 @@ _SEPARATED = 4  # causes at most that one measurement is planned for
 _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 
 
-def sheet(results: Results) -> Sheet:
+def sheet(results: Results, figures: Acceptance | None) -> Sheet:
     """The whole sheet."""
     parts = [
         errors(results),
         causes(results),
         parameters(results),
         verification(results),
-        acceptance(results),
+        None if figures is None else figures.section(),
         not_seen(results),
         next_steps(results),
         provenance(results),

@@ -6,7 +6,6 @@ import os
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream
@@ -20,10 +19,12 @@ from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.report.verification import VerificationReport
+from pkmcal_cli.sheet.acceptance import acceptance
 from pkmcal_cli.sheet.page import html
 from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.sections import sheet
+from pkmcal_cli.sheet.sheet_json import sheet_json
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
@@ -202,7 +203,8 @@ def _verified(
 
 def _written(request: ReportRequest, results: Results, inputs: dict[str, str], to: Reporter) -> int:
     """Write the page, say the verdict; the exit code. Raises OutputError."""
-    made = sheet(results)
+    figures = acceptance(results)
+    made = sheet(results, figures)
     with write_text(request.output, inputs, force=request.force) as file:
         file.write(html(made))
     (to.fail if made.verdict.negative else to.say)(f"{made.verdict.word}  {made.verdict.headline}")
@@ -211,11 +213,5 @@ def _written(request: ReportRequest, results: Results, inputs: dict[str, str], t
     if not is_stream(request.output):
         to.say(f"written: {request.output}")
     if request.as_json:
-        emit_json(_json(request, made.json()))
+        emit_json({"file": request.output} | sheet_json(results, figures))
     return int(made.verdict.negative)
-
-
-def _json(request: ReportRequest, told: dict[str, Any]) -> dict[str, Any]:
-    return told | {"file": request.output}
-
-

@@ -1,0 +1,51 @@
+"""A sheet for programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pkmcal_cli.diagnosis.findings import Finding
+from pkmcal_cli.report.figures import figures_json
+from pkmcal_cli.report.verification import tolerance_json
+from pkmcal_cli.sheet.acceptance import Acceptance
+from pkmcal_cli.sheet.results import Results
+from pkmcal_cli.sheet.verdict import verdict
+
+
+def sheet_json(results: Results, figures: Acceptance | None) -> dict[str, Any]:
+    """Verdict, errors before and after, causes, acceptance figures; docs/json.md says what they are."""
+    told, report, judged = verdict(results), results.calibrated, results.judged
+    improved, machine = results.improved, results.machine
+    held = None if isinstance(report.held_out, str) else figures_json(machine, report.held_out.after)
+    with_causes = None
+    if improved is not None and improved.improvement.accepted:
+        with_causes = figures_json(machine, improved.improvement.after.report)
+    place = None if results.verified is None else results.verified.place
+    return {
+        "verdict": told.word.lower(),
+        "headline": told.headline,
+        "lines": list(told.lines),
+        "tolerance": None if judged is None else tolerance_json(judged, results.length_unit, place),
+        "errors": {
+            "as_built": figures_json(machine, report.before),
+            "calibrated": figures_json(machine, report.after),
+            "held_out": held,
+            "with_causes": with_causes,
+        },
+        "diagnosis": None if improved is None else improved.improvement.whole.verdict,
+        "causes": [] if improved is None else [_cause(results, f) for f in improved.improvement.whole.findings],
+        "after": None if results.verified is None else results.verified.json(),
+        "acceptance": None if figures is None else figures.json(),
+    }
+
+
+def _cause(results: Results, finding: Finding) -> dict[str, Any]:
+    """One cause: name, size in words, whether it is corrected in what is expected, whether provisional."""
+    assert results.improved is not None and results.diagnosis is not None
+    return {
+        "effect": finding.hypothesis.effect,
+        "at": finding.hypothesis.at,
+        "size": results.diagnosis.size(finding),
+        "accepted": finding.hypothesis in results.improved.improvement.accepted,
+        "provisional": finding.provisional,
+    }
