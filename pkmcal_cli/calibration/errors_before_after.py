@@ -113,7 +113,7 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     The drives are strain-free at the measured pose; nan where the pose was not fully measured.
     """
     model = problem.model
-    drives = [a for a, drive in enumerate(model.topology.drives) if _sets_length(model, drive)]
+    drives = [a for a, drive in enumerate(model.topology.drives) if sets_length(model, drive)]
     found = measured_poses(problem, values)
     out = np.full((len(problem), len(drives)), np.nan)
     if not drives or not len(found.rows):
@@ -121,12 +121,12 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     needed = found.drive_readings(values)
     coefficients = model.topology.coefficients.values(model.by_name(values))
     gains = np.array([coefficients[model.actuators[a].gain_coefficient] for a in drives])
-    travels = drive_travels(model, values, _drive_readings(problem), problem.rows)
+    travels = drive_travels(model, values, drive_readings(problem), problem.rows)
     out[found.rows] = travels[found.rows][:, drives] - needed[:, drives] * gains
     return out
 
 
-def _sets_length(model: Model, drive: Drive) -> bool:
+def sets_length(model: Model, drive: Drive) -> bool:
     """Whether a drive sets the length of a bar or rope: a telescopic leg or a spool."""
     if drive.kind is not DriveKind.STRAIN:
         return False
@@ -134,7 +134,7 @@ def _sets_length(model: Model, drive: Drive) -> bool:
     return model.topology.groups[group].element.strains[m] == "elongation"
 
 
-def _drive_readings(problem: Problem) -> Array:
+def drive_readings(problem: Problem) -> Array:
     """Readings of all drives (N, A): inputs, or measured channels of force-controlled ones."""
     read = problem.rows.readings.copy()
     for k, channel in enumerate(problem.model.channels):

@@ -14,6 +14,7 @@ from pkmcal_cli.compiler.base_places import base_of
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
 from pkmcal_cli.compiler.effect_groups import effect_groups
 from pkmcal_cli.compiler.joints import add_fixed_rotations
+from pkmcal_cli.compiler.layout import layout_of
 from pkmcal_cli.compiler.members import add_members
 from pkmcal_cli.compiler.parameters import model_parameters
 from pkmcal_cli.compiler.physical import number_faults
@@ -36,6 +37,7 @@ from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.mechanism.builder import TopologyBuilder
 from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Point
 from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Topology
+from pkmcal_cli.model.layout import Layout
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Actuator, Channel, LeastTension
 from pkmcal_cli.model.tool_motion import AimedPoint
@@ -52,6 +54,7 @@ class Compiled:
     mobility: asm.Mobility
     gaps: tuple[asm.Gap, ...]
     doubts: tuple[Fault, ...]  # warnings of what the reference configuration looks like
+    layout: Layout
     shared_by: tuple[str, ...] = ()  # rigid elements that join drives, all of which yield alike
 
 
@@ -103,7 +106,7 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
         )
         model = replace(model, sites=sites, fitted_frames=fitted, effect_groups=effect_groups(machine, sites))
         model = model.with_effects(*declared_effects(machine, model))
-    return Compiled(model, mobility, tuple(gaps), doubts)
+    return Compiled(model, mobility, tuple(gaps), doubts, layout_of(made.structure))
 
 
 def _raise_errors(faults: list[Fault]) -> tuple[Fault, ...]:

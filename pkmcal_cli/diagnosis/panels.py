@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
@@ -19,10 +20,13 @@ from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.diagnosis.scoring import linear_without, refit, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.model.effect_sites import PlacedEffect
+from pkmcal_cli.prediction.inputs import SiteInputs
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _MOST_ALIKE = 12
+_CLEAR = 0.1  # of the largest rise of temperature: rows with less say nothing per kelvin
+_JUMPS = 0.15  # of its size that a curve goes from one row to the next, on average; what jumps more is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +34,8 @@ class DriverPanel:
     """One accepted effect over what drives it: measured displacement of its entry (N,), SI, with its standard
     uncertainty, what the effect says and 1.96 of its standard uncertainties; `side` (N,) of approach, or None.
 
-    `x` (N,) in SI and `shown_x` in `unit`; `turns`: whether the entry turns (rad) instead of moving (m).
+    `x` (N,) in SI and `shown_x` in `unit`; `turns`: whether the entry turns (rad) instead of moving (m). Where
+    temperature acts along a travel, displacements are per kelvin, over the travel: their slope is the expansion.
     """
 
     finding: Finding
@@ -43,11 +48,23 @@ class DriverPanel:
     band: Array
     side: Array | None
     turns: bool
+    per_kelvin: bool = False
 
     @property
     def displaced_in(self) -> Unit:
         """Unit of the displacements where they are shown."""
-        return parse_unit("urad" if self.turns else "um")
+        return parse_unit(("urad" if self.turns else "um") + ("/K" if self.per_kelvin else ""))
+
+    @property
+    def quantity(self) -> str:
+        """What is shown over what drives it."""
+        return "displacement per kelvin" if self.per_kelvin else "displacement"
+
+    @property
+    def curve(self) -> bool:
+        """Whether what is fitted is a function of x alone: no line runs through rows of different poses."""
+        sides = np.zeros(len(self.x)) if self.side is None else np.sign(self.side)
+        return all(_is_function(self.x[sides == s], self.fitted[sides == s]) for s in np.unique(sides))
 
     @property
     def unit_name(self) -> str:
@@ -96,7 +113,7 @@ def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
     by_size = displaced(columns)
     covariance = np.nan_to_num(search.fit.covariance[np.ix_(index, index)])
     name, unit_text, x, side = _driver(problem, placed)
-    return DriverPanel(
+    panel = DriverPanel(
         finding=finding,
         name=name,
         unit=unit_text,
@@ -108,6 +125,37 @@ def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
         side=None if side is None else side[used],
         turns=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
     )
+    return _by_temperature(panel, problem, placed, search.fit.values, used)
+
+
+def _by_temperature(
+    panel: DriverPanel, problem: Problem, placed: PlacedEffect, values: Array, used: NDArray[np.bool_]
+) -> DriverPanel:
+    """A panel of an effect of temperature: behind its lag; what acts along a travel per kelvin, over the travel."""
+    if "temperature" not in placed.effect.needs or "time" in placed.effect.needs or placed.effect.enters == "frame":
+        return panel
+    site, numbers = placed.sites[0], problem.model.by_name(values)
+    lag = sum(numbers[n] for n in placed.parameters if n.endswith(".lag"))
+    rise = SiteInputs(site, problem.model, problem.rows, placed, None).lagged(lag)[used]
+    if placed.effect.enters != "command":
+        if lag:
+            first = panel.x - SiteInputs(site, problem.model, problem.rows, placed, None).temperature_rise[used]
+            panel = replace(panel, name=f"{panel.name} behind its lag", x=first + rise)
+        return panel
+    clear = np.abs(rise) > _CLEAR * np.abs(rise).max()
+    drive, by = problem.model.actuators[site.actuator], rise[clear]
+    return replace(
+        panel, name=drive.name, unit=drive.unit, x=problem.rows.readings[used, site.actuator][clear], per_kelvin=True,
+        measured=panel.measured[clear] / by, noise=panel.noise[clear] / np.abs(by), fitted=panel.fitted[clear] / by,
+        band=panel.band[clear] / np.abs(by),
+    )  # fmt: skip
+
+
+def _is_function(x: Array, y: Array) -> bool:
+    """Whether y (N,) goes up and down over x as a curve does, not from row to row."""
+    order = np.argsort(x, kind="stable")
+    travelled, size = float(np.abs(np.diff(y[order])).sum()), float(np.ptp(y)) if len(y) else 0.0
+    return travelled <= max(_JUMPS * len(y), 3.0) * size
 
 
 def _largest(finding: Finding) -> Hypothesis:

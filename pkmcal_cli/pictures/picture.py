@@ -25,6 +25,7 @@ _STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: searchable, and small
     "svg.hashsalt": "pkmcal",
     "font.size": 9,
+    "text.parse_math": False,  # names are names, also with `$` and `_`
     "axes.grid": True,
     "grid.alpha": 0.3,
     "axes.formatter.useoffset": False,
@@ -62,18 +63,18 @@ def _drawn(picture: Picture) -> Iterator[Figure]:
         yield figure
 
 
-def format_of(file: str) -> str:
+def format_of(file: str, option: str = "--plot") -> str:
     """Format of a picture's file, by its ending. Raises UsageError for another, and for a stream."""
     ending = os.path.splitext(file)[1].lower().lstrip(".")
     if is_stream(file) or ending not in FORMATS:
-        raise UsageError(f"--plot: `{file}` is no picture", hint="name a file that ends with .svg, .png or .pdf")
+        raise UsageError(f"{option}: `{file}` is no picture", hint="name a file that ends with .svg, .png or .pdf")
     return ending
 
 
-def check_picture(file: str | None, inputs: Collection[str], *, force: bool) -> None:
+def check_picture(file: str | None, inputs: Collection[str], *, force: bool, option: str = "--plot") -> None:
     """Find out before the work whether a picture could be written. Raises UsageError and OutputError."""
     if file is not None:
-        format_of(file)
+        format_of(file, option)
         check_target(file, inputs, force=force)
 
 

@@ -18,8 +18,8 @@ from pkmcal_cli.prediction.joined import join_rows
 from pkmcal_cli.prediction.outcome import outcome
 from pkmcal_cli.prediction.reactions import joined_reactions, reactions
 from pkmcal_cli.prediction.rope_strains import joined_rope_strains
-from pkmcal_cli.prediction.rows import Prediction, Request, Rows, WarmStart
-from pkmcal_cli.prediction.solving import solve
+from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, WarmStart
+from pkmcal_cli.prediction.solving import Solution, solve
 from pkmcal_cli.prediction.stages import BaseCoefficients, Chain, commanded_coefficients
 
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
@@ -59,6 +59,16 @@ def predict(
     prediction = _joined(parts)
     alone = np.full(len(rows), -1)
     return join_rows(model, prediction, alone if rows.partner is None else rows.partner)
+
+
+def configuration(model: Model, values: Array, rows: Rows, row: int, method: Method = "exact") -> Solution:
+    """The state of one row at parameter values (P,), SI; effects see the whole table."""
+    base, request = BaseCoefficients.of(model, values), Request(method)
+    moved = _moved(model, values, base, rows, request, chain=Chain.of(model, values, request), start=None)
+    only = slice(row, row + 1)
+    coefficients = commanded_coefficients(model, base, rows.take(only))
+    moved.take(only).apply(coefficients)
+    return solve(model, coefficients, method, None, True)
 
 
 def _moved(

@@ -45,7 +45,7 @@ def _panel(panel: DriverPanel) -> str:
     texts = [f"{high:.3g}", *[""] * (_HEIGHT - 2), f"{low:.3g}"]
     width = max(len(t) for t in texts)
     legend = f"{_DOT} measured" if panel.side is None else f"{_DOT} from above, {_BELOW} from below"
-    lines = [f"{panel.finding.hypothesis.name}: displacement [{unit.text}]; {legend}, {_CURVE} fitted"]
+    lines = [f"{panel.finding.hypothesis.name}: {panel.quantity} [{unit.text}]; {legend}, {_CURVE} fitted"]
     lines += [f"{t:>{width}} |{''.join(row)}" for t, row in zip(texts, grid, strict=True)]
     lines.append(f"{'':>{width}} +{'-' * _WIDTH}")
     lines.append(f"{'':>{width}}  {x.min():.4g} ... {x.max():.4g} {panel.name} [{panel.unit_name}]")

@@ -13,6 +13,7 @@ from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
@@ -48,10 +49,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     if request.plots is not None and is_stream(request.plots) and request.quiet:
         raise UsageError("--plots - draws on the terminal, but -q suppresses it", hint="write files with `--plots DIR`")
     if request.plots is not None and not is_stream(request.plots):
-        from pkmcal_cli.report.pictures import check_library
-
         check_folder(request.plots)
-        check_library()
     check_run(request.run, request.case.machine, *request.case.measurements, request.case.parameters)
     to = Reporter(request.quiet, request.style)
     case = prepare(request.case, to)
@@ -94,10 +92,16 @@ def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Repor
 
         to.say(text_pictures(diagnosis))
         return
-    from pkmcal_cli.report.pictures import write_pictures
+    from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_pictures, write_pictures
 
-    for file in write_pictures(request.plots, case.loaded.machine, diagnosis, case.inputs):
+    length = case.loaded.machine.file_units.length
+    pictures = list(diagnosis_pictures(diagnosis, _titles(case), length))
+    for file in write_pictures(request.plots, pictures, case.inputs):
         to.say(f"written: {file}")
+
+
+def _titles(case: Case) -> Titles:
+    return titles(case.loaded.model.name, "diagnosis", case.measured.files)
 
 
 def diagnosed(case: Case, alpha: float, seed: int, observe: Observer) -> Diagnosis:

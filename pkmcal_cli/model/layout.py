@@ -1,0 +1,72 @@
+"""Where the parts of a machine are in a state: named points, guides and the courses of members."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.equilibrium.kinematics import State
+from pkmcal_cli.mechanism.connection_points import Link, Point, Rail
+from pkmcal_cli.mechanism.topology import Topology
+
+_ALONG_PIECE = 9  # points of the curve of a piece that bends
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An element of a member: between which connection points; whether it bends."""
+
+    element: str
+    link: Link
+    bends: bool
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What can be drawn of a machine: points of nodes, bodies and the base, guides, elements by member."""
+
+    points: Mapping[str, Point]
+    rails: Mapping[str, Rail]
+    pieces: Mapping[str, tuple[Piece, ...]]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A topology at coefficients (N, S) and in a state of N rows; what it says is in base axes, m."""
+
+    topology: Topology
+    coefficients: Array
+    state: State
+
+    def place(self, point: Point) -> Array:
+        """Place (N, 3) of a point: x = sum R_r (o + travel a)."""
+        out = np.zeros((len(self.state), 3))
+        numbers = self.topology.offset_vectors.offset_coefficients
+        for rotation, sign, offset in point.offsets:
+            out += sign * np.einsum("nij,nj->ni", self._turn(rotation), self.coefficients[:, numbers[offset]])
+        for rotation, travel, axis in point.travels:
+            out += self.state.travel[:, travel, None] * (self._turn(rotation) @ np.array(axis))
+        return out
+
+    def direction(self, rotation: int, vector: Array) -> Array:
+        """A vector (3,) that a rotation carries, (N, 3)."""
+        return np.asarray(self._turn(rotation) @ vector)
+
+    def course(self, piece: Piece) -> Array:
+        """Points (N, K, 3) along an element: its ends, or the cubic curve between them where it bends."""
+        first, last = piece.link.connections
+        a, b = self.place(first.point)[:, None], self.place(last.point)[:, None]
+        if not piece.bends:
+            return np.concatenate([a, b], axis=1)
+        size = np.sqrt(((b - a) ** 2).sum(axis=-1, keepdims=True))
+        ways = (self.direction(c.rotation, t[:, 0]) for c, t in zip((first, last), piece.link.triads, strict=True))
+        start, end = (size * way[:, None] for way in ways)
+        s = np.linspace(0.0, 1.0, _ALONG_PIECE)[:, None]
+        by_ends = (1 + 2 * s) * (1 - s) ** 2 * a + s**2 * (3 - 2 * s) * b
+        return np.asarray(by_ends + s * (1 - s) ** 2 * start - s**2 * (1 - s) * end)
+
+    def _turn(self, rotation: int) -> Array:
+        return np.asarray(self.state.rotation[:, rotation])

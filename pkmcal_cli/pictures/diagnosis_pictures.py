@@ -1,0 +1,242 @@
+"""Pictures of a diagnosis: errors before and after, every effect over what drives it, steps to noise, rivals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pkmcal_cli.base.outputs import check_target, make_folder
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.diagnosis.panels import DriverPanel, alike, driver_panel, waterfall
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
+from pkmcal_cli.pictures.parts import Part, composed, number, plain_log, size_text
+from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
+from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.units.unit_text import Unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+_ROUND = 0.02  # spread of the radius below which poses lie on a circle
+_APART = 0.95  # cosine above which effects are not told apart
+_RIVALS = 3  # of each effect
+_CALIBRATED, _WITH = "calibrated", "with effects found"
+
+
+def write_pictures(folder: str, pictures: Collection[Picture], inputs: Collection[str]) -> list[str]:
+    """Write pictures into a folder, over none of the inputs; returns the files. Raises OutputError."""
+    make_folder(folder)
+    files = {os.path.join(folder, f"{picture.name}.svg"): picture for picture in pictures}
+    for file in files:
+        check_target(file, inputs, force=True)
+    for file, picture in files.items():
+        write_picture(picture, file, inputs, force=True)
+    return list(files)
+
+
+def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, length: Unit) -> Iterator[Picture]:
+    """The whole set; `length`: unit of the machine file."""
+    for places in diagnosed_places(diagnosis):
+        yield error_map([places], titles, length, f"errors-{places.plane}")
+        if is_circle(places.at):
+            yield circle_picture(places, titles, length, f"circle-{places.plane}")
+    for panel in effect_panels(diagnosis):
+        name = panel.finding.hypothesis.name
+        yield composed(f"effect-{name}", titles, panel_in_words(panel), [driver_part(panel)])
+    yield composed("variance", titles, "What is left of the residual, step by step.", [waterfall_part(diagnosis)])
+    if diagnosis.findings:
+        alt = "Effects found, and the effects most similar to each."
+        yield composed("ambiguity", titles, alt, [rivals_part(diagnosis)])
+
+
+def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, length: Unit) -> Picture:
+    """The same in one picture."""
+    places = diagnosed_places(diagnosis)
+    parts = [*(map_part(p, length) for p in places), waterfall_part(diagnosis)]
+    panels = effect_panels(diagnosis)
+    parts += [driver_part(panel) for panel in panels]
+    if diagnosis.findings:
+        parts.append(rivals_part(diagnosis))
+    told = [errors_in_words(places)] if places else []
+    return composed("diagnosis", titles, " ".join([*told, *(panel_in_words(p) for p in panels)]), parts)
+
+
+def diagnosed_places(diagnosis: Diagnosis) -> list[Places]:
+    """Positions and errors, calibrated and with the effects found; none without positions."""
+    stages = [(_CALIBRATED, diagnosis.before.after.residual)]
+    if diagnosis.findings:
+        stages.append((_WITH, diagnosis.search.fit.after.residual))
+    return places_of(diagnosis.problem, stages)
+
+
+def effect_panels(diagnosis: Diagnosis) -> list[DriverPanel]:
+    """Panels of all findings that have one."""
+    found = (driver_panel(diagnosis, finding) for finding in diagnosis.findings)
+    return [panel for panel in found if panel is not None]
+
+
+def is_circle(at: Array) -> bool:
+    """Whether positions (N, 2) lie on a circle."""
+    radius = np.linalg.norm(at - 0.5 * (at.min(axis=0) + at.max(axis=0)), axis=1)
+    return bool(len(at) >= 12 and radius.std() < _ROUND * radius.mean())
+
+
+# --- circular run ----------------------------------------------------------------------------
+def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> Picture:
+    """Radial errors of a circular run, by stage, magnified."""
+    middle = 0.5 * (places.at.min(axis=0) + places.at.max(axis=0))
+    ray = places.at - middle
+    radius = np.linalg.norm(ray, axis=1)
+    radial = [(n, (errors * ray).sum(axis=1) / radius) for n, errors in places.stages]
+    told = [f"{n} {size_text(float(np.sqrt((r**2).mean())))} rms" for n, r in radial]
+    what = f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}"
+
+    def draw(figure: Figure) -> None:
+        titles.write(figure)
+        size = figure.get_size_inches()
+        ax: Any = figure.add_axes((0.12, 0.1, 0.76, 1 - 0.1 - 1.25 / size[1]), projection="polar")
+        largest = max(float(np.abs(radial[0][1]).max()), 1e-12)
+        for (_, errors), text, colour, marker in zip(radial, told, (BEFORE, AFTER), "os", strict=False):
+            angle = np.arctan2(ray[:, 1], ray[:, 0])
+            ax.plot(angle, 3 * largest + errors, ls="none", marker=marker, ms=3, color=colour, label=text)
+        ax.set_yticks([2 * largest, 3 * largest, 4 * largest])
+        ax.set_yticklabels([f"-{size_text(largest)}", "0", f"+{size_text(largest)}"], fontsize=7)
+        ax.set_rlabel_position(11)
+        figure.text(0.5, 1 - 0.62 / size[1], what, ha="center", va="top", size=9)
+        figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
+
+    return Picture(name, f"{titles.machine}: {titles.what}", f"{what}: {', '.join(told)}.", (6.0, 6.4), draw)
+
+
+# --- effects ---------------------------------------------------------------------------------
+def panel_in_words(panel: DriverPanel) -> str:
+    """What a panel shows."""
+    return f"{panel.finding.hypothesis.name}: {panel.quantity} over {panel.name}, measured and fitted."
+
+
+def driver_part(panel: DriverPanel) -> Part:
+    """What an effect explains over what drives it, with the fitted curve and its 95 % band.
+
+    Where rows of other poses lie between, points have no curve through them: each has its own.
+    """
+
+    def draw(figure: SubFigure) -> None:
+        ax = figure.add_subplot()
+        unit = panel.displaced_in
+        y, fitted = panel.measured / unit.scale, panel.fitted / unit.scale
+        for side, colour, marker, name in _sides(panel):
+            _side(ax, panel, side, (colour, marker, name))
+        _limit(ax, y, fitted)
+        ax.set_xlabel(f"{plain(panel.name)} [{panel.unit_name}]")
+        ax.set_ylabel(f"{panel.quantity} [{unit.text}]")
+        ax.set_title(plain(panel.finding.hypothesis.name), fontsize=9)
+        ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+
+    return Part(3.0, draw)
+
+
+def _sides(panel: DriverPanel) -> Iterator[tuple[int, str, str, str]]:
+    """Sides of approach that occur: sign, colour, marker, name."""
+    sides = np.zeros(len(panel.x)) if panel.side is None else np.sign(panel.side)
+    every = ((-1, BEFORE, "o", "from above"), (0, AFTER, "s", "measured"), (1, AFTER, "s", "from below"))
+    return (s for s in every if (sides == s[0]).any())
+
+
+def _side(ax: Axes, panel: DriverPanel, side: int, look: tuple[str, str, str]) -> None:
+    """Points of one side of approach and what is fitted to them."""
+    colour, marker, name = look
+    sides = np.zeros(len(panel.x)) if panel.side is None else np.sign(panel.side)
+    rows = np.nonzero(sides == side)[0]
+    rows = rows[np.argsort(panel.shown_x[rows], kind="stable")]
+    unit = panel.displaced_in
+    x, y, noise, fitted, band = (
+        v[rows] / s for v, s in
+        ((panel.shown_x, 1.0), *((v, unit.scale) for v in (panel.measured, panel.noise, panel.fitted, panel.band)))
+    )  # fmt: skip
+    ax.errorbar(x, y, noise, fmt=marker, ms=3, lw=0.5, color=colour, mfc="white", label=f"{name}, one sigma", zorder=2)
+    first = side == next(_sides(panel))[0]
+    if not panel.curve:
+        label = "fitted" if first else None
+        ax.plot(x, fitted, ls="none", marker="_", ms=7, mew=1.4, color=FITTED, label=label, zorder=3)
+        return
+    ax.plot(x, fitted, "-", color=FITTED, lw=1.2, label="fitted, 95 %" if first else None, zorder=3)
+    ax.fill_between(x, fitted - band, fitted + band, color=FITTED, alpha=0.15, lw=0)
+
+
+def _limit(ax: Axes, y: Array, fitted: Array) -> None:
+    """Rows that see little of the effect are noisy: the picture shows what the others show."""
+    low, high = np.quantile(y, [0.02, 0.98])
+    low, high = min(low, fitted.min()), max(high, fitted.max())
+    room = 0.15 * (high - low) or 1.0
+    ax.set_ylim(low - room, high + room)
+
+
+# --- steps -----------------------------------------------------------------------------------
+def waterfall_part(diagnosis: Diagnosis) -> Part:
+    """What is left of the residual, step by step, as dots on one axis that ends at the noise."""
+    shares = waterfall(diagnosis)
+    names, sizes = [plain(s.name) for s in shares], np.array([s.rms for s in shares])
+
+    def draw(figure: SubFigure) -> None:
+        ax = figure.add_subplot()
+        ax.set_ylim(len(names) - 0.5, -0.6)
+        ax.set_xlim(0.7 * min(1.0, sizes.min()), 1.6 * max(1.0, sizes.max()))
+        plain_log(ax)
+        ax.axvline(1.0, color=NOISE, lw=1.2, ls="--")
+        ax.text(1.0, -0.45, " noise", va="center", fontsize=8, color="0.35")
+        for k, size in enumerate(sizes):
+            fitted = k >= min(2, len(sizes) - 1)
+            ax.plot([1.0, size], [k, k], color="0.85", lw=1, zorder=1)
+            colour, marker = (AFTER, "s") if fitted else (BEFORE, "o")
+            ax.plot(size, k, marker=marker, ms=7, color=colour, ls="none", gid=f"step-{k}")
+            ax.annotate(number(float(f"{size:.3g}")), (size, k), xytext=(7, 0), textcoords="offset points", va="center",
+                        fontsize=8)  # fmt: skip
+        ax.set_yticks(range(len(names)), names)
+        ax.grid(axis="y", visible=False)
+        ax.set_xlabel("rms of the residual, in standard uncertainties of the readings (logarithmic)")
+
+    return Part(0.75 + 0.3 * len(names), draw)
+
+
+# --- rivals ----------------------------------------------------------------------------------
+def rivals_part(diagnosis: Diagnosis) -> Part:
+    """One line for each effect found: how like it the effects most similar to it are."""
+    names, cosines = alike(diagnosis)
+    found = len(diagnosis.search.accepted)
+    shown = [(names[k], _nearest(names, cosines[k], k)) for k in range(found)]
+    lines = sum(len(near) for _, near in shown)
+
+    def draw(figure: SubFigure) -> None:
+        ax = figure.add_subplot()
+        ax.set_xlim(0, 1.02)
+        ax.set_ylim(lines - 0.4, -0.6)
+        ax.axvspan(_APART, 1.02, color="0.9", lw=0)
+        ax.text(_APART, -0.5, "not told apart", fontsize=8, va="bottom", ha="center", color="0.35")
+        ticks, row = [], 0
+        for name, near in shown:
+            for k, (rival, cosine) in enumerate(near):
+                close = cosine > _APART
+                ax.plot([0, cosine], [row, row], color="0.85", lw=1, zorder=1)
+                ax.plot(cosine, row, marker="o" if close else "s", ms=6, color=BEFORE if close else AFTER, ls="none")
+                ax.annotate(f"{cosine:.2f}", (cosine, row), xytext=(-7, 0), textcoords="offset points", va="center",
+                            ha="right", fontsize=7, bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
+                ticks.append(f"{plain(name)} / {plain(rival)}" if k == 0 else f"/ {plain(rival)}")
+                row += 1
+        ax.set_yticks(range(lines), ticks, fontsize=8)
+        ax.grid(axis="y", visible=False)
+        ax.set_xlabel("cosine between an effect found and those most similar to it (1: the same)")
+
+    return Part(0.9 + 0.24 * lines, draw)
+
+
+def _nearest(names: tuple[str, ...], cosines: Array, own: int) -> list[tuple[str, float]]:
+    """The effects most similar to one, with their cosines."""
+    order = [int(k) for k in np.argsort(-cosines, kind="stable") if k != own][:_RIVALS]
+    return [(names[k], float(cosines[k])) for k in order]
+
+

@@ -1,0 +1,183 @@
+"""Errors of positions as arrows, at one scale before and after, once more magnified where the latter are small."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.pictures.parts import WIDTH, Part, composed, rounded, size_text, thinned
+from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture
+from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.units.measurands import Measurand
+from pkmcal_cli.units.unit_text import Unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+_TYPICAL, _LONGEST = 0.07, 0.3  # lengths of the typical and of the longest arrow, of the region's width
+_SMALL = 8.0  # times smaller: arrows that cannot be seen are shown magnified
+_MOST = 1000.0  # times they are magnified at most
+_SHOWN = 400  # arrows
+_AROUND = 0.05  # of the region: room around arrows
+_LEFT, _RIGHT, _BETWEEN, _BOTTOM, _KEY = 0.85, 0.15, 0.3, 0.55, 0.72  # inches
+_LOWEST, _HIGHEST = 1.3, 4.6  # inches, of a panel
+_CIRCLE = 0.2  # inches, radius of a circle of noise that has room in the key
+_NOTHING = 1e-12  # m: rounding
+
+
+@dataclass(frozen=True)
+class Places:
+    """Positions (N, 2) and their errors by stage (N, 2), SI, in a plane; sigma: of a coordinate, nan where unknown."""
+
+    plane: str
+    at: Array
+    stages: tuple[tuple[str, Array], ...]
+    sigma: float
+
+
+@dataclass(frozen=True)
+class _Panel:
+    title: str
+    errors: Array
+    magnified: float
+    colour: str
+
+
+def places_of(problem: Problem, stages: Sequence[tuple[str, Array]]) -> list[Places]:
+    """Positions and errors of the first point that is measured, plane by plane; none without positions.
+
+    stages: names and residuals (N, C), measured minus predicted.
+    """
+    channels = position_channels(problem)
+    whole = problem.measured[:, channels].all(axis=1)
+    whole &= np.all([np.isfinite(r[:, channels]).all(axis=1) for _, r in stages], axis=0)
+    if len(channels) < 2 or not whole.any():
+        return []
+    at = problem.readings[whole][:, channels]
+    sigma = float(np.sqrt((problem.sigma[whole][:, channels] ** 2).mean()))
+    letters = [problem.model.channels[k].name.rpartition(".")[2] for k in channels]
+    pairs = [(0, 1)] if len(channels) == 2 else [(0, 1), (0, 2)]
+    out = []
+    for pair in pairs:
+        own = [channels[k] for k in pair]
+        errors = tuple((n, r[whole][:, own]) for n, r in stages)
+        out.append(Places("".join(letters[k] for k in pair), at[:, list(pair)], errors, sigma))
+    return out
+
+
+def position_channels(problem: Problem) -> list[int]:
+    """Channels of the coordinates of the first point whose positions are measured."""
+    every = problem.model.measuring(Measurand.POSITION)
+    first = next((problem.model.channels[k].index for k in every), None)
+    return [k for k in every if problem.model.channels[k].index == first]
+
+
+def error_map(places: Sequence[Places], titles: Titles, length: Unit, name: str = "errors") -> Picture:
+    """All planes in one picture; `length`: unit of the axes."""
+    return composed(name, titles, errors_in_words(places), [map_part(p, length) for p in places])
+
+
+def errors_in_words(places: Sequence[Places]) -> str:
+    """What the arrows say."""
+    told = [f"{p.plane}: " + ", ".join(f"{n} {size_text(_rms(e))} rms" for n, e in p.stages) for p in places]
+    return "Errors of positions as arrows. " + "; ".join(told) + "."
+
+
+def map_part(places: Places, length: Unit) -> Part:
+    """One plane as a part of a picture: a panel for each stage."""
+    panels, factor = _panels(places), _factor(places)
+    ends = [places.at, *(places.at + factor * p.magnified * p.errors for p in panels)]
+    limits = _limits(np.vstack(ends))
+    width = (WIDTH - _LEFT - _RIGHT - (len(panels) - 1) * _BETWEEN) / len(panels)
+    size = np.ptp(limits, axis=0)
+    height = float(np.clip(width * size[1] / size[0], _LOWEST, _HIGHEST))
+    per_inch = float(max(size[0] / width, size[1] / height))  # of what is drawn, m
+    half = 0.5 * per_inch * np.array([width, height])
+    limits = np.array([limits.mean(axis=0) - half, limits.mean(axis=0) + half])
+    total = _KEY + height + _BOTTOM
+
+    def draw(figure: SubFigure) -> None:
+        for k, panel in enumerate(panels):
+            left = _LEFT + k * (width + _BETWEEN)
+            ax = figure.add_axes((left / WIDTH, _BOTTOM / total, width / WIDTH, height / total))
+            shown = thinned(len(places.at), _SHOWN)
+            at, moved = places.at[shown] / length.scale, factor * panel.magnified * panel.errors[shown] / length.scale
+            ax.plot(*at.T, ls="none", marker="o", ms=1.8, color=NOISE, zorder=2)
+            ax.quiver(*at.T, *moved.T, angles="xy", scale_units="xy", scale=1, units="inches", width=0.016,
+                      color=panel.colour, zorder=3)  # fmt: skip
+            ax.set_xlim(*limits[:, 0] / length.scale)
+            ax.set_ylim(*limits[:, 1] / length.scale)
+            ax.set_xlabel(f"{places.plane[0]} [{length.text}]")
+            if k:
+                ax.set_yticklabels([])
+            else:
+                ax.set_ylabel(f"{places.plane[1]} [{length.text}]")
+            key = figure.add_axes((left / WIDTH, (_BOTTOM + height) / total, width / WIDTH, _KEY / total))
+            _key(key, panel, places, factor * panel.magnified / per_inch, width, len(shown))
+
+    return Part(total, draw)
+
+
+def _panels(places: Places) -> list[_Panel]:
+    """A panel for each stage, and the last one magnified where it is much smaller than the first."""
+    colours = [BEFORE] + [AFTER] * (len(places.stages) - 1) if len(places.stages) > 1 else [AFTER]
+    out = [_Panel(n, e, 1.0, c) for (n, e), c in zip(places.stages, colours, strict=True)]
+    first, last = _rms(places.stages[0][1]), _rms(places.stages[-1][1])
+    if len(out) > 1 and last > _NOTHING and first > _SMALL * last:
+        power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.2), 10.0, _MOST))
+        out.append(_Panel(f"{power:g} x", places.stages[-1][1], power, AFTER))
+    return out
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def _factor(places: Places) -> float:
+    """How much larger errors are drawn than positions, at the scale of the first stage."""
+    region = max(float(np.ptp(places.at, axis=0).max()), _NOTHING)
+    largest = max(places.stages, key=lambda stage: _rms(stage[1]))[1]
+    typical, longest = _rms(largest), float(np.sqrt((largest**2).sum(axis=1)).max())
+    if typical <= _NOTHING:
+        typical = longest = places.sigma if np.isfinite(places.sigma) else 1e-6
+    return min(_TYPICAL * region / typical, _LONGEST * region / longest)
+
+
+def _limits(places: Array) -> Array:
+    """Corners (2, 2) of a region around places (K, 2)."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    most = max(float((high - low).max()), 1e-6)
+    lacking = np.maximum(0.15 * most - (high - low), 0.0) / 2 + _AROUND * most
+    return np.array([low - lacking, high + lacking])
+
+
+def _key(ax: Axes, panel: _Panel, places: Places, inches: float, width: float, shown: int) -> None:
+    """Above a panel: what it shows, the scale arrow and the circle of noise; `inches` per metre of error."""
+    from matplotlib.patches import Circle
+
+    ax.set_axis_off()
+    ax.set_xlim(0, width)
+    ax.set_ylim(0, _KEY)
+    few = "" if shown == len(places.at) else f", {shown} of {len(places.at)} shown"
+    text = f"{panel.title}: {size_text(_rms(panel.errors))} rms{few}"
+    text = text if panel.magnified == 1 else f"the same, arrows {panel.title}"
+    ax.text(0.02, _KEY - 0.02, text, va="top", size=9, weight="bold", color=panel.colour, gid="stage")
+    size = rounded(0.45 / inches)
+    ax.quiver([0.05], [0.22], [size * inches], [0.0], angles="xy", scale_units="xy", scale=1, units="inches",
+              width=0.016, color=FITTED, gid="scale")  # fmt: skip
+    ax.text(0.6, 0.22, size_text(size), va="center", size=8)
+    radius = 2 * places.sigma * inches
+    if not np.isfinite(radius):
+        return
+    label = f"noise (2 sigma): {size_text(2 * places.sigma)}"
+    if 0.01 <= radius <= _CIRCLE:
+        ax.add_patch(Circle((1.5, 0.22), radius, fill=False, color=NOISE, lw=1.2, gid="noise"))
+        ax.text(1.55 + _CIRCLE, 0.22, label, va="center", size=8, color="0.35")
+    else:
+        ax.text(1.3, 0.22, label, va="center", size=8, color="0.35")

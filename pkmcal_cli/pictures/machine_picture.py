@@ -1,0 +1,290 @@
+"""A machine drawn from its file: nodes, guides, members, bodies and drives, reference and exaggerated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.compiler.layout import members
+from pkmcal_cli.pictures.labels import Label, put_labels
+from pkmcal_cli.pictures.machine_shape import MachineShape, Shape
+from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER, Picture
+from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.pictures.views import Pane, View, hull, panes
+from pkmcal_cli.report.number_format import handy
+from pkmcal_cli.units.unit_text import parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_SHOWN = 0.08  # of the machine's size: the largest displacement as it is drawn, where no scale is given
+_ROUND = (1.0, 2.0, 5.0)
+_THIN, _THICK = 1.2, 4.5  # points, of members by their force
+_SLIGHT = 1e-6  # of the largest force: no force
+_FACES = {"ground": "#d9d9d9", "body": "#cfe0ee"}
+
+
+def usual_scale(shape: MachineShape) -> float:
+    """A round factor by which the largest displacement is seen well; 1 where it is large, or where there is none."""
+    _, size = shape.largest
+    if not size:
+        return 1.0
+    most = _SHOWN * shape.length / size
+    if most <= 1.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(power * max(r for r in _ROUND if r * power <= most * (1 + 1e-9)))
+
+
+def machine_picture(
+    shape: MachineShape, titles: Titles, *, scale: float | None = None, forces: bool = False, name: str = "machine"
+) -> Picture:
+    """The machine where the control believes it to be (grey) and where it is (black), displacements `scale` times.
+
+    forces: members in the colour and width of their axial force, and numbers at members and drives.
+    """
+    factor = usual_scale(shape) if scale is None else scale
+    shown = shape.reference.towards(shape.actual, factor)
+    size, views = panes(np.vstack([shape.reference.corners, shown.corners]), shape.planar)
+    point, largest = shape.largest
+    moved = f"largest displacement {handy(largest, parse_unit('mm'))} ({point})" if largest else "nothing is displaced"
+    alt = f"{titles.machine}: {len(shape.actual.members)} members, drives {', '.join(shape.readings)}; {moved}."
+
+    def draw(figure: Figure) -> None:
+        figure.set_layout_engine("none")
+        titles.write(figure)
+        for pane in views:
+            _Drawing(shape, shown, factor, forces, pane).draw(figure, size)
+        _legend(figure, size, shape, factor, forces)
+
+    return Picture(name, f"{titles.machine}: drawing", alt, size, draw)
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """One view of a machine; `shown`: its actual shape, exaggerated by `factor`."""
+
+    shape: MachineShape
+    shown: Shape
+    factor: float
+    forces: bool
+    pane: Pane
+
+    @property
+    def view(self) -> View:
+        return self.pane.view
+
+    @property
+    def moved(self) -> bool:
+        """Whether the two shapes differ."""
+        return self.shape.largest[1] > 0
+
+    def draw(self, figure: Figure, size: tuple[float, float]) -> None:
+        """All of the view, then its labels."""
+        left, bottom, width, height = self.pane.box
+        ax = figure.add_axes((left / size[0], bottom / size[1], width / size[0], height / size[1]))
+        unit = self.shape.machine.file_units.length
+        limits = self.pane.limits / unit.scale
+        ax.set_xlim(*limits[:, 0])
+        ax.set_ylim(*limits[:, 1])
+        if self.view.names is None:
+            ax.set_xticks([])
+            ax.set_yticks([])
+        else:
+            ax.set_xlabel(f"{self.view.names[0]} [{unit.text}]", labelpad=2)
+            ax.set_ylabel(f"{self.view.names[1]} [{unit.text}]", labelpad=2)
+        if self.view.title:
+            ax.set_title(self.view.title, fontsize=9, pad=3)
+        if self.moved:
+            self._skeleton(ax, self.shape.reference, reference=True)
+        self._skeleton(ax, self.shown, reference=False)
+        self._marks(ax)
+        taken = self._on_page(np.array(list(self.shown.places.values())))
+        if self.view.names is None:
+            taken = np.vstack([taken, self._triad(ax, taken)])
+        put_labels(ax, self._labels(), taken, self._lines())
+
+    def _on_page(self, places: Array) -> Array:
+        return np.asarray(self.view.of(places) / self.shape.machine.file_units.length.scale)
+
+    def _lines(self) -> list[Array]:
+        courses = [*self.shown.members.values(), *self.shown.guides.values()]
+        return [self._on_page(course) for course in courses]
+
+    def _triad(self, ax: Axes, taken: Array) -> Array:
+        """The base's axes in that corner of a view without axes where least is; places (K, 2) where no label stands."""
+        low, high = self.pane.limits / self.shape.machine.file_units.length.scale
+        size = 0.08 * float((high - low).max())
+        corners = [np.array([x, y]) for y in (low[1] + 1.6 * size, high[1] - 1.6 * size)
+                   for x in (low[0] + 1.6 * size, high[0] - 1.6 * size)]  # fmt: skip
+        dense = np.vstack([taken, *(_along(line) for line in self._lines())])
+        start = max(corners, key=lambda c: float(np.hypot(*(dense - c).T).min()))
+        ends = [start + size * self.view.of(axis) for axis in np.eye(3)]
+        for letter, end in zip("xyz", ends, strict=True):
+            ax.annotate("", _pair(end), _pair(start), arrowprops={"arrowstyle": "->", "color": "0.35", "lw": 0.9})
+            x, y = _pair(start + 1.35 * (end - start))
+            ax.text(x, y, letter, ha="center", va="center", size=8, color="0.35")
+        return np.array([start, *ends, *(start + 1.35 * (end - start) for end in ends)])
+
+    def _skeleton(self, ax: Axes, shape: Shape, reference: bool) -> None:
+        """Guides, bodies and members of one shape."""
+        style: dict[str, Any] = {"color": NOISE, "lw": 0.9, "ls": (0, (4, 2))} if reference else {"color": FITTED}
+        for course in shape.guides.values():
+            band = {"lw": 5, "color": "0.85", "solid_capstyle": "butt"} if not reference else style
+            ax.plot(*self._on_page(course).T, zorder=1, gid="guide", **band)
+        for names in self.shape.bodies.values():
+            outline = self._outline(shape, names)
+            if reference:
+                ax.plot(*outline.T, zorder=2, **style)
+            else:
+                ax.fill(*outline.T, facecolor=_FACES["body"], edgecolor=FITTED, lw=0.9, zorder=3, gid="body")
+        for name, course in shape.members.items():
+            line = style if reference else self._strength(name)
+            ax.plot(*self._on_page(course).T, zorder=2 if reference else 4, gid=f"member-{name}", **line)
+
+    def _outline(self, shape: Shape, names: Sequence[str]) -> Array:
+        """Corners (K, 2) of the hull of the points of a body, closed."""
+        at = self._on_page(np.array([shape.places[n] for n in names]))
+        ring = list(hull(at))
+        return np.asarray(at[[*ring, ring[0]] if len(ring) > 2 else ring])
+
+    def _strength(self, name: str) -> dict[str, Any]:
+        """How a member is drawn: by its force, where forces are shown."""
+        if not self.forces:
+            return {"color": FITTED, "lw": 1.6, "solid_capstyle": "round"}
+        force = self.shape.tensions.get(name, 0.0)
+        most = max((abs(f) for f in self.shape.tensions.values()), default=0.0)
+        if abs(force) <= _SLIGHT * most or not most:
+            return {"color": NOISE, "lw": _THIN}
+        ends = {"solid_capstyle": "round", "ls": "-"} if force > 0 else {"dash_capstyle": "butt", "ls": (0, (3, 0.8))}
+        width = _THIN + (_THICK - _THIN) * float(np.sqrt(abs(force) / most))
+        return {"color": AFTER if force > 0 else BEFORE, "lw": width, **ends}
+
+    def _marks(self, ax: Axes) -> None:
+        """Markers of points: base, joints, nodes, drives, tool point."""
+        places, machine = self.shown.places, self.shape.machine
+        kinds: list[tuple[Sequence[str], dict[str, Any]]] = [
+            (list(machine.ground), {"marker": "^", "mfc": _FACES["ground"], "mec": FITTED, "ms": 6}),
+            (list(machine.nodes), {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3}),
+            (list(_ends(self.shape)), {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4}),
+        ]
+        for names, mark in kinds:
+            if names:
+                at = self._on_page(np.array([places[n] for n in names]))
+                ax.plot(*at.T, ls="none", mew=0.8, zorder=5, **mark)
+        for name in self.shape.readings:
+            at = self._on_page(self.shape.at_drive(name, self.shown))
+            ax.plot(*at, marker="s", ms=7, mfc=OTHER, mec="white", mew=0.8, ls="none", zorder=6, gid=f"drive-{name}")
+        if self.shape.tool is not None:
+            self._tool(ax, self.shape.tool)
+
+    def _tool(self, ax: Axes, name: str) -> None:
+        """The tool point, and the arrow of its displacement as it is drawn."""
+        start, end = (self._on_page(s.places[name]) for s in (self.shape.reference, self.shown))
+        if self.moved:
+            ax.plot(*start, marker="+", ms=9, mew=1, color=NOISE, ls="none", zorder=6)
+            style = {"arrowstyle": "-|>", "color": BEFORE, "lw": 1.2, "shrinkB": 0}
+            ax.annotate("", _pair(end), _pair(start), arrowprops=style)
+        ax.plot(*end, marker="D", ms=5, mfc=BEFORE, mec="white", mew=0.6, ls="none", zorder=7, gid="tool")
+
+    def _labels(self) -> list[Label]:
+        """Drives first, then the tool point, forces of members, and names of points and members where there is room."""
+        alone = self.view.names is None or self.shape.planar
+        out = [
+            Label(text=self._drive_text(n), at=self._on_page(self.shape.at_drive(n, self.shown)),
+                  colour="#00664b", size=9, bold=True, needed=alone)
+            for n in self.shape.readings
+        ]  # fmt: skip
+        tool, places = self.shape.tool, self.shown.places
+        if tool is not None:
+            out.append(Label(text=tool, at=self._on_page(places[tool]), colour="#a34700", bold=True, needed=alone))
+        middle = {n: self._on_page(_middle(course)) for n, course in self.shown.members.items()}
+        tensions = self.shape.tensions if self.forces else {}
+        for n, at in middle.items():
+            if n in tensions:
+                text = f"{n} {newtons(tensions[n])}"
+                out.append(Label(text=text, at=at, size=7.5, needed=alone))
+        if alone:
+            others = [Label(text=n, at=at, size=7, colour="0.35", needed=False) for n, at in middle.items()
+                      if n not in tensions]  # fmt: skip
+            named = [n for n in places if n != tool]
+            others += [Label(text=n, at=self._on_page(places[n]), size=6.5, colour="0.5", needed=False) for n in named]
+            out += others
+        return out
+
+    def _drive_text(self, name: str) -> str:
+        if not self.forces:
+            return name
+        return f"{name} {newtons(self.shape.forces[name], name in self.shape.turning)}"
+
+
+def newtons(force: float, turning: bool = False) -> str:
+    """A force or moment (SI) with its unit."""
+    if not np.isfinite(force):
+        return "-"
+    text = handy(force, parse_unit("N m" if turning else "N"))
+    return "0 N m" if text.startswith("-0 ") and turning else "0 N" if text.startswith("-0 ") else text
+
+
+def _middle(course: Array) -> Array:
+    return np.asarray(0.5 * (course[(len(course) - 1) // 2] + course[len(course) // 2]))
+
+
+def _pair(place: Array) -> tuple[float, float]:
+    return float(place[0]), float(place[1])
+
+
+def _along(line: Array) -> Array:
+    """Places along a line (K, 2)."""
+    return np.vstack([a + (b - a) * np.linspace(0, 1, 20)[:, None] for a, b in pairwise(line)])
+
+
+def _ends(shape: MachineShape) -> list[str]:
+    """Points at which members end or joints are, but for those of the base."""
+    between = [p for names in members(shape.machine).values() for p in names]
+    every = dict.fromkeys([*between, *shape.joints])
+    return [n for n in every if n not in shape.machine.ground and n not in shape.machine.nodes]
+
+
+def _legend(
+    figure: Figure, size: tuple[float, float], shape: MachineShape, factor: float, forces: bool
+) -> None:
+    """What colours and lines mean, and the scale."""
+    from matplotlib.lines import Line2D
+
+    largest = shape.largest[1]
+    handles: list[Line2D] = []
+    if largest:
+        handles.append(Line2D([], [], color=NOISE, lw=0.9, ls=(0, (4, 2)), label="where the control believes it to be"))
+        text = f"where it is, displacements {factor:g} x" if factor != 1 else "where it is, at true scale"
+        handles.append(Line2D([], [], color=FITTED, lw=1.6, label=text))
+    else:
+        handles.append(Line2D([], [], color=FITTED, lw=1.6, label="not displaced: as the control believes it to be"))
+    if shape.readings:
+        handles.append(_mark(Line2D, "s", OTHER, "drive"))
+    if shape.tool is not None:
+        handles.append(_mark(Line2D, "D", BEFORE, _tool_text(shape, shape.tool)))
+    if forces and any(shape.tensions.values()):
+        handles += [
+            Line2D([], [], color=AFTER, lw=3, label="pulls (+)"),
+            Line2D([], [], color=BEFORE, lw=3, ls=(0, (3, 0.8)), label="pushes (-)"),
+        ]
+    corner = (0.4 / size[0], 0.05 / size[1])
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, ncols=3, fontsize=8, frameon=False)
+
+
+def _mark(kind: Any, marker: str, colour: str, label: str) -> Any:
+    return kind([], [], ls="none", marker=marker, mfc=colour, mec="white", ms=7, label=label)
+
+
+def _tool_text(shape: MachineShape, tool: str) -> str:
+    size = float(np.sqrt((shape.displacement(tool) ** 2).sum()))
+    if size <= 1e-9 * shape.length:
+        return f"tool point {tool}"
+    return f"tool point {tool}, displaced by {handy(size, parse_unit('mm'))}"

@@ -1,0 +1,205 @@
+"""What is drawn of a machine: where its parts are in one row, and where the control believes them to be.
+
+The control's machine has nominal parameters, no effects and no loads, and its redundant drives follow: the rigid pose
+of the nominal machine (Ecorchard 2010, section 3.1.1). The other is the equilibrium of the machine at the parameter
+values that are given, with effects, loads and strain. Between them lies what a picture exaggerates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.compiler.layout import members
+from pkmcal_cli.equilibrium.assembly import balance
+from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.language.quantities import Quantity
+from pkmcal_cli.language.tool_point import tool_point_of
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.model.layout import Layout, Placed
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.prediction import Rows, configuration
+from pkmcal_cli.prediction.forces import drive_forces
+from pkmcal_cli.prediction.solving import Solution
+
+_BEYOND = 0.08  # of the machine's size: how far a guide is drawn beyond its carriages
+_NOTHING = 1e-9  # of the machine's size: no displacement
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Places (3,) of named points, courses (K, 3) of members and of guides; m, base axes."""
+
+    places: Mapping[str, Array]
+    members: Mapping[str, Array]
+    guides: Mapping[str, Array]
+
+    def towards(self, other: Shape, factor: float) -> Shape:
+        """This shape moved by `factor` times what the other is displaced from it."""
+        mixed = [
+            {name: one[name] + factor * (two[name] - one[name]) for name in one}
+            for one, two in ((self.places, other.places), (self.members, other.members), (self.guides, other.guides))
+        ]
+        return Shape(*mixed)
+
+    @property
+    def corners(self) -> Array:
+        """All points (K, 3) between which it lies."""
+        return np.vstack([*self.places.values(), *self.members.values(), *self.guides.values()])
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineShape:
+    """A machine in one row: where the control believes it to be, where it is, and what its parts carry.
+
+    drives: by name the point, member or joint that each acts on; forces: of drives, N or N m (`turning`); tensions:
+    axial forces of members, N, positive where they pull.
+    """
+
+    machine: Machine[Quantity, float]
+    length: float
+    reference: Shape
+    actual: Shape
+    readings: Mapping[str, float]
+    forces: Mapping[str, float]
+    turning: frozenset[str]
+    tensions: Mapping[str, float]
+
+    @property
+    def planar(self) -> bool:
+        """Whether it is a machine in the plane."""
+        return self.machine.space == "planar"
+
+    @property
+    def tool(self) -> str | None:
+        """Name of the tool point."""
+        found = tool_point_of(self.machine)
+        return None if found is None else found.name
+
+    @cached_property
+    def bodies(self) -> dict[str, tuple[str, ...]]:
+        """Names of the points of each body, its own first."""
+        return {name: (name, *body.points) for name, body in self.machine.bodies.items()}
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of points that lie in joints."""
+        return tuple(dict.fromkeys(joint.between[0] for joint in self.machine.joints.values()))
+
+    def displacement(self, name: str) -> Array:
+        """How far a point is from where the control believes it (3,), m."""
+        return np.asarray(self.actual.places[name] - self.reference.places[name])
+
+    @cached_property
+    def largest(self) -> tuple[str, float]:
+        """The point that is displaced most, and how far, m; 0 for what is rounding."""
+        sizes = {n: float(np.sqrt((self.displacement(n) ** 2).sum())) for n in self.reference.places}
+        name = max(sizes, key=lambda n: sizes[n], default="")
+        size = sizes.get(name, 0.0)
+        return name, size if size > _NOTHING * self.length else 0.0
+
+    def at_drive(self, name: str, shape: Shape) -> Array:
+        """Where a drive acts (3,): its carriage or crank, the middle of its member, its joint, its rope's start."""
+        actuator = self.machine.actuators[name]
+        if actuator.winds is not None:
+            return np.asarray(shape.members[next(iter(actuator.winds))][0])
+        target = actuator.target
+        if target in shape.members:
+            course = shape.members[target]
+            return np.asarray(0.5 * (course[(len(course) - 1) // 2] + course[len(course) // 2]))
+        joint = self.machine.joints.get(target)
+        return shape.places[joint.between[0] if joint is not None else target]
+
+
+def machine_shape(loaded: LoadedMachine, values: Array, rows: Rows, row: int) -> MachineShape | str:
+    """A machine in one row at parameter values (P,), SI, or why the row cannot be solved."""
+    model = loaded.model
+    actual = configuration(model, values, rows, row)
+    if actual.failed[0]:
+        return _reason(actual)
+    plain = model.with_options(())
+    reference = configuration(plain, model.nominal, rows, row, "rigid")
+    if reference.failed[0]:  # a mechanism that its drives alone do not hold
+        reference = configuration(plain, model.nominal, rows, row)
+    if reference.failed[0]:
+        return _reason(reference)
+    layout, machine = loaded.compiled.layout, loaded.machine
+    forces = drive_forces(model, actual)[0][0]
+    names = [a.name for a in model.actuators]
+    turning = [n for n, d in zip(names, model.topology.drives, strict=True) if not model.topology.moves_length(d)]
+    reach = _reach(machine, layout, _placed(plain, reference))
+    return MachineShape(
+        machine=machine,
+        length=model.length,
+        reference=_shape(machine, layout, _placed(plain, reference), reach),
+        actual=_shape(machine, layout, _placed(model, actual), reach),
+        readings=dict(zip(names, rows.readings[row].tolist(), strict=True)),
+        forces=dict(zip(names, forces.tolist(), strict=True)),
+        turning=frozenset(turning),
+        tensions=_tensions(model, actual, machine),
+    )
+
+
+def _reason(solution: Solution) -> str:
+    return RowStatus(int(solution.status[0])).reason
+
+
+def _placed(model: Model, solution: Solution) -> Placed:
+    return Placed(model.topology, solution.coefficients, solution.state)
+
+
+def _shape(
+    machine: Machine[Quantity, float], layout: Layout, placed: Placed, reach: Mapping[str, tuple[float, float]]
+) -> Shape:
+    places = {name: placed.place(point)[0] for name, point in layout.points.items()}
+    courses = {}
+    for name, between in members(machine).items():
+        pieces = [placed.course(piece)[0] for piece in layout.pieces[name]]
+        courses[name] = np.vstack(pieces or [places[p] for p in between])
+    guides = {}
+    for name, (start, end) in reach.items():
+        rail = layout.rails[name]
+        origin, way = placed.place(rail.origin)[0], placed.direction(rail.tilted, rail.along)[0]
+        guides[name] = np.array([origin + start * way, origin + end * way])
+    return Shape(places, courses, guides)
+
+
+def _reach(machine: Machine[Quantity, float], layout: Layout, placed: Placed) -> dict[str, tuple[float, float]]:
+    """From where to where each guide is drawn, along it from its origin, m: a little beyond its carriages."""
+    travels: dict[str, list[float]] = {}
+    for name, body in machine.bodies.items():
+        if body.guide is not None and body.guide in layout.rails:
+            rail = layout.rails[body.guide]
+            way = placed.direction(rail.tilted, rail.along)[0]
+            travels.setdefault(body.guide, []).append(
+                float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
+            )
+    places = np.array([placed.place(point)[0] for point in layout.points.values()])
+    beyond = _BEYOND * float(np.sqrt((np.ptp(places, axis=0) ** 2).sum()))
+    return {name: (min(t) - beyond, max(t) + beyond) for name, t in travels.items()}
+
+
+def _tensions(model: Model, solution: Solution, machine: Machine[Quantity, float]) -> dict[str, float]:
+    """Axial forces of members, N: of one in several pieces, the largest; of a rope, its share of its cable's."""
+    balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False, taut=solution.taut)
+    out: dict[str, float] = {}
+    known, wound = members(machine), [a for a in machine.actuators.values() if a.winds is not None]
+    cables = {a.target: {rope: weight.number({}) for rope, weight in (a.winds or {}).items()} for a in wound}
+    for name, force in _elongations(model, balanced.stresses):
+        own = name.partition(".")[0]
+        if own in known and abs(force) >= abs(out.get(own, 0.0)):
+            out[own] = force
+        for rope, weight in cables.get(name, {}).items():
+            out[rope] = weight * force
+    return out
+
+
+def _elongations(model: Model, stresses: tuple[Array, ...] | list[Array]) -> Iterator[tuple[str, float]]:
+    for group, stress in zip(model.topology.groups, stresses, strict=True):
+        if group.element.strains[0] == "elongation":
+            yield from zip(group.names, stress[0, :, 0].tolist(), strict=True)

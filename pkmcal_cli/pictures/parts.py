@@ -1,0 +1,97 @@
+"""Pictures put together of parts, one below the other under one title."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.pictures.picture import Picture
+from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+WIDTH = 9.0
+"""Inches, of every part."""
+_HEAD = 0.6  # inches, of the title
+_FINER = {"m": "mm", "mm": "um", "rad": "mrad", "mrad": "urad", "kN": "N"}
+_COARSER = {"um": "mm", "urad": "mrad", "N": "kN"}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a picture: its height in inches, and who draws it."""
+
+    height: float
+    draw: Callable[[SubFigure], None]
+
+
+def composed(name: str, titles: Titles, alt: str, parts: Sequence[Part]) -> Picture:
+    """A picture of parts."""
+    heights = [_HEAD, *(part.height for part in parts)]
+    size = (WIDTH, sum(heights))
+
+    def draw(figure: Figure) -> None:
+        titles.write(figure)
+        panes: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
+        for part, pane in zip(parts, panes[1:], strict=True):
+            part.draw(pane)
+
+    return Picture(name, f"{titles.machine}: {titles.what}", alt, size, draw)
+
+
+def shown_unit(dimension: str, size: float, usual: Unit | None = None) -> Unit:
+    """The unit in which values of a typical size (SI) are written without powers of ten; `usual`: where to begin."""
+    unit = usual or parse_unit({"length": "um", "angle": "urad", "force": "N", "torque": "N m"}.get(dimension, "1"))
+    while size >= 3000 * unit.scale and unit.text in _COARSER:
+        unit = parse_unit(_COARSER[unit.text])
+    while 0 < size < 0.3 * unit.scale and unit.text in _FINER:
+        unit = parse_unit(_FINER[unit.text])
+    return unit
+
+
+def rounded(value: float) -> float:
+    """The value of 1, 2 or 5 times a power of ten that is nearest below."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(r for r in (1.0, 2.0, 5.0) if r * power <= value * (1 + 1e-9)))
+
+
+def size_text(value: float, dimension: str = "length") -> str:
+    """A size (SI) to three digits in the unit that suits it."""
+    unit = shown_unit(dimension, abs(value))
+    return f"{value / unit.scale:.3g} {unit.text}"
+
+
+def plain_log(ax: Axes, axis: str = "x") -> None:
+    """A logarithmic axis whose ticks are plain numbers, at least two of them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    which = ax.xaxis if axis == "x" else ax.yaxis
+    (ax.set_xscale if axis == "x" else ax.set_yscale)("log")
+    low, high = ax.get_xlim() if axis == "x" else ax.get_ylim()
+    decades = np.log10(high / low)
+    which.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,), numticks=12))
+    which.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    which.set_minor_formatter(NullFormatter())
+
+
+def number(value: float) -> str:
+    """A number as people write it: 0.001, 20, 5000; powers of ten only where it is longer than nine figures."""
+    text = f"{value:.12f}".rstrip("0").rstrip(".") if 1e-7 <= abs(value) < 1e9 else f"{value:g}"
+    return text or "0"
+
+
+def thinned(count: int, most: int) -> Array:
+    """Numbers of at most `most` rows out of `count`, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp))
+
+
+def dots(ax: Any, x: Array, y: Array, colour: str, marker: str, label: str | None = None) -> None:
+    """Markers without lines, smaller where there are many."""
+    ax.plot(x, y, ls="none", marker=marker, ms=4 if len(x) < 300 else 2, mfc=colour, mec="none", label=label)

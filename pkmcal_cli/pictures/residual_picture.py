@@ -1,0 +1,129 @@
+"""What is left of the readings over the drives, before and after a calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.errors_before_after import drive_readings, kinds_of, length_residuals, sets_length
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.pictures.error_map import errors_in_words, map_part, places_of
+from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
+from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER, Picture
+from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import SubFigure
+
+_COLUMNS, _ROW = 4, 2.3  # panels side by side, inches of a row of them
+_SHOWN = 2000  # rows
+_LOOKS = ((AFTER, "o"), (BEFORE, "s"), (OTHER, "^"), ("#CC79A7", "v"), ("#56B4E9", "D"), (FITTED, "x"))
+
+
+@dataclass(frozen=True)
+class _Series:
+    """One cloud of a panel: name, values (N,) in SI, nan where nothing was measured."""
+
+    name: str
+    values: Array
+
+
+def calibration_picture(problem: Problem, fit: Fit, titles: Titles, length: Unit, name: str = "calibration") -> Picture:
+    """Error map before and after, where positions are measured; what is left over each drive."""
+    places = places_of(problem, [("before", fit.before.residual), ("calibrated", fit.after.residual)])
+    parts = [map_part(p, length) for p in places]
+    left = residual_parts(problem, fit)
+    alt = (errors_in_words(places) + " " if places else "") + "Residuals over the reading of each drive."
+    return composed(name, titles, alt, [*parts, *left])
+
+
+def residual_parts(problem: Problem, fit: Fit) -> list[Part]:
+    """Residuals over the drives' readings: of the lengths that drives set, else of every kind that was measured."""
+    lengths = length_residuals(problem, fit.values)
+    if np.isfinite(lengths).any():
+        return [_length_part(problem, fit, lengths)]
+    out = []
+    for kind, columns in kinds_of(problem.model).items():
+        on = problem.measured[:, columns]
+        if on.any() and problem.model.actuators:
+            residual = np.where(on, fit.after.residual[:, columns], np.nan)
+            names = [problem.model.channels[k].name for k in columns]
+            series = [_Series(n, residual[:, k]) for k, n in enumerate(names)]
+            out.append(_by_drive(problem, f"left of {kind}", series, problem.model.channels[columns[0]].dimension))
+    return out
+
+
+def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
+    """Measured less needed lengths of lines and legs, each over its own drive."""
+    before = length_residuals(problem, fit.before.values)
+    drives = [a for a, d in enumerate(problem.model.topology.drives) if sets_length(problem.model, d)]
+    unit = shown_unit("length", _typical([after]))
+    readings = problem.model.actuators
+
+    def draw(figure: SubFigure) -> None:
+        axes = np.ravel(figure.subplots(*_shape(len(drives)), sharey=True, squeeze=False))
+        for k, (ax, a) in enumerate(zip(axes, drives, strict=False)):
+            own = parse_unit(readings[a].unit)
+            x = drive_readings(problem)[:, a] / own.scale
+            for values, colour, marker, label in ((before, BEFORE, "o", "before"), (after, AFTER, "s", "calibrated")):
+                dots(ax, x, values[:, k] / unit.scale, colour, marker, label)
+            ax.axhline(0, color=NOISE, lw=0.8)
+            ax.set_xlabel(f"{readings[a].name} [{own.text}]")
+            if k % _COLUMNS == 0:
+                ax.set_ylabel(f"length, measured - predicted [{unit.text}]", fontsize=8)
+        _finish(figure, axes, len(drives))
+
+    return Part(_height(len(drives)), draw)
+
+
+def _by_drive(problem: Problem, what: str, series: Sequence[_Series], dimension: str) -> Part:
+    """Panels of one kind, one for each drive."""
+    unit = shown_unit(dimension, _typical([s.values for s in series]))
+    drives = list(range(len(problem.model.actuators)))
+    rows = thinned(len(problem), _SHOWN)
+
+    def draw(figure: SubFigure) -> None:
+        axes = np.ravel(figure.subplots(*_shape(len(drives)), sharey=True, squeeze=False))
+        for k, (ax, a) in enumerate(zip(axes, drives, strict=False)):
+            own = parse_unit(problem.model.actuators[a].unit)
+            x = drive_readings(problem)[:, a] / own.scale
+            for (colour, marker), one in zip(_LOOKS, series, strict=False):
+                dots(ax, x[rows], one.values[rows] / unit.scale, colour, marker, plain(one.name))
+            for one in series[len(_LOOKS) :]:
+                dots(ax, x[rows], one.values[rows] / unit.scale, NOISE, ".")
+            ax.axhline(0, color=NOISE, lw=0.8)
+            ax.set_xlabel(f"{problem.model.actuators[a].name} [{own.text}]")
+            if k % _COLUMNS == 0:
+                ax.set_ylabel(f"{what} [{unit.text}]")
+        _finish(figure, axes, len(drives))
+
+    return Part(_height(len(drives)), draw)
+
+
+def _typical(values: Sequence[Array]) -> float:
+    every = np.concatenate([v.ravel() for v in values])
+    every = np.abs(every[np.isfinite(every)])
+    return float(np.quantile(every, 0.95)) if len(every) else 0.0
+
+
+def _shape(count: int) -> tuple[int, int]:
+    return -(-count // _COLUMNS), min(count, _COLUMNS)
+
+
+def _height(count: int) -> float:
+    return 0.35 + _ROW * _shape(count)[0]
+
+
+def _finish(figure: SubFigure, axes: Array, used: int) -> None:
+    """No panel without a drive, and one legend for all, above."""
+    for ax in axes[used:]:
+        ax.set_visible(False)
+    handles, labels = axes[0].get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, fontsize=8)

@@ -1,0 +1,74 @@
+"""What stands above a picture: machine, file and date."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from pkmcal_cli.base.files import is_stream, readable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PER_INCH = 11.5  # characters of a line that surely fit into an inch, at 9 points
+_SMALL = 1.12  # times as many at 8 points
+
+
+@dataclass(frozen=True)
+class Titles:
+    """Two lines: what is shown of which machine; from which files, of which date. All names as they can be drawn."""
+
+    machine: str
+    what: str
+    source: str
+
+    def write(self, figure: Figure) -> None:
+        """At the top of a figure whose parts are placed by hand."""
+        width, height = figure.get_size_inches()
+        first = f"{self.machine}: {self.what}" if self.what else self.machine
+        figure.text(0.5, 1 - 0.12 / height, shortened(first, width * _PER_INCH), ha="center", va="top", size=10,
+                    weight="bold")  # fmt: skip
+        second = shortened(self.source, width * _PER_INCH * _SMALL)
+        figure.text(0.5, 1 - 0.34 / height, second, ha="center", va="top", size=8, color="0.3")
+
+    @property
+    def lines(self) -> str:
+        """Both lines, for figures that arrange themselves."""
+        first = f"{self.machine}: {self.what}" if self.what else self.machine
+        return "\n".join(part for part in (first, self.source) if part)
+
+
+def titles(machine: str, what: str, files: Sequence[str]) -> Titles:
+    """Titles of a picture of a machine file and of measured files, of which the last one's date is told."""
+    names = ", ".join(dict.fromkeys(plain(_name(f)) for f in files))
+    date = _date(files[-1] if files else None)
+    return Titles(plain(_name(machine)), plain(what), f"{names}, {date}" if names else date)
+
+
+def _name(file: str) -> str:
+    return "<stdin>" if is_stream(file) else os.path.basename(file) or file
+
+
+def _date(file: str | None) -> str:
+    """Day on which a file was last changed, or today where there is none."""
+    try:
+        dated = file is not None and not is_stream(file)
+        when = datetime.fromtimestamp(os.stat(str(file)).st_mtime, UTC) if dated else datetime.now(UTC)
+    except (OSError, ValueError, OverflowError):
+        when = datetime.now(UTC)
+    return when.astimezone().date().isoformat()
+
+
+def plain(text: str) -> str:
+    """A text as pictures can hold it: nothing that XML or a line of text cannot."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in readable(text))
+
+
+def shortened(text: str, most: float) -> str:
+    """A text of so many characters at most, without its middle where it is longer."""
+    most = max(int(most), 8)
+    half = (most - 1) // 2
+    return text if len(text) <= most else f"{text[:half]}\N{HORIZONTAL ELLIPSIS}{text[len(text) - half :]}"

@@ -1,0 +1,175 @@
+"""A machine in one row, as a picture or in characters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, UsageError
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
+from pkmcal_cli.loading.poses import OUT_OF_REACH, Place, PoseSource, reference_poses
+from pkmcal_cli.pictures.machine_picture import machine_picture, newtons, usual_scale
+from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
+from pkmcal_cli.pictures.picture import check_picture, write_picture
+from pkmcal_cli.pictures.text_machine import BELIEVED, LEGEND, text_machine
+from pkmcal_cli.pictures.titles import titles
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.units.unit_text import parse_unit
+from pkmcal_cli.workflow.arguments import given, one_stdin
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawingRequest:
+    """The arguments of `draw`."""
+
+    machine: str
+    poses: str | None
+    grid: str | None
+    parameters: str | None
+    row: int | None
+    forces: bool
+    scale: float | None
+    output: str | None
+    as_json: bool
+    quiet: bool
+    force: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """The row that is drawn, among the rows of its table that effects see; `number`: its index there."""
+
+    rows: Rows
+    number: int
+    place: Place
+    inputs: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+
+def run_drawing(request: DrawingRequest) -> int:
+    """Draw; returns the exit code. Raises PkmcalError."""
+    _check(request)
+    to = Reporter(request.quiet)
+    loaded = load_machine(request.machine)
+    if request.forces and loaded.compiled.shared_by:
+        what = "--forces: nothing yields in this machine, so its forces are not determined"
+        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
+    for fault in loaded.warnings:
+        to.warn(fault)
+    row = _row(request, loaded)
+    loaded = loaded.for_sessions(row.rows.session_names)
+    start = load_parameters(loaded.model, request.parameters)
+    for text in start.warnings:
+        to.warn(text)
+    to.notes(row.notes)
+    shape = _solved(loaded, start, row)
+    factor = usual_scale(shape) if request.scale is None else request.scale
+    _show(request, shape, factor, row, to)
+    if request.output is not None:
+        inputs = loaded.inputs | start.inputs | row.inputs
+        files = [f for f in (request.parameters, request.poses) if f is not None]
+        picture = machine_picture(
+            shape, titles(request.machine, str(row.place), files), scale=factor, forces=request.forces
+        )
+        write_picture(picture, request.output, inputs, force=request.force)
+        to.say(f"written: {request.output}")
+    if request.as_json:
+        emit_json(_json(shape, factor, row))
+    return 0
+
+
+def _check(request: DrawingRequest) -> None:
+    """Whether the arguments go together. Raises UsageError and OutputError."""
+    if request.scale is not None and not (math.isfinite(request.scale) and request.scale > 0):
+        raise UsageError(f"--scale: `{request.scale:g}` is no factor", hint="give a positive number, e.g. 200")
+    if request.quiet and request.output is None and not request.as_json:
+        what = "-q suppresses the drawing on the terminal"
+        raise UsageError(what, hint="write a picture with `-o FILE.svg`, or leave out -q")
+    if request.row is not None and request.poses is None and request.grid is None:
+        raise UsageError("--row names a row of a table", hint="add POSES.csv, or --grid")
+    one_stdin(request.machine, request.poses, request.parameters)
+    inputs = given(request.machine, request.poses, request.parameters)
+    check_picture(request.output, inputs, force=request.force, option="-o")
+
+
+def _row(request: DrawingRequest, loaded: LoadedMachine) -> _Row:
+    """The row that is asked for. Raises BadInput where it is out of reach, UsageError where there is none."""
+    if request.poses is None and request.grid is None:
+        poses = reference_poses(loaded.model)
+        return _Row(rows=poses.rows, number=0, place=poses.place(0), inputs={})
+    source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
+    seen, wanted, found = 0, request.row or 1, None
+    for block in source:
+        at = wanted - 1 - seen
+        if found is None and at < len(block):
+            if not block.reachable[at]:
+                raise BadInput([block.place(at).fault(OUT_OF_REACH)])
+            found = block.rows, at, block.place(at)
+            if source.points is not None:
+                break
+        seen += len(block)
+    if found is None:
+        raise UsageError(f"--row {wanted}: there are {count(seen, 'row')}", hint=f"give a number from 1 to {seen}")
+    return _Row(rows=found[0], number=found[1], place=found[2], inputs=source.inputs, notes=source.notes)
+
+
+def _solved(loaded: LoadedMachine, start: Start, row: _Row) -> MachineShape:
+    """The machine in its row. Raises BadInput where it cannot be solved."""
+    shape = machine_shape(loaded, start.values, row.rows, row.number)
+    if isinstance(shape, str):
+        raise BadInput([row.place.fault(shape)])
+    return shape
+
+
+def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row, to: Reporter) -> None:
+    """The drawing in characters where there is no other, and what drives and tool point do."""
+    point, largest = shape.largest
+    if request.output is None:
+        to.say()
+        for line in text_machine(shape, factor):
+            to.say(line)
+        to.say()
+        to.say(LEGEND)
+    to.say(f"{row.place}: {_displaced(shape, factor)}" + (BELIEVED if request.output is None and largest else ""))
+    if largest:
+        to.say(f"largest displacement: {handy(largest, parse_unit('mm'))}, of {point}")
+    if request.forces:
+        rows = [(n, newtons(f, n in shape.turning)) for n, f in shape.forces.items()]
+        to.table("Forces of drives", ("drive", "force"), rows)
+        members = [(n, newtons(f)) for n, f in shape.tensions.items()]
+        to.table("Axial forces of members (+ pulls)", ("member", "force"), members)
+
+
+def _displaced(shape: MachineShape, factor: float) -> str:
+    if not shape.largest[1]:
+        return "nothing is displaced"
+    return "displacements at true scale" if factor == 1 else f"displacements {factor:g} times as large"
+
+
+def _json(shape: MachineShape, factor: float, row: _Row) -> dict[str, Any]:
+    """The same for JSON: places in m, displacements in um, forces in N or N m."""
+    return {
+        "row": str(row.place),
+        "scale": factor,
+        "tool_point": shape.tool,
+        "points": [
+            {"name": n, "believed": _rounded(at), "displacement": _rounded(shape.displacement(n) / 1e-6)}
+            for n, at in shape.reference.places.items()
+        ],
+        "drives": [
+            {"name": n, "reading": finite(r), "force": finite(shape.forces[n]), "turns": n in shape.turning}
+            for n, r in shape.readings.items()
+        ],
+        "members": [{"name": n, "tension": finite(t)} for n, t in shape.tensions.items()],
+    }
+
+
+def _rounded(vector: np.ndarray[Any, Any]) -> list[float]:
+    """Without what is rounding, and without -0."""
+    return [round(float(v), 12) + 0.0 for v in vector]
