@@ -7,6 +7,7 @@ import numpy as np
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.sheet.content import Block, Section, Table, Text, section
+from pkmcal_cli.sheet.figures import effects
 from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 
@@ -25,6 +26,7 @@ def causes(results: Results) -> Section | None:
     blocks += recorder.blocks
     for finding in report.diagnosis.findings:
         blocks += [Text(line) for line in report.sentence(finding).splitlines()]
+    blocks += effects(results)
     for shape in report.diagnosis.shapes:
         blocks.append(Text(ShapeText(report.machine, report.shaped_model, shape, report.error_unit).sentence()))
     for unknown in report.diagnosis.unknown[len(report.diagnosis.shapes) :]:

@@ -9,6 +9,7 @@ from typing import Any
 from pkmcal_cli.calibration.point_errors import Judged, PointErrors, point_errors
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.language.machine import Machine
+from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.improvement import ImprovementReport
@@ -24,7 +25,7 @@ class Results:
     tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance.
     """
 
-    machine: Machine
+    loaded: LoadedMachine
     measured: Measurements
     calibrated: CalibrationReport
     improved: ImprovementReport | None
@@ -33,6 +34,11 @@ class Results:
     tolerance: tuple[float, Unit] | None
     feed: float | None
     head: Mapping[str, Any]
+
+    @property
+    def machine(self) -> Machine:
+        """As its file says it."""
+        return self.loaded.machine
 
     @property
     def diagnosis(self) -> DiagnosisReport | None:

@@ -14,6 +14,7 @@ from pkmcal_cli.report.sentences import cause_effect_action, command
 from pkmcal_cli.sheet.acceptance import Acceptance
 from pkmcal_cli.sheet.causes import causes
 from pkmcal_cli.sheet.content import Block, Section, Sheet, Table, Text, section
+from pkmcal_cli.sheet.figures import drawing, identified, maps, steps
 from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.verdict import verdict
@@ -25,6 +26,7 @@ _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 def sheet(results: Results, figures: Acceptance | None) -> Sheet:
     """The whole sheet."""
     parts = [
+        drawing(results),
         errors(results),
         causes(results),
         parameters(results),
@@ -63,7 +65,7 @@ def errors(results: Results) -> Section | None:
     table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
     held = report.held_out
     remark = f"Held-out error: not available ({held})." if isinstance(held, str) else f"Held out: {held.scheme}."
-    return section("errors", "Errors before and after", [table, Text(remark, "note")])
+    return section("errors", "Errors before and after", [table, Text(remark, "note"), maps(results), steps(results)])
 
 
 def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorFigures]) -> list[tuple[str, ...]]:
@@ -77,10 +79,11 @@ def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorF
 
 def parameters(results: Results) -> Section | None:
     """What was identified together with the causes; then what `calibrate` shows, but for its table of errors."""
-    recorder, blocks = Recorder(), list[Block]()
+    recorder, blocks = Recorder(), list[Block | None]()
     if (together := _with_causes(results)) is not None:
         text = "The calibration without the causes takes up part of them; these values are those of the machine."
-        blocks += [together, Text(text, "note"), Text("Calibrated alone:")]
+        blocks += [together, Text(text, "note")]
+    blocks.append(identified(results))
     results.calibrated.show(recorder)
     blocks += [b for b in recorder.blocks if not (isinstance(b, Table) and b.title == _ERROR)]
     return section("parameters", "Identified parameters", blocks)

@@ -90,7 +90,7 @@ def run_report(request: ReportRequest) -> int:
         verified, read = _verified(request, setting, improved_here, text, tolerance)
         inputs |= read
     results = Results(
-        machine=setting.loaded.machine,
+        loaded=setting.loaded,
         measured=setting.measured,
         calibrated=report,
         improved=improved,

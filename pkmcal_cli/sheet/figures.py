@@ -1,0 +1,86 @@
+"""The pictures of a sheet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.pictures.diagnosis_pictures import driver_part, effect_panels, panel_in_words, waterfall_part
+from pkmcal_cli.pictures.error_map import error_map, places_of
+from pkmcal_cli.pictures.machine_picture import machine_picture
+from pkmcal_cli.pictures.machine_shape import machine_shape
+from pkmcal_cli.pictures.parameter_picture import parameter_picture
+from pkmcal_cli.pictures.parts import composed
+from pkmcal_cli.pictures.titles import Titles, titles
+from pkmcal_cli.sheet.content import Figure, Section, section
+from pkmcal_cli.sheet.results import Results
+
+_TRIED = 5  # rows that might be drawn, if one cannot be solved
+
+
+def _titles(results: Results, what: str) -> Titles:
+    return titles(results.machine.files[0][0], what, results.measured.files)
+
+
+def drawing(results: Results) -> Section | None:
+    """The machine in the row in the middle, as the control believes it to be and as it was identified."""
+    problem, fit = results.calibrated.problem, results.calibrated.fit
+    readings = np.nan_to_num(problem.rows.readings)
+    spread = np.maximum(np.ptp(readings, axis=0), 1e-12)
+    order = np.argsort((((readings - np.median(readings, axis=0)) / spread) ** 2).sum(axis=1), kind="stable")
+    loaded = results.loaded.for_sessions(problem.rows.session_names)
+    for row in order[:_TRIED]:
+        shape = machine_shape(loaded, fit.values, problem.rows, int(row))
+        if not isinstance(shape, str):
+            place = results.measured.place(int(row))
+            picture = machine_picture(shape, _titles(results, f"identified, {place}"))
+            caption = f"The machine at {place}: grey as the control believes, black as identified, exaggerated."
+            return section("machine", "The machine", [Figure(picture, caption)])
+    return None
+
+
+def maps(results: Results) -> Figure | None:
+    """Errors of positions as arrows: before and after calibration, then with the causes; None without positions."""
+    report, improved = results.calibrated, results.improved
+    problem, calibrated = report.problem.without(report.slipped), ("calibrated", report.fit.after.residual)
+    before = [] if report.started else [("as built", report.fit.before.residual)]
+    rows = [places_of(problem, [*before, calibrated])]
+    if improved is not None and improved.improvement.accepted:
+        with_causes = ("with causes", improved.improvement.fit.after.residual)
+        rows.append(places_of(improved.improvement.problem, [calibrated, with_causes]))
+    places = [p for row in rows for p in row]
+    if not places:
+        return None
+    picture = error_map(places, _titles(results, "errors of positions"), results.machine.file_units.length)
+    return Figure(picture, "Measured minus predicted, on the fitted rows; each row of panels has one scale.")
+
+
+def effects(results: Results) -> list[Figure]:
+    """Every cause over what drives it."""
+    if results.diagnosis is None:
+        return []
+    figures = []
+    for panel in effect_panels(results.diagnosis.diagnosis):
+        name = panel.finding.hypothesis.name
+        words = panel_in_words(panel)
+        picture = composed(f"effect-{name}", _titles(results, name), words, [driver_part(panel)])
+        figures.append(Figure(picture, f"{words} Band: 95 %."))
+    return figures
+
+
+def steps(results: Results) -> Figure | None:
+    """From the raw residual to noise, step by step."""
+    if results.diagnosis is None:
+        return None
+    what = "what is left of the residual, step by step"
+    part = waterfall_part(results.diagnosis.diagnosis)
+    picture = composed("steps", _titles(results, what), f"{what[0].upper()}{what[1:]}.", [part])
+    return Figure(picture, "Rms of the residual in standard uncertainties of the readings; 1 is noise.")
+
+
+def identified(results: Results) -> Figure | None:
+    """Identified parameters as shares of their ranges."""
+    rows = [r for r in results.calibrated.rows if r.name in results.calibrated.fit.selected]
+    if not rows:
+        return None
+    picture = parameter_picture(rows, _titles(results, "identified parameters, calibrated alone"))
+    return Figure(picture, "Offsets from nominal as shares of the ranges (grey band), with 95 % intervals.")
