@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from pkmcal_cli.pictures.picture import Picture
 
 _TEMPLATE = "page.html.jinja"
-_ID = re.compile(r'(\bid="|href="#|url\(#)')
+_REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
+_ID = re.compile(r' id="([^"]+)"')
 
 
 def html(sheet: Sheet) -> str:
@@ -37,7 +38,9 @@ def _inline(picture: Picture, prefix: str) -> str:
     from markupsafe import escape
 
     text = picture.svg()
-    text = _ID.sub(lambda m: m.group(1) + prefix, text)  # names of several pictures would meet
+    used = {m.group(2) for m in _REFERENCE.finditer(text)}  # names of several pictures would meet
+    text = _ID.sub(lambda m: f' id="{prefix}{m.group(1)}"' if m.group(1) in used else "", text)
+    text = _REFERENCE.sub(lambda m: f"{m.group(1)}{prefix}{m.group(2)}", text)
     head, rest = text.split(">", 1)
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     label = escape(picture.alt)
