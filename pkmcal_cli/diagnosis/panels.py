@@ -26,6 +26,7 @@ from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _MOST_ALIKE = 12
 _CLEAR = 0.1  # of the largest rise of temperature: rows with less say nothing per kelvin
+_EVEN = 1e-3  # of its size: a constant
 _JUMPS = 0.15  # of its size that a curve goes from one row to the next, on average; what jumps more is none
 
 
@@ -154,8 +155,8 @@ def _by_temperature(
 def _is_function(x: Array, y: Array) -> bool:
     """Whether y (N,) goes up and down over x as a curve does, not from row to row."""
     order = np.argsort(x, kind="stable")
-    travelled, size = float(np.abs(np.diff(y[order])).sum()), float(np.ptp(y)) if len(y) else 0.0
-    return travelled <= max(_JUMPS * len(y), 3.0) * size
+    travelled, size = float(np.abs(np.diff(y[order])).sum()), float(np.ptp(y))
+    return size <= _EVEN * float(np.abs(y).max()) or travelled <= max(_JUMPS * len(y), 3.0) * size
 
 
 def _largest(finding: Finding) -> Hypothesis:
@@ -189,16 +190,36 @@ def _driver(problem: Problem, placed: PlacedEffect) -> tuple[str, str, Array, Ar
     return "row", "1", np.arange(1.0, len(problem) + 1), None
 
 
-def alike(diagnosis: Diagnosis) -> tuple[tuple[str, ...], Array]:
-    """Names (H,) of accepted effects and their nearest rivals, and cosines (H, H) of the angles between them."""
+@dataclass(frozen=True)
+class Likeness:
+    """An effect found, the other one that is most similar to it, and the cosine of the angle between them."""
+
+    name: str
+    rival: str
+    cosine: float
+
+
+def nearest_rivals(diagnosis: Diagnosis) -> list[Likeness]:
+    """Of each accepted effect the one most similar to it; the same effect at more or fewer places is no other."""
     search = diagnosis.search
     scored = score_without(search, search.accepted, search.candidates.hypotheses)
     names = [h.name for h in scored.hypotheses]
     accepted = [names.index(h.name) for h in search.accepted]
     order = [k for k in np.argsort(-scored.log_bayes) if scored.scores[k].count and k not in accepted]
     chosen = [*accepted, *(int(k) for k in order)][:_MOST_ALIKE]
-    cosines = cosines_between(scored.linear, [scored.hypotheses[k] for k in chosen], [scored.scores[k] for k in chosen])
-    return tuple(names[k] for k in chosen), cosines
+    hypotheses = [scored.hypotheses[k] for k in chosen]
+    cosines = cosines_between(scored.linear, hypotheses, [scored.scores[k] for k in chosen])
+    out = []
+    for k in range(len(accepted)):
+        others = [j for j, h in enumerate(hypotheses) if j != k and not _nested(h, hypotheses[k])]
+        if others:
+            nearest = max(others, key=lambda j: float(cosines[k, j]))
+            out.append(Likeness(hypotheses[k].name, hypotheses[nearest].name, float(cosines[k, nearest])))
+    return out
+
+
+def _nested(one: Hypothesis, other: Hypothesis) -> bool:
+    return one.nested(other) or one.akin(other)
 
 
 def waterfall(diagnosis: Diagnosis) -> list[Share]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pkmcal_cli.base.outputs import check_target, make_folder
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.panels import DriverPanel, alike, driver_panel, waterfall
+from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals, waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, number, plain_log, size_text
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 _ROUND = 0.02  # spread of the radius below which poses lie on a circle
 _APART = 0.95  # cosine above which effects are not told apart
-_RIVALS = 3  # of each effect
 _CALIBRATED, _WITH = "calibrated", "with effects found"
 
 
@@ -48,9 +47,12 @@ def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, length: Unit) -> It
     for panel in effect_panels(diagnosis):
         name = panel.finding.hypothesis.name
         yield composed(f"effect-{name}", titles, panel_in_words(panel), [driver_part(panel)])
-    yield composed("variance", titles, "What is left of the residual, step by step.", [waterfall_part(diagnosis)])
+    steps = ", ".join(f"{s.name} {s.rms:.3g}" for s in waterfall(diagnosis))
+    alt = f"Rms of the residual in standard uncertainties of the readings, step by step: {steps}."
+    yield composed("variance", titles, alt, [waterfall_part(diagnosis)])
     if diagnosis.findings:
-        alt = "Effects found, and the effects most similar to each."
+        near = (f"{n.name} and {n.rival} {n.cosine:.2f}" for n in nearest_rivals(diagnosis))
+        alt = f"Effects found, and the one most similar to each, by the cosine between them: {', '.join(near)}."
         yield composed("ambiguity", titles, alt, [rivals_part(diagnosis)])
 
 
@@ -188,55 +190,41 @@ def waterfall_part(diagnosis: Diagnosis) -> Part:
         ax.set_xlim(0.7 * min(1.0, sizes.min()), 1.6 * max(1.0, sizes.max()))
         plain_log(ax)
         ax.axvline(1.0, color=NOISE, lw=1.2, ls="--")
-        ax.text(1.0, -0.45, " noise", va="center", fontsize=8, color="0.35")
         for k, size in enumerate(sizes):
             fitted = k >= min(2, len(sizes) - 1)
             ax.plot([1.0, size], [k, k], color="0.85", lw=1, zorder=1)
             colour, marker = (AFTER, "s") if fitted else (BEFORE, "o")
             ax.plot(size, k, marker=marker, ms=7, color=colour, ls="none", gid=f"step-{k}")
             ax.annotate(number(float(f"{size:.3g}")), (size, k), xytext=(7, 0), textcoords="offset points", va="center",
-                        fontsize=8)  # fmt: skip
+                        fontsize=8, bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
         ax.set_yticks(range(len(names)), names)
         ax.grid(axis="y", visible=False)
-        ax.set_xlabel("rms of the residual, in standard uncertainties of the readings (logarithmic)")
+        ax.set_xlabel("rms of the residual, in standard uncertainties of the readings; dashed: noise (logarithmic)")
 
     return Part(0.75 + 0.3 * len(names), draw)
 
 
 # --- rivals ----------------------------------------------------------------------------------
 def rivals_part(diagnosis: Diagnosis) -> Part:
-    """One line for each effect found: how like it the effects most similar to it are."""
-    names, cosines = alike(diagnosis)
-    found = len(diagnosis.search.accepted)
-    shown = [(names[k], _nearest(names, cosines[k], k)) for k in range(found)]
-    lines = sum(len(near) for _, near in shown)
+    """One line for each effect found: the effect most similar to it, and how similar that is."""
+    found = nearest_rivals(diagnosis)
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()
         ax.set_xlim(0, 1.02)
-        ax.set_ylim(lines - 0.4, -0.6)
+        ax.set_ylim(len(found) - 0.4, -0.6)
         ax.axvspan(_APART, 1.02, color="0.9", lw=0)
-        ax.text(_APART, -0.5, "not told apart", fontsize=8, va="bottom", ha="center", color="0.35")
-        ticks, row = [], 0
-        for name, near in shown:
-            for k, (rival, cosine) in enumerate(near):
-                close = cosine > _APART
-                ax.plot([0, cosine], [row, row], color="0.85", lw=1, zorder=1)
-                ax.plot(cosine, row, marker="o" if close else "s", ms=6, color=BEFORE if close else AFTER, ls="none")
-                ax.annotate(f"{cosine:.2f}", (cosine, row), xytext=(-7, 0), textcoords="offset points", va="center",
-                            ha="right", fontsize=7, bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
-                ticks.append(f"{plain(name)} / {plain(rival)}" if k == 0 else f"/ {plain(rival)}")
-                row += 1
-        ax.set_yticks(range(lines), ticks, fontsize=8)
+        for row, near in enumerate(found):
+            close = near.cosine > _APART
+            colour, marker = (BEFORE, "o") if close else (AFTER, "s")
+            ax.plot([0, near.cosine], [row, row], color="0.85", lw=1, zorder=1)
+            ax.plot(near.cosine, row, marker=marker, ms=6, color=colour, ls="none", gid=f"rival-{row}")
+            left = near.cosine > 0.5
+            ax.annotate(f"{plain(near.rival)}  {near.cosine:.2f}", (near.cosine, row), xytext=(-8 if left else 8, 0),
+                        textcoords="offset points", va="center", ha="right" if left else "left", fontsize=8,
+                        bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
+        ax.set_yticks(range(len(found)), [plain(near.name) for near in found])
         ax.grid(axis="y", visible=False)
-        ax.set_xlabel("cosine between an effect found and those most similar to it (1: the same)")
+        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not told apart)")
 
-    return Part(0.9 + 0.24 * lines, draw)
-
-
-def _nearest(names: tuple[str, ...], cosines: Array, own: int) -> list[tuple[str, float]]:
-    """The effects most similar to one, with their cosines."""
-    order = [int(k) for k in np.argsort(-cosines, kind="stable") if k != own][:_RIVALS]
-    return [(names[k], float(cosines[k])) for k in order]
-
-
+    return Part(0.75 + 0.3 * max(len(found), 1), draw)

@@ -108,7 +108,7 @@ def map_part(places: Places, length: Unit) -> Part:
             ax = figure.add_axes((left / WIDTH, _BOTTOM / total, width / WIDTH, height / total))
             shown = thinned(len(places.at), _SHOWN)
             at, moved = places.at[shown] / length.scale, factor * panel.magnified * panel.errors[shown] / length.scale
-            ax.plot(*at.T, ls="none", marker="o", ms=1.8, color=NOISE, zorder=2)
+            ax.plot(*at.T, ls="none", marker="o", ms=1.6, mec="none", color=NOISE, zorder=2)
             ax.quiver(*at.T, *moved.T, angles="xy", scale_units="xy", scale=1, units="inches", width=0.016,
                       color=panel.colour, zorder=3)  # fmt: skip
             ax.set_xlim(*limits[:, 0] / length.scale)
@@ -171,13 +171,12 @@ def _key(ax: Axes, panel: _Panel, places: Places, inches: float, width: float, s
     size = rounded(0.45 / inches)
     ax.quiver([0.05], [0.22], [size * inches], [0.0], angles="xy", scale_units="xy", scale=1, units="inches",
               width=0.016, color=FITTED, gid="scale")  # fmt: skip
-    ax.text(0.6, 0.22, size_text(size), va="center", size=8)
+    ax.text(0.52, 0.22, size_text(size), va="center", size=8)
     radius = 2 * places.sigma * inches
     if not np.isfinite(radius):
         return
-    label = f"noise (2 sigma): {size_text(2 * places.sigma)}"
-    if 0.01 <= radius <= _CIRCLE:
-        ax.add_patch(Circle((1.5, 0.22), radius, fill=False, color=NOISE, lw=1.2, gid="noise"))
-        ax.text(1.55 + _CIRCLE, 0.22, label, va="center", size=8, color="0.35")
-    else:
-        ax.text(1.3, 0.22, label, va="center", size=8, color="0.35")
+    fits = 0.01 <= radius <= _CIRCLE
+    if fits:
+        ax.add_patch(Circle((1.32, 0.22), radius, fill=False, color=NOISE, lw=1.2, gid="noise"))
+    label = f"2 sigma: {size_text(2 * places.sigma)}"
+    ax.text(1.36 + radius if fits else 1.25, 0.22, label, va="center", size=8, color="0.35")
