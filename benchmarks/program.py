@@ -10,7 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
+from pkmcal_cli.workflow.calibrate import run_calibration
+from pkmcal_cli.workflow.calibration import CalibrationRequest
 
 from .predictions import MACHINES
 from .timing import Effort, Line, children_time, side_by_side

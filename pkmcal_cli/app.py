@@ -73,15 +73,14 @@ def run(arguments: list[str]) -> int:
 
 def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
-    from pkmcal_cli.base.errors import BadInput, OutputError, PkmcalError
+    from pkmcal_cli.base.errors import OutputError, PkmcalError, numbers_fail
 
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
     if isinstance(error.__cause__, BrokenPipeError):
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
-        hint = "check the units of stiffnesses, lengths and readings"
-        error = BadInput.single("the computation fails with these numbers", None, hint, "numbers")
+        error = numbers_fail()
     if isinstance(error, PkmcalError):
         if os.environ.get("PKMCAL_DEBUG"):
             _tell("".join(traceback.format_exception(error)))

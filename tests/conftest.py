@@ -14,6 +14,9 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+from tests.checkout_package import use_checkout  # noqa: E402
+
+use_checkout()
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 

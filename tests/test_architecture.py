@@ -21,7 +21,7 @@ ROOMS = (
     "base", "units", "expressions", "yaml_source", "csv_files", "effects", "elements", "sensors", "language",
     "mechanism", "equilibrium", "model", "compiler", "prediction", "tables", "loading", "correction",
     "calibration", "gross_errors",
-    "diagnosis", "report", "pictures", "sheet", "workflow", "commands", "app", "__main__",
+    "diagnosis", "report", "pictures", "sheet", "workflow", "api", "commands", "app", "__main__",
 )  # fmt: skip
 """From the innermost outwards; a folder, or loose module, imports itself and those before it, also for types only."""
 
@@ -94,7 +94,7 @@ def arrows() -> set[tuple[str, str]]:
 
 def test_rooms_do_not_grow_together() -> None:
     """Whoever draws a new arrow changes this number, and thinks about it."""
-    assert (len(ROOMS), len(arrows())) == (26, 133)
+    assert (len(ROOMS), len(arrows())) == (27, 133)
 
 
 @pytest.mark.parametrize("file", MODULES, ids=name_of)

@@ -108,6 +108,10 @@ class PkmcalError(Exception):
         return self.text()
 
 
+class PkmcalWarning(UserWarning):
+    """A result that cannot be used, told to who calls from Python."""
+
+
 class UsageError(PkmcalError):
     """The command line is wrong (exit code 2)."""
 
@@ -147,6 +151,12 @@ class BadInput(PkmcalError):
         if self.total > len(self.faults):
             parts.append(f"... and {self.total - len(self.faults)} more faults")
         return "\n\n".join(parts)
+
+
+def numbers_fail() -> BadInput:
+    """The error of equations that cannot be solved with the numbers that the files hold."""
+    hint = "check the units of stiffnesses, lengths and readings"
+    return BadInput.single("the computation fails with these numbers", None, hint, "numbers")
 
 
 class OutputError(PkmcalError):

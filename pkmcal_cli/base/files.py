@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import shutil
 import stat
@@ -14,10 +15,24 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pkmcal_cli.base.errors import BadInput, Location, did_you_mean
+from pkmcal_cli.base.shipped import shipped_hint
 
 STREAM = "-"
 _STDIN = "<stdin>"
 _BLOCK = 1 << 20
+
+
+class AtHand(str):
+    """The name of an input that is no file: its content is at hand."""
+
+    content: bytes
+
+    @classmethod
+    def of(cls, name: str, content: str) -> AtHand:
+        """A text under a name for messages."""
+        made = cls(name)
+        made.content = content.encode()
+        return made
 
 
 def is_stream(name: Path | str) -> bool:
@@ -41,6 +56,9 @@ def open_input(source: Path | str) -> Iterator[BinaryIO]:
 
     Raises BadInput where it cannot be read.
     """
+    if isinstance(source, AtHand):
+        yield io.BytesIO(source.content)
+        return
     with contextlib.ExitStack() as stack:
         try:
             file: BinaryIO = sys.stdin.buffer if is_stream(source) else stack.enter_context(open(source, "rb"))
@@ -60,7 +78,7 @@ def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:
         path = Path(source)
         with contextlib.suppress(OSError):
             near = did_you_mean(path.name, (p.name for p in path.parent.iterdir()), otherwise="")
-            hint = near or None
+            hint = near or shipped_hint(str(source))
         return BadInput.single("the file does not exist", Location(str(source), 1), hint, "file")
     if isinstance(error, IsADirectoryError):
         hint = "give a file in this folder"
@@ -87,8 +105,10 @@ def sha256(source: Path | BinaryIO) -> str:
 def identity(name: Path | str) -> tuple[int, int] | None:
     """What tells a file from all others, however it is called: through links, spelt otherwise, as stdin.
 
-    None of what is not there, and of pipes and devices.
+    None of what is not there, of pipes and devices, and of what is no file.
     """
+    if isinstance(name, AtHand):
+        return None
     try:
         status = os.fstat(sys.stdin.fileno()) if str(name) in (STREAM, _STDIN) else os.stat(name)
     except (OSError, ValueError):

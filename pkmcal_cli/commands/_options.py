@@ -17,7 +17,19 @@ def as_request(kind: type[Record], options: Mapping[str, Any], **rest: Any) -> R
     return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}, **rest)
 
 
-MachineFile = Annotated[str, typer.Argument(metavar="MACHINE.yaml", help="Machine file; - is stdin.")]
+def _machine(text: str) -> str:
+    """The file of a shipped machine that is called by its name; other texts are files."""
+    from pkmcal_cli.base.shipped import machine_file
+
+    return machine_file(text)
+
+
+MachineFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="MACHINE.yaml", help="Machine file, or the name of a shipped one; - is stdin.", callback=_machine
+    ),
+]
 PosesFile = Annotated[
     str | None, typer.Argument(metavar="POSES.csv", help="Actuator positions or TCP coordinates; - is stdin.")
 ]

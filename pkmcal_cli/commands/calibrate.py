@@ -63,7 +63,8 @@ def calibrate(
     """
     options = locals()
     from pkmcal_cli.calibration.complete_fit import FitOptions
-    from pkmcal_cli.workflow.calibrate import CalibrationRequest, run_calibration
+    from pkmcal_cli.workflow.calibrate import run_calibration
+    from pkmcal_cli.workflow.calibration import CalibrationRequest
 
     fit_options = as_request(FitOptions, options)
     raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, fit_options=fit_options)))

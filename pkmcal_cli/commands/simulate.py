@@ -46,6 +46,7 @@ def simulate(
     Example: pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
     """
     options = locals()
-    from pkmcal_cli.workflow.simulate import SimulationRequest, run_simulation
+    from pkmcal_cli.workflow.simulate import run_simulation
+    from pkmcal_cli.workflow.simulation import SimulationRequest
 
     raise typer.Exit(run_simulation(as_request(SimulationRequest, options)))

@@ -58,7 +58,11 @@ def load_machine(path: str, receptive: bool = False) -> LoadedMachine:
 
     `receptive`: effects that it does not declare can enter too.
     """
-    machine = read_machine(path)
+    return loaded_machine(read_machine(path), receptive)
+
+
+def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:
+    """Compile and check a machine that was read. Raises BadInput with all faults of the stage that fails."""
     _raise_errors(structure_faults(machine))
     try:
         compiled = compile_machine(machine, receptive)

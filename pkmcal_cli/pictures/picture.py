@@ -43,6 +43,11 @@ class Picture:
     size: tuple[float, float]
     draw: Callable[[Figure], None]
 
+    def figure(self) -> Figure:
+        """The picture as a matplotlib figure, for a notebook."""
+        with _drawn(self) as figure:
+            return figure
+
     def svg(self) -> str:
         """The picture as an `svg` element, without the head of a file."""
         text = io.StringIO()

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pkmcal_cli.base.errors import BadInput, Fault, Location
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.poses import Place
-from pkmcal_cli.report.console import Reporter
 
 _SHOWN = 20  # rows told one by one
 _LISTED = 1000  # rows in the JSON
@@ -25,7 +25,7 @@ class FailedRows:
     place: Callable[[int], Place]
     total: int
 
-    def show(self, to: Reporter) -> None:
+    def show(self, to: Listener) -> None:
         """A warning for each of the first ones, and how many there are."""
         rows = sorted(self.reasons)
         for row in rows[:_SHOWN]:
@@ -50,7 +50,7 @@ class SkippedPoints(FailedRows):
 
     noun: str = GRID_POINT
 
-    def show(self, to: Reporter) -> None:
+    def show(self, to: Listener) -> None:
         """How many there are, by reason. Raises BadInput where none is left."""
         for line in skipped(Counter(self.reasons.values()), self.total, self.noun):
             to.warn(line)

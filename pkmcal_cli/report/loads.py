@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
@@ -17,7 +18,6 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
-from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
@@ -166,7 +166,7 @@ class Loads:
         names = ", ".join(f"{name} {n}" for name, n in self.slack.most_common())
         return [f"slack ropes, which carry nothing, in {self.slack_rows} of {count(self.total, 'row')}: {names}"]
 
-    def show(self, to: Reporter) -> None:
+    def show(self, to: Listener) -> None:
         """Warnings, then notes."""
         for text in self.warnings:
             to.warn(text)

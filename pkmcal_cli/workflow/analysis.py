@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.mean_sensitivity import sensitivity
-from pkmcal_cli.calibration.observability_indices import observability
-from pkmcal_cli.calibration.problem import design_problem
+from pkmcal_cli.calibration.observability_indices import Observability, observability
+from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
+from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
@@ -31,6 +34,7 @@ from pkmcal_cli.report.analysis_report import (
     show_sensitivity,
 )
 from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
@@ -46,24 +50,24 @@ class AnalysisRequest:
     """The arguments of `sensitivity` and `observability`."""
 
     machine: str
-    poses: str | None
-    grid: str | None
-    parameters: str | None
-    select: str | None  # None: every parameter
-    offset: tuple[str, ...] | None
-    as_json: bool
-    quiet: bool
+    poses: str | None = None
+    grid: str | None = None
+    parameters: str | None = None
+    select: str | None = None  # every parameter
+    offset: tuple[str, ...] | None = None
+    as_json: bool = False
+    quiet: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityRequest(AnalysisRequest):
     """The arguments of `sensitivity`; channel: a coordinate of the tool point."""
 
-    size: tuple[str, ...] | None
-    channel: str | None
-    method: str
-    output: str | None
-    force: bool
+    size: tuple[str, ...] | None = None
+    channel: str | None = None
+    method: str = "exact"
+    output: str | None = None
+    force: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ class _Setting:
     values: Array
     selected: tuple[str, ...]
     set: PoseSet
-    to: Reporter
+    to: Listener
     inputs: Mapping[str, str]
 
     def predicted(self, prediction: Prediction, poses: PoseSet) -> PoseSet:
@@ -89,10 +93,9 @@ class _Setting:
         Loads.of(self.loaded.model, self.values, poses.poses.rows, poses.poses.place).show(self.to)
 
 
-def _prepare(request: AnalysisRequest) -> _Setting:
+def _prepare(request: AnalysisRequest, to: Listener, machine: LoadedMachine | None = None) -> _Setting:
     one_stdin(request.machine, request.poses, request.parameters)
-    to = Reporter(request.quiet)
-    loaded = load_machine(request.machine)
+    loaded = load_machine(request.machine) if machine is None else machine
     for fault in loaded.warnings:
         to.warn(fault)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
@@ -141,7 +144,8 @@ def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Arra
 def run_sensitivity(request: SensitivityRequest) -> int:
     """Show and emit sensitivities, write shifts by position; returns the exit code. Raises PkmcalError."""
     _check_sensitivity(request)
-    s = _prepare(request)
+    to = Reporter(request.quiet)
+    s = _prepare(request, to)
     tool = required_tool_point(s.loaded)
     model, units = s.loaded.model, s.loaded.machine.file_units
     channel = None if request.channel is None else _coordinate(model, request.channel)
@@ -151,9 +155,9 @@ def run_sensitivity(request: SensitivityRequest) -> int:
     s.to.notes([tool.text] if s.set.tool is None else [])
     word = "size" if request.size else "range"
     if channel is None:
-        show_sensitivity(s.to, model, units, result, word)
+        show_sensitivity(to, model, units, result, word)
     else:
-        show_along(s.to, model, units, result, word, channel)
+        show_along(to, model, units, result, word, channel)
     s.show_loads(s.set)
     if request.output is not None and channel is not None:
         write_shifts(request.output, s.loaded, s.inputs, result, s.set, channel, force=request.force)
@@ -182,9 +186,27 @@ def _coordinate(model: Model, name: str) -> str:
     return name
 
 
-def run_observability(request: AnalysisRequest) -> int:
-    """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
-    s = _prepare(request)
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """What a plan determines, at the rows of `problem`; missed: parameters that were named, but are undetermined."""
+
+    result: Observability
+    problem: Problem
+    loads: Loads
+    failed: FailedRows
+    tool: ToolPoint | None
+    missed: tuple[str, ...]
+    unstrained: bool  # a redundant machine at nominal parameters
+
+    def json(self) -> dict[str, Any]:
+        """The result for programs."""
+        head = {"tool_point": self.tool and self.tool.name, **self.failed.json()}
+        return head | observability_json(self.problem.model, self.result, len(self.problem))
+
+
+def observed(request: AnalysisRequest, to: Listener, machine: LoadedMachine | None = None) -> Observed:
+    """What a plan determines. Raises PkmcalError."""
+    s = _prepare(request, to, machine)
     model = s.loaded.model
     poses = touching_poses(s.to, s.loaded, s.values, s.set)
     used = poses.poses
@@ -195,17 +217,31 @@ def run_observability(request: AnalysisRequest) -> int:
     if not prediction.solved.all():
         problem = problem.take(np.nonzero(prediction.solved)[0])
     result = observability(problem, s.values, s.selected)
-    show_observability(s.to, model, result, len(problem))
-    if request.parameters is None and s.loaded.compiled.mobility.redundancy > 0 and result.undetermined:
-        s.to.say(UNSTRAINED)
-    s.show_loads(poses)
-    if request.as_json:
-        head = {"tool_point": predicted.tool and predicted.tool.name, **predicted.failed.json()}
-        emit_json(head | observability_json(model, result, len(problem)))
     lost = {n for n, gone in zip(result.selected, result.directions.undetermined(), strict=True) if gone}
-    missed = [n for n in s.selected if n in lost & named(model, request.select or "")]
-    if missed:
-        s.to.fail(f"named in --select but undetermined: {', '.join(missed)}")
+    return Observed(
+        result=result,
+        problem=problem,
+        loads=Loads.of(model, s.values, poses.poses.rows, poses.poses.place),
+        failed=predicted.failed,
+        tool=predicted.tool,
+        missed=tuple(n for n in s.selected if n in lost & named(model, request.select or "")),
+        unstrained=request.parameters is None and s.loaded.compiled.mobility.redundancy > 0,
+    )
+
+
+def run_observability(request: AnalysisRequest) -> int:
+    """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
+    to = Reporter(request.quiet)
+    found = observed(request, to)
+    result = found.result
+    show_observability(to, found.problem.model, result, len(found.problem))
+    if found.unstrained and result.undetermined:
+        to.say(UNSTRAINED)
+    found.loads.show(to)
+    if request.as_json:
+        emit_json(found.json())
+    if found.missed:
+        to.fail(f"named in --select but undetermined: {', '.join(found.missed)}")
     elif not result.directions.rank:
-        s.to.fail("these positions determine none of the selected parameters")
-    return 1 if missed or not result.directions.rank else 0
+        to.fail("these positions determine none of the selected parameters")
+    return 1 if found.missed or not result.directions.rank else 0

@@ -5,13 +5,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, get_args
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_target
-from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment, assessed
 from pkmcal_cli.correction.commands import corrected, depends_on_sides
 from pkmcal_cli.correction.formats import format_named
@@ -19,9 +20,9 @@ from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.correction.uncertainty import KnownTo
-from pkmcal_cli.csv_files.writer import open_writer
+from pkmcal_cli.csv_files.writer import Values, open_writer
 from pkmcal_cli.loading.evidence import Evidence
-from pkmcal_cli.loading.load_machine import Start, load_machine, load_parameters
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -42,19 +43,19 @@ class CorrectionRequest:
     """The arguments of `correct`."""
 
     machine: str
-    targets: str | None
-    grid: str | None
-    parameters: str | None
-    at: str | None
-    redundant: str
-    as_format: str | None
-    dwell: float
-    feed: float
-    output: str | None
-    run: str | None
-    as_json: bool
-    quiet: bool
-    force: bool
+    targets: str | None = None
+    grid: str | None = None
+    parameters: str | None = None
+    at: str | None = None
+    redundant: str = "min-force"
+    as_format: str | None = None
+    dwell: float = 2.0
+    feed: float = 1000.0
+    output: str | None = None
+    run: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    force: bool = False
 
     @property
     def choice(self) -> Choice:
@@ -70,15 +71,70 @@ class CorrectionRequest:
 def run_correction(request: CorrectionRequest) -> int:
     """Correct and write; returns the exit code (1 when rows of a table have no set values). Raises PkmcalError."""
     _checked(request)
-    choice, export = request.choice, _export(request)
+    export = _export(request)
     check_run(request.run, request.machine, request.targets, request.parameters)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
-    for fault in loaded.warnings:
-        to.warn(fault)
     if export is not None:
         names = given(request.machine, request.targets, request.parameters)
         export.check([loaded.model.actuators[a].name for a in held_drives(loaded.model)], names)
+    made = correction(request, to, loaded)
+    report, result, targets, inputs = made.report, made.report.result, made.report.targets, made.inputs
+    report.show(to)
+    head = provenance(inputs, redundant=request.choice, at=request.at)
+    more: dict[str, Any] = {}
+    files: dict[str, str] = {}
+    if result is not None and len(result.correction.good) and export is not None:
+        written = exported(export, loaded, report.model, report.start, targets, result)
+        more = {"export": written.json(write_export(export, written, inputs, head, to))}
+    elif result is not None and len(result.correction.good):
+        files = _write(request, made, head)
+    answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
+    if request.as_json:
+        emit_json(answer | more)
+    keep_run(request.run, inputs, _run(request.machine, answer, files, made.code), to)
+    return made.code
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A correction of a machine."""
+
+    loaded: LoadedMachine
+    report: CorrectionReport
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of all that was read."""
+        return self.loaded.inputs | self.report.start.inputs | dict(self.report.targets.inputs)
+
+    @property
+    def code(self) -> int:
+        """1 where rows of a table have no set values."""
+        return 1 if self.report.lost.reasons and not self.report.targets.grid else 0
+
+    @property
+    def columns(self) -> list[tuple[str, str | None]]:
+        """Names and units of the table of commands."""
+        return self._table.columns
+
+    @property
+    def cells(self) -> list[Values]:
+        """Columns of the targets that have commands, SI; none where no target has."""
+        return [] if self.report.result is None else self._table.cells(self.report.ids, self.report.result)
+
+    @cached_property
+    def _table(self) -> CommandTable:
+        model, targets = self.report.model, self.report.targets
+        return CommandTable(self.loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
+
+
+def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine | None = None) -> Corrected:
+    """Corrected set values; `machine`: where it is loaded already. Raises PkmcalError."""
+    choice = request.choice
+    loaded = load_machine(request.machine) if machine is None else machine
+    for fault in loaded.warnings:
+        to.warn(fault)
     stated = conditions(loaded.machine, request.at)
     targets = read_targets(loaded, request.targets, request.grid, stated.values)
     model = loaded.model.for_sessions(targets.rows.session_names)
@@ -87,24 +143,9 @@ def run_correction(request: CorrectionRequest) -> int:
         to.warn(text)
     to.notes(targets.notes)
     result = _assessed(model, start, targets, stated, choice)
-    report = CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
-    report.show(to)
-    inputs = loaded.inputs | start.inputs | dict(targets.inputs)
-    head = provenance(inputs, redundant=choice, at=request.at)
-    more: dict[str, Any] = {}
-    files: dict[str, str] = {}
-    if result is not None and len(result.correction.good) and export is not None:
-        written = exported(export, loaded, model, start, targets, result)
-        more = {"export": written.json(write_export(export, written, inputs, head, to))}
-    elif result is not None and len(result.correction.good):
-        table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
-        files = _write(request, table, report, result, inputs, head)
-    answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
-    if request.as_json:
-        emit_json(answer | more)
-    code = 1 if report.lost.reasons and not targets.grid else 0
-    keep_run(request.run, inputs, _run(request.machine, answer, files, code), to)
-    return code
+    return Corrected(
+        loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
+    )
 
 
 def _assessed(model: Model, start: Start, targets: Targets, stated: Conditions, choice: Choice) -> Assessment | None:
@@ -116,20 +157,13 @@ def _assessed(model: Model, start: Start, targets: Targets, stated: Conditions, 
     return assessed(model, start.values, made, _known(model, start, stated, evidence), evidence.measured)
 
 
-def _write(
-    request: CorrectionRequest,
-    table: CommandTable,
-    report: CorrectionReport,
-    result: Assessment,
-    inputs: dict[str, str],
-    head: dict[str, Any],
-) -> dict[str, str]:
+def _write(request: CorrectionRequest, made: Corrected, head: dict[str, Any]) -> dict[str, str]:
     """The table of commands, and what of it a kept run has. Raises OutputError."""
-    comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], table.cells(report.ids, result)
+    comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], made.cells
     target = "-" if request.output is None else request.output
-    with open_writer(target, table.columns, inputs, comments=comments, force=request.force) as writer:
+    with open_writer(target, made.columns, made.inputs, comments=comments, force=request.force) as writer:
         writer.write(cells)
-    return {} if request.run is None else {_COMMANDS: _text_of(table.columns, cells, comments)}
+    return {} if request.run is None else {_COMMANDS: _text_of(made.columns, cells, comments)}
 
 
 def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int) -> Run:
@@ -139,7 +173,7 @@ def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int)
 
 
 def _text_of(
-    columns: Sequence[tuple[str, str | None]], cells: Sequence[Array | Sequence[str]], comments: Sequence[str]
+    columns: Sequence[tuple[str, str | None]], cells: Sequence[Values], comments: Sequence[str]
 ) -> str:
     """The table as a text."""
     with tempfile.TemporaryDirectory() as folder:

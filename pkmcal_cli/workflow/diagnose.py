@@ -8,8 +8,8 @@ from typing import Any
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_folder
-from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.loading.poses import place_of
@@ -53,13 +53,12 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     check_run(request.run, request.case.machine, *request.case.measurements, request.case.parameters)
     to = Reporter(request.quiet, request.style)
     case = prepare(request.case, to)
-    with to.stages() as observe:
-        diagnosis = diagnosed(case, request.alpha, request.seed, observe)
+    diagnosis = diagnosed(case, request.alpha, request.seed, to)
     report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
     report.show(to)
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
-    result = report.json() | case.record | {"provenance": _origin(case)}
+    result = diagnosis_json(case, report) | {"provenance": _origin(case)}
     if request.as_json:
         emit_json(result)
     failed = diagnosis.verdict in fails_on
@@ -104,9 +103,17 @@ def _titles(case: Case) -> Titles:
     return titles(case.loaded.model.name, "diagnosis", case.measured.files)
 
 
-def diagnosed(case: Case, alpha: float, seed: int, observe: Observer) -> Diagnosis:
-    """The diagnosis of a case. Raises BadInput for rows that cannot be predicted."""
+def diagnosis_json(case: Case, report: DiagnosisReport) -> dict[str, Any]:
+    """The result for programs, without its provenance."""
+    return report.json() | case.record
+
+
+def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
+    """The diagnosis of a case. Raises UsageError, and BadInput for rows that cannot be predicted."""
+    check_alpha(alpha)
+    candidates, problem, selected = case.candidates, case.problem, case.selected
     try:
-        return diagnose(case.candidates, case.problem, case.selected, alpha, seed, loss=case.loss, observe=observe)
+        with to.stages() as observe:
+            return diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None

@@ -9,6 +9,7 @@ from typing import Any
 
 from pkmcal_cli.base.errors import BadInput, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
@@ -18,7 +19,7 @@ from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, FEWEST_TO_SPLIT, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.gross_errors.hints import nothing_measured
-from pkmcal_cli.loading.load_machine import load_measurements
+from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.improvement import ImprovementReport
@@ -43,19 +44,19 @@ class ImproveRequest:
     """The arguments of `improve`."""
 
     case: CaseRequest
-    validation: str | None
-    output: str | None
-    only: str | None
-    alpha: float
-    seed: int
-    accept: bool
-    fail_above: tuple[str, ...] | None
-    fail_on: str | None
-    run: str | None
-    as_json: bool
-    quiet: bool
-    style: str
-    force: bool
+    validation: str | None = None
+    output: str | None = None
+    only: str | None = None
+    alpha: float = 0.005
+    seed: int = 0
+    accept: bool = False
+    fail_above: tuple[str, ...] | None = None
+    fail_on: str | None = None
+    run: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    style: str = "text"
+    force: bool = False
 
     @property
     def inputs(self) -> tuple[str | None, ...]:
@@ -71,28 +72,24 @@ def run_improvement(request: ImproveRequest) -> int:
     check_run(request.run, *request.inputs)
     targets, limits = _targets(request), gates(request.fail_above or ())
     to = Reporter(request.quiet, request.style)
-    fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
-    case = prepare(request.case, to, fewest)
+    case, apart = setting(request, to)
     check_gates(limits, case.candidates.model, measured_kinds(case.problem))
-    if request.only is not None:
-        case = replace(case, candidates=_named(case.candidates, request.only))
-    apart = None if request.validation is None else _apart(case, request.validation)
     inputs = case.inputs | ({} if apart is None else apart.inputs)
     for target in targets or ():
         check_target(target, inputs, force=request.force)
-    improvement = _improved(case, None if apart is None else _validation(case, apart), request, to)
-    report = ImprovementReport(case.loaded.machine, case.measured, improvement)
+    improved = improvement_of(case, apart, request, to)
+    report, odd = improved.report, improved.odd
+    improvement = report.improvement
     report.show(to)
     Loads.of_fit(improvement.problem, improvement.fit, partial(place_of, case.measured)).show(to)
-    odd = _implausible(improvement, case.hints)
     _tell(odd[len(case.hints) :], to)
     if odd and request.accept:
         to.say("accepted (`--accept`)")
     written: tuple[str | None, str | None] = (None, None)
     if targets is not None:
         written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
-    failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
-    result = report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)}
+    failures = improved.failures(request.accept)
+    result = improved.json(*written, accept=request.accept)
     code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
     if request.as_json:
         emit_json(result | gates_told)
@@ -104,6 +101,43 @@ def run_improvement(request: ImproveRequest) -> int:
         kept = improvement_run(request.case.machine, asked, inputs, report, head, result, code)
         keep_run(request.run, inputs, kept, to)
     return code
+
+
+@dataclass(frozen=True)
+class Improved:
+    """A run of the loop; odd: why it is not to be believed."""
+
+    case: Case
+    report: ImprovementReport
+    odd: tuple[str, ...]
+
+    def failures(self, accept: bool = False) -> tuple[str, ...]:
+        """What it did not achieve."""
+        return (*self.report.improvement.failures, *(["implausible"] if self.odd and not accept else []))
+
+    def json(self, machine: str | None, parameters: str | None, accept: bool = False) -> dict[str, Any]:
+        """The result for programs; machine, parameters: files that were written."""
+        told = {"implausible": list(self.odd), "failures": list(self.failures(accept))}
+        return self.report.json(machine, parameters) | self.case.record | told
+
+
+def setting(
+    request: ImproveRequest, to: Listener, machine: LoadedMachine | None = None
+) -> tuple[Case, Measurements | None]:
+    """What is searched, and rows of a file that only report. Raises PkmcalError."""
+    fewest = FEWEST_TO_SPLIT if request.validation is None and request.only is None else FEWEST_ROWS
+    case = prepare(request.case, to, fewest, machine)
+    if request.only is not None:
+        case = replace(case, candidates=_named(case.candidates, request.only))
+    return case, None if request.validation is None else _apart(case, request.validation)
+
+
+def improvement_of(case: Case, apart: Measurements | None, request: ImproveRequest, to: Listener) -> Improved:
+    """Run the loop. Raises PkmcalError."""
+    check_alpha(request.alpha)
+    improvement = _improved(case, None if apart is None else _validation(case, apart), request, to)
+    report = ImprovementReport(case.loaded.machine, case.measured, improvement)
+    return Improved(case, report, _implausible(improvement, case.hints))
 
 
 def _verdict(
@@ -132,7 +166,7 @@ def _result(case: Case, report: ImprovementReport) -> Result:
     )
 
 
-def _improved(case: Case, validation: Problem | None, request: ImproveRequest, to: Reporter) -> Improvement:
+def _improved(case: Case, validation: Problem | None, request: ImproveRequest, to: Listener) -> Improvement:
     """The loop's result. Raises BadInput for rows that cannot be predicted."""
     alpha, seed = request.alpha, request.seed
     try:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.language.tool_point import ToolPoint
@@ -17,7 +18,6 @@ from pkmcal_cli.loading.pose_channels import Channels
 from pkmcal_cli.loading.poses import Poses, PoseSource, failed_rows, reference_poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.loading.workspace_poses import workspace_poses
-from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import GRID_POINT, FailedRows, SkippedPoints
 
 _SPREAD = 50  # poses over the workspace
@@ -72,7 +72,7 @@ class PoseSet:
         return self.without(reasons)
 
 
-def pose_set(to: Reporter, loaded: LoadedMachine, path: str | None, grid: str | None) -> PoseSet:
+def pose_set(to: Listener, loaded: LoadedMachine, path: str | None, grid: str | None) -> PoseSet:
     """All poses of a table or grid. Raises BadInput with rows of a table that are out of reach."""
     source = PoseSource(loaded=loaded, path=path, grid=grid)
     poses = source.together()
@@ -87,7 +87,7 @@ def pose_set(to: Reporter, loaded: LoadedMachine, path: str | None, grid: str | 
     return found
 
 
-def default_poses(to: Reporter, loaded: LoadedMachine) -> PoseSet:
+def default_poses(to: Listener, loaded: LoadedMachine) -> PoseSet:
     """Poses where none are given: spread over the workspace, else the reference configuration alone."""
     model = loaded.model
     rest = [note] if (note := resting(model)) else []

@@ -9,10 +9,9 @@ from pathlib import Path
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.complete_fit import FitOptions
-from pkmcal_cli.calibration.identify import RowsFailed
-from pkmcal_cli.diagnosis.closed_loop import FEWEST_TO_SPLIT, improve
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -28,11 +27,12 @@ from pkmcal_cli.sheet.sheet_json import sheet_json
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
-from pkmcal_cli.workflow.calibrate import CalibrationRequest, Setting, calibration_of
+from pkmcal_cli.workflow.calibration import Calibrated, CalibrationRequest, calibration, parameter_text, setting
+from pkmcal_cli.workflow.improve import ImproveRequest, improvement_of
+from pkmcal_cli.workflow.improve import setting as improve_setting
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved
 from pkmcal_cli.workflow.run_folder import RECORD
-from pkmcal_cli.workflow.search_case import CaseRequest, prepare
-from pkmcal_cli.workflow.unsolved_rows import unsolved
+from pkmcal_cli.workflow.search_case import CaseRequest
 from pkmcal_cli.workflow.verify import tolerance_of, verify
 
 _MM_PER_MIN = 60e3  # of 1 m/s
@@ -79,19 +79,18 @@ def run_report(request: ReportRequest) -> int:
         parameters=request.parameters,
         fit_options=FitOptions(loss=request.loss, prior=request.prior, seed=request.seed),
     )
-    setting, report = calibration_of(calibrated, to)
-    inputs = dict(setting.inputs)
+    found = calibration(setting(calibrated), to)
+    report, inputs = found.report, dict(found.setting.inputs)
     head = provenance(inputs, seed=request.seed, status=report.status)
     improved, why = _improved(request, to)
     verified = None
     if request.after is not None:
         improved_here = improved if improved is not None and improved.improvement.confirmed else None
-        text = report.parameter_file(head)
-        verified, read = _verified(request, setting, improved_here, text, tolerance)
+        verified, read = _verified(request, found, improved_here, tolerance)
         inputs |= read
     results = Results(
-        loaded=setting.loaded,
-        measured=setting.measured,
+        loaded=found.setting.loaded,
+        measured=found.setting.measured,
         calibrated=report,
         improved=improved,
         not_searched=why,
@@ -150,50 +149,37 @@ def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
 
 def _improved(request: ReportRequest, to: Reporter) -> tuple[ImprovementReport | None, str]:
     """What the search for causes finds, or why there is none. Raises PkmcalError."""
+    asked = ImproveRequest(case=request.case, alpha=request.alpha, seed=request.seed)
     try:
-        case = prepare(request.case, Recorder(), FEWEST_TO_SPLIT)  # what it tells was told by the calibration
+        case, _ = improve_setting(asked, Record())  # what there is to say of the files, the calibration has said
     except BadInput as error:
         if all(fault.code == "measurements" for fault in error.faults):
             return None, error.faults[0].what
         raise
-    with to.stages() as observe:
-        try:
-            found = improve(
-                case.candidates,
-                case.problem,
-                case.selected,
-                None,
-                request.alpha,
-                request.seed,
-                loss=case.loss,
-                observe=observe,
-            )
-        except RowsFailed as failure:
-            raise unsolved(case.measured, failure.evaluation.prediction) from None
-    return ImprovementReport(case.loaded.machine, case.measured, found), ""
+    return improvement_of(case, None, asked, to).report, ""
 
 
 def _verified(
     request: ReportRequest,
-    setting: Setting,
+    calibrated: Calibrated,
     improved: ImprovementReport | None,
-    parameters: str,
     tolerance: tuple[float, Unit] | None,
 ) -> tuple[VerificationReport, dict[str, str]]:
     """The second table against what was identified, with the causes that were found; sha256 of what was read."""
     assert request.after is not None
     with tempfile.TemporaryDirectory() as folder:
         machine, file = request.machine, Path(folder) / "identified.params.yaml"
+        parameters, inputs = parameter_text(calibrated), calibrated.setting.inputs
         if improved is not None:
             machine = os.path.join(folder, "improved.yaml")
             Path(machine).write_text(improved.overlay(os.path.abspath(request.machine)), encoding="utf-8")
-            absolute = {os.path.abspath(name): digest for name, digest in setting.inputs.items()}
+            absolute = {os.path.abspath(name): digest for name, digest in inputs.items()}
             fingerprint = replace(fingerprint_of_improved(machine, absolute), of=request.machine)
-            parameters = improved.parameter_file(provenance(setting.inputs, status="converged"), fingerprint)
+            parameters = improved.parameter_file(provenance(inputs, status="converged"), fingerprint)
         file.write_text(parameters, encoding="utf-8")
         loaded = load_machine(machine)
         measured = load_measurements(loaded, [request.after])
-        if set(measured.sha256) & set(setting.measured.sha256):
+        if set(measured.sha256) & set(calibrated.setting.measured.sha256):
             hint = "give rows that were measured after correction"
             raise UsageError(f"--after: the rows of `{request.after}` are those that were calibrated", hint=hint)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), str(file))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.complete_fit import FitOptions, with_prior
 from pkmcal_cli.calibration.frame_start import at_frames
@@ -20,7 +21,6 @@ from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_
 from pkmcal_cli.loading.covariates import derived_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import place_of
-from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 
@@ -74,11 +74,13 @@ class Case:
         return {"loss": self.loss, "prior": "none" if self.problem.prior is None else "ranges"}
 
 
-def prepare(request: CaseRequest, to: Reporter, fewest: int = FEWEST_ROWS) -> Case:
+def prepare(
+    request: CaseRequest, to: Listener, fewest: int = FEWEST_ROWS, machine: LoadedMachine | None = None
+) -> Case:
     """Read the files and gather the hypotheses; the table needs some rows. Raises PkmcalError."""
     loss = request.checked_loss()
     one_stdin(request.machine, *request.measurements, request.parameters)
-    loaded = load_machine(request.machine, receptive=True)
+    loaded = load_machine(request.machine, receptive=True) if machine is None else machine
     selection(loaded.model, request.select)
     measured = load_measurements(loaded, request.measurements)
     model = loaded.model.for_sessions(measured.sessions)
@@ -106,7 +108,7 @@ def prepare(request: CaseRequest, to: Reporter, fewest: int = FEWEST_ROWS) -> Ca
     return replace(case, hints=_told(case, to))
 
 
-def _told(case: Case, to: Reporter) -> tuple[str, ...]:
+def _told(case: Case, to: Listener) -> tuple[str, ...]:
     """What is to be said of the files before all else; the hints at gross mistakes among it."""
     measured, problem = case.measured, case.problem
     to.notes(measured.notes)

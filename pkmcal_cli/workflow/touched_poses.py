@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_channels
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.touching import touching
-from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.pose_set import PoseSet
 
 
@@ -18,7 +18,7 @@ def readings_at_touch(model: Model, touched: Channels) -> Array:
     return np.where(touched, [c.known for c in model.channels], np.nan)
 
 
-def touching_poses(to: Reporter, loaded: LoadedMachine, values: Array, poses: PoseSet) -> PoseSet:
+def touching_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: PoseSet) -> PoseSet:
     """Poses at whose commands probes touch, at parameter values (P,); those of a grid that do not are lost, and it is
     told that they were moved. Raises BadInput for such rows of a table.
     """

@@ -18,7 +18,8 @@ from typing import Any
 import yaml
 
 from pkmcal_cli.base.errors import BadInput, FaultList, Location
-from pkmcal_cli.base.files import input_name, is_stream
+from pkmcal_cli.base.files import AtHand, input_name, is_stream
+from pkmcal_cli.base.shipped import shipped_hint
 from pkmcal_cli.yaml_source.tree import Scalar, SourceNode, size_of
 
 MAX_BYTES = 8 * 1024 * 1024
@@ -68,14 +69,17 @@ def read_source(file: str, kind: str = "a machine file", start: str = "space: pl
 
 def _read_bytes(file: str) -> bytes:
     try:
-        if is_stream(file):
+        if isinstance(file, AtHand):
+            data = file.content
+        elif is_stream(file):
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
         else:
             with open(file, "rb") as stream:
                 data = stream.read(MAX_BYTES + 1)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise _refused(file, "file", f"the file cannot be read: {reason}") from None
+        hint = shipped_hint(file) if isinstance(error, FileNotFoundError) else None
+        raise _refused(file, "file", f"the file cannot be read: {reason}", hint) from None
     except ValueError as error:
         raise _refused(file, "file", f"the file cannot be read: {error}") from None
     if len(data) > MAX_BYTES:

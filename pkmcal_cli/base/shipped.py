@@ -1,0 +1,57 @@
+"""The shipped machines, their tables and the schemas: in a checkout its folder `machines`, else the package's own."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from pkmcal_cli.base.errors import BadInput, Location, did_you_mean
+
+PACKAGE = "pkmcal_machines"
+_MARK = "machine.schema.json"  # tells the folder from others of its name
+_YAML = (".yaml", ".yml")
+
+
+def shipped_folder() -> Path:
+    """Where they are. Raises BadInput where the installation has none."""
+    beside = Path(__file__).resolve().parents[2] / "machines"
+    if (beside / _MARK).is_file():  # a checkout: its machines go with its code
+        return beside
+    try:
+        folder = Path(str(files(PACKAGE).joinpath(_MARK))).parent
+    except ModuleNotFoundError:
+        folder = beside
+    if not (folder / _MARK).is_file():
+        raise BadInput.single("the shipped machines are not installed", hint="install pkmcal again", code="file")
+    return folder
+
+
+def shipped_machines() -> tuple[str, ...]:
+    """Names of the shipped machines."""
+    found = (f for f in shipped_folder().glob("*.yaml") if not f.name.endswith(".provenance.yaml"))
+    return tuple(sorted(f.stem for f in found))
+
+
+def shipped_file(name: str) -> Path:
+    """A shipped file by its name, e.g. `triglide.csv`. Raises BadInput for a name of none."""
+    folder = shipped_folder()
+    names = [f.name for f in folder.iterdir() if f.is_file()]
+    if name not in names:
+        raise BadInput.single(f"no shipped file `{name}`", Location(name), did_you_mean(name, names), "file")
+    return folder / name
+
+
+def machine_file(text: str) -> str:
+    """The file of a shipped machine that is called by its name alone, `scissors`; any other text as it is."""
+    if Path(text).suffix in _YAML or Path(text).name != text or text == "-" or Path(text).exists():
+        return text
+    return str(shipped_file(f"{text}.yaml")) if text in shipped_machines() else text
+
+
+def shipped_hint(name: str) -> str | None:
+    """Where a file that is not there is shipped, as `machines/NAME` in the documentation."""
+    try:
+        file = shipped_folder() / Path(name).name
+    except BadInput:
+        return None
+    return f"pkmcal brings one of this name: `{file}`" if file.is_file() else None

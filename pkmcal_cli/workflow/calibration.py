@@ -1,0 +1,218 @@
+"""Calibration from files to what was found: one function for the command line and for Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError
+from pkmcal_cli.base.listener import Listener
+from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
+from pkmcal_cli.calibration.datum import Datum
+from pkmcal_cli.calibration.determinacy import determinacy
+from pkmcal_cli.calibration.frame_start import at_frames
+from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
+from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.prediction.unknown_shapes import outside_knots
+from pkmcal_cli.report.calibration import CalibrationReport
+from pkmcal_cli.report.limitations import outside_text
+from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.tables.measurement_set import Measurements
+from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
+from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
+from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
+from pkmcal_cli.workflow.prior_file import earlier_calibration
+from pkmcal_cli.workflow.unsolved_rows import unsolved
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationRequest:
+    """The arguments of `calibrate`."""
+
+    machine: str
+    measurements: tuple[str, ...]
+    output: str | None = None
+    select: str = "auto"
+    holdout: str | None = None
+    parameters: str | None = None
+    method: str = "exact"
+    fit_options: FitOptions = field(default_factory=FitOptions)
+    loosen: str | None = None
+    max_rms: str | None = None
+    accept: bool = False
+    fail_above: tuple[str, ...] | None = None
+    run: str | None = None
+    as_json: bool = False
+    quiet: bool = False
+    style: str = "text"
+    force: bool = False
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What a sheet of this calibration needs to know."""
+        options = self.fit_options
+        prior = options.prior if options.prior_file is None else "none"
+        asked = {"measurements": list(self.measurements), "parameters": self.parameters, "select": self.select}
+        return asked | {"loss": options.loss, "prior": prior, "seed": options.seed}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationSetting:
+    """What a fit starts from: the files, read; selected: names; apart: rows of a file that is held out."""
+
+    request: CalibrationRequest
+    loaded: LoadedMachine
+    measured: Measurements
+    problem: Problem
+    selected: tuple[str, ...]
+    start: Start
+    apart: Measurements | None
+    datum: Datum | None = None
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """sha256 by name of all that was read."""
+        apart = {} if self.apart is None else self.apart.inputs
+        return self.loaded.inputs | self.start.inputs | self.measured.inputs | apart
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration: what it started from, and what it found."""
+
+    setting: CalibrationSetting
+    report: CalibrationReport
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """The result for programs."""
+        return self.report.json() | {"method": self.setting.request.method}
+
+
+def checked(request: CalibrationRequest) -> str | None:
+    """The file that is held out, if what is asked for goes together. Raises UsageError."""
+    request.fit_options.check(files=True)
+    if request.loosen is not None and request.fit_options.prior_file is None:
+        raise UsageError("--loosen needs a prior", hint="add `--prior OLD.params.yaml`, written by `calibrate -o`")
+    return holdout_file(request.holdout)
+
+
+def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -> CalibrationSetting:
+    """Check what is asked for and read the files; `machine`: where it is loaded already. Raises PkmcalError."""
+    file, method = checked(request), checked_method(request.method)
+    loaded = load_machine(request.machine) if machine is None else machine
+    if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
+        selection(loaded.model, request.select)
+    measured = load_measurements(loaded, request.measurements)
+    problem = by_method(problem_of(loaded.model, measured), method)
+    selected = selection(problem.model, request.select)
+    start = load_parameters(problem.model, request.parameters)
+    declared = loaded.model.for_sessions(measured.sessions)
+    start = replace(start, values=at_frames(start.values, declared, problem.model))
+    if request.fit_options.prior_file is not None:
+        problem, selected, start = _after(request, request.fit_options.prior_file, problem, selected, start)
+    if not problem.count:
+        raise BadInput([nothing_measured(loaded, problem)])
+    absurd = absurd_rows(problem, lambda row: place_of(measured, row))
+    if absurd:
+        raise BadInput(absurd)
+    return CalibrationSetting(
+        request=request,
+        loaded=loaded,
+        measured=measured,
+        problem=problem,
+        selected=selected,
+        start=start,
+        apart=None if file is None else _apart(loaded, measured, file),
+    )
+
+
+def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
+    """Calibrate; `to`: who is told what there is to say of the files. Raises PkmcalError."""
+    to.notes(s.measured.notes)
+    for finding in (*s.loaded.warnings, *s.measured.warnings):
+        to.warn(finding)
+    for text in s.start.warnings:
+        to.warn(text)
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
+    for hint in (*hints, *copied_rows(s.problem, s.measured)):
+        to.warn(f"warning: {hint}")
+    for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
+        to.warn(text)
+    s = _determined(s, to)
+    options = s.request.fit_options
+    if hints:  # no start mends a wrong column
+        options = replace(options, starts=options.starts or 1)
+    found = _fit(s, options, to)
+    fit, place = found.robust.fit, partial(place_of, s.measured)
+    s = replace(s, problem=s.problem.without(fit.failed))
+    if s.apart is None:
+        held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options)
+    else:
+        held = validated(s.loaded, s.problem, fit, s.apart)
+    gross = gross_row_reasons(s.problem, found, place)
+    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, found, held, place, (*hints, *gross)))
+
+
+def parameter_text(found: Calibrated, **more: object) -> str:
+    """Text of the parameter file of a calibration; more: what its provenance says besides."""
+    request = found.setting.request
+    how = {} if request.method == "exact" else {"method": request.method}
+    head = provenance(found.setting.inputs, seed=None, status=found.report.status, **how, **more)
+    return found.report.parameter_file(head)
+
+
+def _after(
+    request: CalibrationRequest, file: str, problem: Problem, selected: tuple[str, ...], start: Start
+) -> tuple[Problem, tuple[str, ...], Start]:
+    """Problem, parameters and start with what an earlier calibration knows. Raises BadInput and UsageError."""
+    earlier = earlier_calibration(
+        problem.model, file, selected, request.select == "auto", request.loosen, start.values
+    )
+    notes = tuple(f"note: {text}" for text in earlier.notes)
+    values = earlier.values if request.parameters is None else start.values
+    start = replace(start, values=values, inputs=start.inputs | earlier.inputs, warnings=start.warnings + notes)
+    return replace(problem, prior=earlier.prior), earlier.selected, start
+
+
+def _determined(s: CalibrationSetting, to: Listener) -> CalibrationSetting:
+    """The setting without the parameters that are held as datum. Raises BadInput for data that determine too little."""
+    asked = determinacy(s.problem, s.start.values, s.selected)
+    if asked.refusal:
+        raise BadInput([Fault("under-determined", asked.refusal, Location(s.loaded.model.name), asked.remedy)])
+    for line in asked.notes:
+        to.say(line)
+    return replace(s, selected=asked.selected, datum=asked.datum)
+
+
+def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurements:
+    """The rows of a file that is held out. Raises BadInput, and UsageError for rows that are fitted."""
+    other = load_measurements(loaded, [file])
+    if set(other.sha256) & set(measured.sha256):
+        raise UsageError(f"--holdout: the rows of `{file}` are fitted", hint="give another file, or a number of folds")
+    return other
+
+
+def _fit(s: CalibrationSetting, options: FitOptions, to: Listener) -> Calibration:
+    try:
+        calibration = calibrated(
+            s.problem,
+            s.selected,
+            start=s.start.values,
+            options=options,
+            session=np.asarray(s.measured.session),
+            datum=s.datum,
+            tell=to.say,
+        )
+    except RowsFailed as failure:
+        raise unsolved(s.measured, failure.evaluation.prediction) from None
+    if calibration.agreement is not None:
+        to.say(calibration.agreement.text)
+    return calibration
