@@ -98,7 +98,7 @@ def run_improvement(request: ImproveRequest) -> int:
     if request.run is not None:
         head, result = _head(request, inputs, improvement, odd), result | gates_told
         asked = request.case.asked | {"alpha": request.alpha, "seed": request.seed}
-        kept = improvement_run(request.case.machine, asked, inputs, report, head, result, code)
+        kept = improvement_run(request.case.machine, asked, inputs, report, head=head, result=result, code=code)
         keep_run(request.run, inputs, kept, to)
     return code
 
