@@ -9,13 +9,13 @@ import numpy as np
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
-from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.mean_sensitivity import sensitivity
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
+from pkmcal_cli.csv_files.writer import check_table
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
@@ -171,7 +171,7 @@ def _check_sensitivity(request: SensitivityRequest) -> None:
         raise UsageError("-o writes shifts of one coordinate", hint="name it: `--channel x`")
     if request.as_json and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
-    check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+    check_table(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
 
 
 def _coordinate(model: Model, name: str) -> str:

@@ -11,10 +11,10 @@ import numpy as np
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
-from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.csv_files.writer import TableWriter, open_writer
+from pkmcal_cli.csv_files.origin import SIMULATED, Origin
+from pkmcal_cli.csv_files.writer import TableWriter, check_table, open_writer
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_channels
@@ -29,7 +29,7 @@ from pkmcal_cli.report.failed_rows import skipped
 from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.loads import Loads, limited
 from pkmcal_cli.report.number_format import finite
-from pkmcal_cli.report.provenance import provenance, provenance_lines
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
@@ -82,8 +82,8 @@ def run_simulation(request: SimulationRequest) -> int:
         to.warn(f"warning: no `sigma` declared for {', '.join(work.noise.silent)}: no noise added there")
     inputs = loaded.inputs | start.inputs | source.inputs
     head = provenance(inputs, seed=request.seed, noise=request.noise, method=request.method)
-    comments = ["simulated by pkmcal, not measured", *provenance_lines(head)]
-    writing = open_writer(target, work.columns, inputs, comments=comments, force=request.force)
+    origin = Origin("simulated", SIMULATED, head)
+    writing = open_writer(target, work.columns, inputs, origin=origin, force=request.force)
     with writing as writer, to.progress() as tick:
         for block in chain([first] if first is not None else [], blocks):
             work.simulate(block, writer, tick)
@@ -156,7 +156,7 @@ def _checked(request: SimulationRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
-    check_target(target, given(request.machine, request.poses, request.parameters), force=request.force)
+    check_table(target, given(request.machine, request.poses, request.parameters), force=request.force)
     return target
 
 
