@@ -59,7 +59,12 @@ def calibrate(
 ) -> None:
     """Which dimensions explain the measurements, and how uncertain are they?
 
-    Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
+    Examples:
+        pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
+        pkmcal calibrate machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+            machines/hangprinter_2022-04-12.csv --holdout session
+        pkmcal simulate machines/biglide.yaml machines/biglide.csv --noise declared \
+            | pkmcal calibrate machines/biglide.yaml - --json
     """
     options = locals()
     from pkmcal_cli.calibration.complete_fit import FitOptions

@@ -18,7 +18,9 @@ def schema(
 ) -> None:
     """Which keys can a machine file have? (JSON Schema for editors)
 
-    Example: pkmcal schema -o machine.schema.json
+    Examples:
+        pkmcal schema -o machine.schema.json
+        pkmcal schema --output calibrate
     """
     import json
 
