@@ -23,6 +23,7 @@ from tests.command import (
     TRIGLIDE_DATA,
     run,
 )
+from tests.json_schemas import faults_of
 from tests.test_far_causes import router
 from tests.test_slack_ropes import text, wound
 from tests.truth.campaigns import Planted, Scenario, campaign, unit
@@ -42,11 +43,12 @@ NAMED = {
 
 
 def documented() -> dict[str, set[str]]:
-    """Keys by command."""
+    """Keys by command, with those of every output."""
     out: dict[str, set[str]] = {}
     for section in (ROOT / "docs" / "json.md").read_text().split("\n## ")[1:]:
-        out[section.split()[0]] = set(re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE))
-    return out
+        out[section.split("\n")[0]] = set(re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE))
+    every = out.pop("In every output")
+    return {command: keys | every for command, keys in out.items()}
 
 
 def paths(value: Any, path: str = "") -> Iterator[str]:
@@ -243,6 +245,7 @@ def test_the_documented_keys_are_those_that_are_there(
     for arguments in (searches if command in LONG else commands)(tmp_path)[command]:
         done = run(command, *arguments, "--json", "-q")
         assert done.code in (0, 1), done.err
+        assert faults_of(command, done.json) == []
         found |= set(paths(done.json))
     assert {p for p in found if not covers(p, known)} == set()
     assert known - found == set()

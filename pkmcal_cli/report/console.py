@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from pkmcal_cli.base.annotations import FORMATS, Severity, annotation, of_fault
 from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.report.outputs.schema import all_outputs
 from pkmcal_cli.report.table_layout import columns_of, laid_out
 
 if TYPE_CHECKING:
@@ -134,7 +135,13 @@ def bar(share: float, width: int = _BAR) -> str:
     return "\u2588" * full + (" \u258f\u258e\u258d\u258c\u258b\u258a\u2589"[rest] if rest else "")
 
 
-def emit_json(result: dict[str, Any]) -> None:
+def enveloped(command: str, verdict: str, result: Mapping[str, Any], head: Mapping[str, Any]) -> dict[str, Any]:
+    """A result as `--json` writes it: which output it is, the verdict, the result, where it comes from."""
+    output = all_outputs()[command]
+    return {"schema": output.schema, "verdict": verdict} | {**result, "verdict": verdict, "provenance": dict(head)}
+
+
+def emit_json(result: Mapping[str, Any]) -> None:
     """The result on stdout. Raises OutputError."""
     text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
     with write_text("-", ()) as file:

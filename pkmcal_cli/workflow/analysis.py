@@ -11,7 +11,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.mean_sensitivity import sensitivity
-from pkmcal_cli.calibration.observability_indices import observability
+from pkmcal_cli.calibration.observability_indices import Observability, observability
 from pkmcal_cli.calibration.problem import design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
@@ -30,8 +30,9 @@ from pkmcal_cli.report.analysis_report import (
     show_observability,
     show_sensitivity,
 )
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.loads import Loads
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_measured, selection
@@ -159,7 +160,8 @@ def run_sensitivity(request: SensitivityRequest) -> int:
         write_shifts(request.output, s.loaded, s.inputs, result, s.set, channel, force=request.force)
     if request.as_json:
         head = {"tool_point": tool.name, **used.failed.json()}
-        emit_json(head | sensitivity_json(model, units, result, channel))
+        shown = head | sensitivity_json(model, units, result, channel)
+        emit_json(enveloped("sensitivity", "complete", shown, provenance(s.inputs)))
     return 0
 
 
@@ -182,6 +184,13 @@ def _coordinate(model: Model, name: str) -> str:
     return name
 
 
+def _verdict(result: Observability) -> str:
+    """What of the selected parameters the positions determine."""
+    if not result.directions.rank:
+        return "nothing_determined"
+    return "partly_determined" if result.directions.undetermined().any() else "determined"
+
+
 def run_observability(request: AnalysisRequest) -> int:
     """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
     s = _prepare(request)
@@ -201,7 +210,8 @@ def run_observability(request: AnalysisRequest) -> int:
     s.show_loads(poses)
     if request.as_json:
         head = {"tool_point": predicted.tool and predicted.tool.name, **predicted.failed.json()}
-        emit_json(head | observability_json(model, result, len(problem)))
+        shown = head | observability_json(model, result, len(problem))
+        emit_json(enveloped("observability", _verdict(result), shown, provenance(s.inputs)))
     lost = {n for n, gone in zip(result.selected, result.directions.undetermined(), strict=True) if gone}
     missed = [n for n in s.selected if n in lost & named(model, request.select or "")]
     if missed:

@@ -25,7 +25,7 @@ from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, 
 from pkmcal_cli.loading.poses import Place, place_of
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
@@ -128,15 +128,17 @@ def _written(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
     request = s.request
     accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
     how = {} if request.method == "exact" else {"method": request.method}
-    text = report.parameter_file(provenance(s.inputs, seed=None, status=report.status, **how, **accepted))
+    head = provenance(s.inputs, seed=None, status=report.status, **how, **accepted)
+    text = report.parameter_file(head)
     if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     judged = _judged(s, report)
-    result = report.json() | {"method": request.method, "gates": [each.json() for each in judged]}
+    verdict, code = _verdict(s, report, judged, to)
+    shown = report.json() | {"method": request.method, "gates": [each.json() for each in judged]}
+    result = enveloped("calibrate", verdict, shown, head)
     if request.as_json:
         emit_json(result)
-    code = _exit_code(s, report, judged, to)
     if request.run is not None:
         keep_run(request.run, s.inputs, calibration_run(request.machine, report, result, text, code), to)
     return code
@@ -258,8 +260,8 @@ def _places(s: _Setting) -> Callable[[int], Place]:
     return lambda row: place_of(s.measured, row)
 
 
-def _exit_code(s: _Setting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> int:
-    """1 when the verdict is negative: not converged, a named parameter undetermined, a limit missed; all is told."""
+def _verdict(s: _Setting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> tuple[str, int]:
+    """In a word, and the exit code; 1: not converged, a named parameter undetermined, a limit missed; all is told."""
     failed = report.status != "converged" and not (report.implausible and s.request.accept)
     if failed and s.request.quiet:
         to.fail(report.verdict())
@@ -270,7 +272,8 @@ def _exit_code(s: _Setting, report: CalibrationReport, judged: Sequence[Judged],
     missed = missed_limits(judged, s.loaded, s.measured.files[0])
     for fault in missed:
         to.fail(fault)
-    return int(failed or bool(lost) or bool(missed))
+    word = "undetermined" if lost else "limit_missed" if missed else report.status
+    return report.status if failed else word, int(failed or bool(lost) or bool(missed))
 
 
 def _judged(s: _Setting, report: CalibrationReport) -> tuple[Judged, ...]:

@@ -24,7 +24,7 @@ from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.arguments import given, one_stdin
@@ -99,10 +99,11 @@ def run_correction(request: CorrectionRequest) -> int:
     elif result is not None and len(result.correction.good):
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
         files = _write(request, table, report, result, inputs, head)
-    answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
-    if request.as_json:
-        emit_json(answer | more)
     code = 1 if report.lost.reasons and not targets.grid else 0
+    result_of = report.json() | {"output": request.output, "at": request.at} | more
+    answer = enveloped("correct", "incomplete" if code else "complete", result_of, head)
+    if request.as_json:
+        emit_json(answer)
     keep_run(request.run, inputs, _run(request.machine, answer, files, code), to)
     return code
 

@@ -20,7 +20,7 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import load_measurements
 from pkmcal_cli.loading.poses import place_of
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
@@ -94,12 +94,13 @@ def run_improvement(request: ImproveRequest) -> int:
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
     result = report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)}
     code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
+    head = _head(request, inputs, improvement, odd)
+    result = enveloped("improve", result["verdict"], result | gates_told, head)
     if request.as_json:
-        emit_json(result | gates_told)
+        emit_json(result)
     if improvement.broken is not None:
         raise improvement.broken
     if request.run is not None:
-        head, result = _head(request, inputs, improvement, odd), result | gates_told
         kept = improvement_run(request.case.machine, inputs, report, head, result, code)
         keep_run(request.run, inputs, kept, to)
     return code

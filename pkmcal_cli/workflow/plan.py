@@ -31,7 +31,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.touching import tcp_places
 from pkmcal_cli.report.added_points import Added
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.plan_report import PlanReport
 from pkmcal_cli.report.provenance import provenance
@@ -114,7 +114,8 @@ def run_plan(request: PlanRequest) -> int:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
         _write(request, loaded, rows, ways if towards is None else ways.followed_by(towards), inputs, to)
     if request.as_json:
-        emit_json({"tool_point": tool and tool.name, **report.json(), **used.failed.json()})
+        result = {"tool_point": tool and tool.name, **report.json(), **used.failed.json()}
+        emit_json(enveloped("plan", "complete", result, provenance(inputs, seed=request.seed)))
     return 0
 
 
@@ -129,7 +130,8 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
     if len(found.added.points):
         _write(request, found.loaded, found.added.points.rows, found.ways, found.inputs, to)
     if request.as_json:
-        emit_json(found.json())
+        head = provenance(found.inputs, seed=request.seed)
+        emit_json(enveloped("plan", found.status, found.json(), head))
     return int(found.status == "not_reached")
 
 

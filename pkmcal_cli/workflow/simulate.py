@@ -24,7 +24,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.prediction.touching import touching
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.failed_rows import skipped
 from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.loads import Loads, limited
@@ -97,9 +97,11 @@ def run_simulation(request: SimulationRequest) -> int:
         to.notes([touches_text(model, work.tally.touched, work.tally.rows)])
     to.notes(_substructure_notes(model, request.method))
     _tell(to, work, by_row=source.points is None)
+    code = 1 if work.tally.n_failed and source.points is None else 0
     if request.as_json:
-        emit_json({"tool_point": tool and tool.name} | _json(work, head))
-    return 1 if work.tally.n_failed and source.points is None else 0
+        result = {"tool_point": tool and tool.name} | _json(work)
+        emit_json(enveloped("simulate", "incomplete" if code else "complete", result, head))
+    return code
 
 
 def _substructure(model: Model) -> list[str]:
@@ -261,7 +263,7 @@ def _tell(to: Reporter, work: _Work, by_row: bool) -> None:
         to.say(work.errors.text)
 
 
-def _json(work: _Work, head: dict[str, Any]) -> dict[str, Any]:
+def _json(work: _Work) -> dict[str, Any]:
     model, request, tally = work.model, work.request, work.tally
     channels = []
     for k, channel in enumerate(model.channels):
@@ -279,7 +281,6 @@ def _json(work: _Work, head: dict[str, Any]) -> dict[str, Any]:
         "output": request.output,
         "channels": channels,
         "loads": work.loads.json(),
-        "provenance": head,
         **({} if request.method == "exact" else {"substructure": _substructure(model)}),
         **({} if work.errors is None else {"uncertainty": work.errors.json()}),
     }
