@@ -135,6 +135,8 @@ def write_all(folder: Path) -> None:
     (folder / "shims.yaml").write_text(f"extends: {TRIGLIDE}\nparameters: {{yb1r: {{adjustable: true}}}}\n")
     (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
     write_gap(folder)
+    swapped = Path(TRIGLIDE_DATA).read_text().replace("x [mm],y [mm]", "y [mm],x [mm]")
+    (folder / "swapped.csv").write_text(swapped)
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
     for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
@@ -176,6 +178,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
+            [TRIGLIDE, "swapped.csv", "--method", "linear", "--accept", "--holdout", "none"],
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
@@ -234,6 +237,9 @@ SHOWN = [
 ]
 
 
+SELDOM = {"improve": {"provenance.accepted[]"}}  # as in `calibrate`
+
+
 @pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])
 def test_the_documented_keys_are_those_that_are_there(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -248,7 +254,7 @@ def test_the_documented_keys_are_those_that_are_there(
         assert faults_of(command, done.json) == []
         found |= set(paths(done.json))
     assert {p for p in found if not covers(p, known)} == set()
-    assert known - found == set()
+    assert known - found == SELDOM.get(command, set())
 
 
 def test_every_row_of_the_documentation_says_what_or_repeats() -> None:

@@ -170,8 +170,7 @@ def test_noise_of_the_drives_moves_what_is_read_not_what_is_set() -> None:
 def test_noise_is_the_seeds_and_does_not_depend_on_other_rows() -> None:
     def data(*more: str, poses: str = POSES) -> list[str]:
         Path("these.csv").write_text(poses)
-        Path("out.csv").unlink(missing_ok=True)
-        clean(run("simulate", TRIGLIDE, "these.csv", "--noise", "declared", "-o", "out.csv", *more))
+        clean(run("simulate", TRIGLIDE, "these.csv", "--noise", "declared", "-o", "out.csv", "--force", *more))
         return [line for line in Path("out.csv").read_text().splitlines() if not line.startswith("#")]
 
     first = data("--seed", "7")

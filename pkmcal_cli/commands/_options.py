@@ -23,6 +23,9 @@ MachineFile = Annotated[str, typer.Argument(metavar="MACHINE.yaml", help="Machin
 PosesFile = Annotated[
     str | None, typer.Argument(metavar="POSES.csv", help="Actuator positions or TCP coordinates; - is stdin.")
 ]
+MeasuredFiles = Annotated[
+    list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
+]
 Grid = Annotated[
     str | None,
     typer.Option(

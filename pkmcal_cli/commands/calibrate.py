@@ -16,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Loss,
     MachineFile,
     MaxRms,
+    MeasuredFiles,
     Method,
     Parameters,
     PriorOrFile,
@@ -32,9 +33,7 @@ from pkmcal_cli.commands._options import (
 
 def calibrate(
     machine: MachineFile,
-    measurements: Annotated[
-        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
-    ],
+    measurements: MeasuredFiles,
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
     ] = None,

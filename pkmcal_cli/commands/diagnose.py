@@ -12,6 +12,7 @@ from pkmcal_cli.commands._options import (
     Json,
     Loss,
     MachineFile,
+    MeasuredFiles,
     Parameters,
     Prior,
     Quiet,
@@ -24,9 +25,7 @@ from pkmcal_cli.commands._options import (
 
 def diagnose(
     machine: MachineFile,
-    measurements: Annotated[
-        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
-    ],
+    measurements: MeasuredFiles,
     select: Select = "auto",
     parameters: Parameters = None,
     loss: Loss = "squares",

@@ -16,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Json,
     Loss,
     MachineFile,
+    MeasuredFiles,
     Parameters,
     Prior,
     Quiet,
@@ -38,9 +39,7 @@ Only = Annotated[
 
 def improve(
     machine: MachineFile,
-    measurements: Annotated[
-        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
-    ],
+    measurements: MeasuredFiles,
     validation: Annotated[
         str | None, typer.Option("--validation", metavar="VAL.csv", help="Rows used only for reporting.")
     ] = None,

@@ -20,30 +20,33 @@ from pkmcal_cli.commands._options import (
     as_request,
 )
 
+SelectAll = Annotated[
+    str | None,
+    typer.Option(
+        "--select",
+        metavar="NAMES",
+        help="Parameters: auto, all, names, patterns; default: all.",
+        autocompletion=_completion.parameters,
+    ),
+]
+Sizes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--size",
+        metavar='"[NAMES=]30 um"',
+        help="Size in place of the ranges; can be repeated.",
+        autocompletion=_completion.sizes,
+    ),
+]
+
 
 def sensitivity(
     machine: MachineFile,
     poses: PosesFile = None,
     grid: Grid = None,
     parameters: Parameters = None,
-    select: Annotated[
-        str | None,
-        typer.Option(
-            "--select",
-            metavar="NAMES",
-            help="Parameters: auto, all, names, patterns; default: all.",
-            autocompletion=_completion.parameters,
-        ),
-    ] = None,
-    size: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--size",
-            metavar='"[NAMES=]30 um"',
-            help="Size in place of the ranges; can be repeated.",
-            autocompletion=_completion.sizes,
-        ),
-    ] = None,
+    select: SelectAll = None,
+    size: Sizes = None,
     channel: Annotated[
         str | None, typer.Option("--channel", metavar="x", help="One coordinate of the tool point, with its sign.")
     ] = None,

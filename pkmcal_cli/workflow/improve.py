@@ -88,13 +88,11 @@ def run_improvement(request: ImproveRequest) -> int:
     _tell(odd[len(case.hints) :], to)
     if odd and request.accept:
         to.say("accepted (`--accept`)")
-    written: tuple[str | None, str | None] = (None, None)
-    if targets is not None:
-        written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
+    head = _head(request, inputs, improvement, odd)
+    written = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = (*improvement.failures, *(["implausible"] if odd and not request.accept else []))
     result = report.json(*written) | case.record | {"implausible": list(odd), "failures": list(failures)}
     code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
-    head = _head(request, inputs, improvement, odd)
     result = enveloped("improve", result["verdict"], result | gates_told, head)
     if request.as_json:
         emit_json(result)

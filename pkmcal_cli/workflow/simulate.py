@@ -93,9 +93,6 @@ def run_simulation(request: SimulationRequest) -> int:
     to.notes([] if model.channels else ["the machine has no sensors: the table has no readings"])
     for text in (*source.travels.warnings(), *lines):
         to.warn(text)
-    if work.tally.touched:
-        to.notes([touches_text(model, work.tally.touched, work.tally.rows)])
-    to.notes(_substructure_notes(model, request.method))
     _tell(to, work, by_row=source.points is None)
     code = 1 if work.tally.n_failed and source.points is None else 0
     if request.as_json:
@@ -249,6 +246,8 @@ def _only(prediction: Prediction, rows: Array) -> Prediction:
 
 def _tell(to: Reporter, work: _Work, by_row: bool) -> None:
     tally = work.tally
+    to.notes([touches_text(work.model, tally.touched, tally.rows)] if tally.touched else [])
+    to.notes(_substructure_notes(work.model, work.request.method))
     to.say(f"{count(tally.rows, 'row')} simulated")
     for place, reason in tally.failed[: _SHOWN if by_row else 0]:
         to.fail(f"{place}: {reason}")
