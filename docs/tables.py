@@ -22,6 +22,8 @@ from pkmcal_cli.elements.joint import JOINTS
 from pkmcal_cli.language.instruments import KINDS, Actuator
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
+from pkmcal_cli.report.outputs.keys import COMMON, keys_of
+from pkmcal_cli.report.outputs.schema import all_outputs
 from pkmcal_cli.sensors import sensor_kinds
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,6 +33,7 @@ PAGES = (
     ROOT / "docs" / "machine-language.md",
     MACHINES / "README.md",
     ROOT / "docs" / "effects.md",
+    ROOT / "docs" / "json.md",
 )
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -187,8 +190,17 @@ TABLES: dict[str, Callable[[], str]] = {
 }
 
 
+def json_keys(name: str) -> str:
+    """Keys of an output: of every one, or `COMMAND`, or `COMMAND_2` for the second part of what it writes."""
+    command, _, part = name.partition("_")
+    keys = keys_of(COMMON) if command == "every" else all_outputs()[command].parts[int(part or 1) - 1]
+    return table(("key", "meaning"), [(f"`{key.path}`", key.meaning) for key in keys])
+
+
 def made(name: str) -> str:
-    """The table of this name; a model's name stands for its keys."""
+    """The table of this name; a model's name stands for its keys, `json_COMMAND` for those of an output."""
+    if name.startswith("json_"):
+        return json_keys(name.removeprefix("json_"))
     return TABLES[name]() if name in TABLES else model_tables.model_table(model_tables.models()[name])
 
 

@@ -24,7 +24,7 @@ app = typer.Typer(
     help="Calibrate parallel kinematic machines: geometry and elasticity from measurements.",
     no_args_is_help=True,
     rich_markup_mode=None,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 
@@ -63,9 +63,9 @@ def run(arguments: list[str]) -> int:
         _leave_stdout()
         _tell("stopped")
         return _STOPPED
-    except SystemExit:  # typer's answer to a reader that has gone
+    except SystemExit as end:  # typer's answer to a shell that asks for completions, or to a reader that has gone
         _leave_stdout()
-        return 4
+        return 0 if end.code in (0, None) else 4
     except Exception as error:
         _leave_stdout()
         return _failed(error, arguments)

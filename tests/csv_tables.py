@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.csv_files.cell_values import Chunk, ColumnRules, FaultLog, FloatArray, IntArray, Kind
+from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.reader import TEXT_COLUMNS, TableReader, check_header, no_rows, open_table
 from pkmcal_cli.csv_files.writer import Values, open_writer
 
@@ -79,7 +80,7 @@ def write_table(
     target: Path | str,
     columns: Sequence[tuple[str, str | None, Values]],
     *,
-    comments: Sequence[str] = (),
+    origin: Origin | None = None,
     digits: int | None = None,
     force: bool = False,
 ) -> None:
@@ -89,5 +90,5 @@ def write_table(
     significant ones; NaN is an empty cell. Labels have the unit None. Raises OutputError.
     """
     heads = [(name, unit) for name, unit, _ in columns]
-    with open_writer(target, heads, (), comments=comments, digits=digits, force=force) as writer:
+    with open_writer(target, heads, (), origin=origin, digits=digits, force=force) as writer:
         writer.write([values for _, _, values in columns])

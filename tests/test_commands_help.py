@@ -11,10 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import ROOT, run
+from tests.command import ROOT, Done, run
 from tests.test_docs import COMMANDS as PAGES
 
 COMMANDS = sorted(p.stem for p in (ROOT / "pkmcal_cli" / "commands").glob("[a-z]*.py"))
+WORK = [
+    "new", "check", "draw", "simulate", "sensitivity", "observability", "plan", "calibrate", "diagnose", "improve",
+    "correct", "report", "compare", "effects", "schema",
+]  # fmt: skip
+"""Commands in the order of work."""
+LONG = ("diagnose", "improve")
 
 
 def help_of(command: str) -> str:
@@ -23,17 +29,53 @@ def help_of(command: str) -> str:
     return done.out
 
 
-def example_of(command: str) -> str:
-    """The example at the end of a command's help."""
-    _, _, example = help_of(command).rpartition("Example:\n")
-    return example.strip()
+def examples_of(command: str) -> list[str]:
+    """The examples at the end of a command's help."""
+    _, _, examples = help_of(command).rpartition("Examples:\n")
+    return [line.strip() for line in examples.strip().splitlines()]
 
 
-def test_every_command_is_listed() -> None:
+def unfolded(text: str) -> str:
+    """A text in one line."""
+    return re.sub(r"-\s+", "-", " ".join(text.split()))
+
+
+def run_line(line: str) -> Done:
+    """A line of a shell, in this process: each command reads what the one before has written."""
+    told: str | None = None
+    for part in line.split(" | "):
+        program, *arguments = shlex.split(part)
+        if program == "cat":
+            told = Path(arguments[0]).read_text(encoding="utf-8")
+            continue
+        assert program == "pkmcal"
+        done = run(*arguments, stdin=told)
+        assert done.code == 0, done.err
+        told = done.out
+    return done
+
+
+def test_every_command_is_listed_in_the_order_of_work() -> None:
     done = run("--help")
     assert done.code == 0
     listed = re.findall(r"^  ([a-z]+)  ", done.out.partition("Commands:")[2], flags=re.MULTILINE)
-    assert listed == COMMANDS
+    assert listed == [name for name in WORK if name in COMMANDS] and sorted(listed) == COMMANDS
+
+
+def test_the_overview_has_whole_questions() -> None:
+    """Not cut: all that stands before the first blank line of each command's help."""
+    done = run("-h")
+    overview = unfolded(done.out.partition("Commands:")[2])
+    assert "..." not in overview and max(map(len, done.out.splitlines())) <= 80
+    for command in COMMANDS:
+        question = unfolded(re.split(r"\n\s*\n", help_of(command))[1])
+        assert f"{command} {question}" in overview
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_a_short_option_asks_for_help_too(command: str) -> None:
+    arguments = [command] if command else []
+    assert run(*arguments, "-h").out == run(*arguments, "--help").out != ""
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -44,18 +86,37 @@ def test_help_begins_with_the_engineers_question(command: str) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_ends_with_one_runnable_example(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On one line, so that it can be copied; those that a page shows are run there (`tests/test_docs.py`)."""
-    example = example_of(command)
-    assert "\n" not in example and help_of(command).count("Example:") == 1
-    program, name, *arguments = shlex.split(example)
-    assert (program, name) == ("pkmcal", command)
-    if example in {shown.line.removeprefix("$ ") for _, shown in PAGES}:
+def test_help_shows_every_way_to_call_it(command: str) -> None:
+    """A file, stdin, several files and `--json`, where the command takes them."""
+    examples, text = examples_of(command), help_of(command)
+    assert all(line.split(" | ")[-1].startswith(f"pkmcal {command} ") for line in examples)
+    assert text.count("Examples:") == 1 and text.rstrip().endswith(examples[-1])
+    every = " ".join(examples)
+    assert ("- is stdin" in text) <= (" | " in every)
+    assert ("\n  --json" in text) <= ("--json" in every)
+    assert ("MEAS.csv..." in text) <= bool(re.search(r"\.csv \S+\.csv", every))
+
+
+def cases() -> list[object]:
+    """Examples by command; those of searches take long."""
+    return [
+        pytest.param(command, line, marks=[pytest.mark.slow] if command in LONG else [], id=f"{command} {k}")
+        for command in COMMANDS for k, line in enumerate(examples_of(command))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("command", "line"), cases())
+def test_examples_of_the_help_run(
+    command: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that a page shows are run there (`tests/test_docs.py`)."""
+    if line in {shown.line.removeprefix("$ ") for _, shown in PAGES}:
         return
     (tmp_path / "machines").symlink_to(ROOT / "machines")
     monkeypatch.chdir(tmp_path)
-    done = run(name, *arguments)
-    assert done.code == 0, done.err
+    done = run_line(line)
+    if "--json" in line:
+        assert done.json["schema"] == f"pkmcal/{command}/1"
 
 
 @pytest.mark.parametrize(

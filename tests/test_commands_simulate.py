@@ -170,8 +170,7 @@ def test_noise_of_the_drives_moves_what_is_read_not_what_is_set() -> None:
 def test_noise_is_the_seeds_and_does_not_depend_on_other_rows() -> None:
     def data(*more: str, poses: str = POSES) -> list[str]:
         Path("these.csv").write_text(poses)
-        Path("out.csv").unlink(missing_ok=True)
-        clean(run("simulate", TRIGLIDE, "these.csv", "--noise", "declared", "-o", "out.csv", *more))
+        clean(run("simulate", TRIGLIDE, "these.csv", "--noise", "declared", "-o", "out.csv", "--force", *more))
         return [line for line in Path("out.csv").read_text().splitlines() if not line.startswith("#")]
 
     first = data("--seed", "7")
@@ -239,11 +238,10 @@ def test_the_head_of_the_table_says_where_it_comes_from() -> None:
 
     Path("p.yaml").write_text("parameters: {l1: 300.5}\n")
     assert run("simulate", TRIGLIDE, "poses.csv", "-p", "p.yaml", "--seed", "3", "-o", "out.csv").code == 0
-    first, *lines = table("out.csv").comments
-    assert first == "simulated by pkmcal, not measured"
-    raw = [line[2:] for line in Path("out.csv").read_text().splitlines() if line.startswith("#")][1:]
-    head = yaml.safe_load("\n".join(raw))["provenance"]
-    assert len(lines) == len(raw)
+    told = yaml.safe_load(Path("out.csv.provenance.yaml").read_text())
+    assert told["note"] == "simulated: no measurements" and table("out.csv").comments == ()
+    assert told["sha256"] == hashlib.sha256(Path("out.csv").read_bytes()).hexdigest()
+    head = told["provenance"]
     assert head["seed"] == 3 and head["noise"] == "none" and head["method"] == "exact"
     assert head["arguments"][:2] == ["simulate", TRIGLIDE]
     files = {TRIGLIDE, "poses.csv", "p.yaml"}

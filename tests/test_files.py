@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import os
 import subprocess
 import sys
@@ -10,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pkmcal_cli.base.errors import BadInput, OutputError
 from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import open_writer
 from tests.csv_tables import read_table, write_table
 
@@ -36,14 +39,17 @@ def test_written_table(tmp_path: Path) -> None:
         ("q1", "deg", np.array([np.pi, 0.0, -np.pi / 2])),
         ("n", None, np.array([1, 2, 3])),
     ]
-    write_table(path, columns, comments=["first\nsecond"], digits=12)
-    expected = "# first\n# second\n"
-    expected += 'id,x [mm],q1 [deg],n\na,1.5,180.0,1\nb;c,,0.0,2\n"d""e,f",-3000.0,-90.0,3\n'
+    write_table(path, columns, origin=Origin("made", "first\nsecond", {"seed": 3}), digits=12)
+    expected = 'id,x [mm],q1 [deg],n\na,1.5,180.0,1\nb;c,,0.0,2\n"d""e,f",-3000.0,-90.0,3\n'
     assert path.read_text() == expected
     back = read_table(path)
     assert back.units == (None, "mm", "deg", None)
     assert back.texts["id"] == ("a", "b;c", 'd"e,f')
-    assert back.comments == ("first", "second")
+    told = yaml.safe_load(path.with_name("out.csv.provenance.yaml").read_text())
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert told == {
+        "data": "out.csv", "sha256": digest, "kind": "made", "note": "first\nsecond", "provenance": {"seed": 3}
+    }  # fmt: skip
 
 
 def test_one_column_with_gaps_comes_back(tmp_path: Path) -> None:
@@ -68,8 +74,8 @@ def test_blocks_are_appended(tmp_path: Path) -> None:
 
 
 def test_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:
-    write_table("-", [("x", "mm", np.array([1.0]))])
-    assert capsys.readouterr().out == "x [mm]\n1000.0\n"
+    write_table("-", [("x", "mm", np.array([1.0]))], origin=Origin("made", "first\nsecond", {"seed": 3}))
+    assert capsys.readouterr().out == "# first\n# second\n# provenance:\n#   seed: 3\nx [mm]\n1000.0\n"
 
 
 # --- files --------------------------------------------------------------------------------------------------

@@ -72,8 +72,7 @@ class Simulation(Result):
 
     def json(self) -> dict[str, Any]:
         """What `pkmcal simulate --json` says, without provenance."""
-        told = self.done.json({})
-        return {name: value for name, value in told.items() if name not in ("provenance", "output")}
+        return {name: value for name, value in self.done.json().items() if name != "output"}
 
     def _picture(self) -> Picture:
         table, names = self.rows, {c.name for c in self.done.model.channels}

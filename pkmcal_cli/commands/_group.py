@@ -6,6 +6,7 @@ The module of a command is imported when the command is named, or all are listed
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -14,12 +15,21 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 _FOLDER = os.path.dirname(__file__)
+ORDER = (
+    ("new", "check", "draw"),
+    ("simulate", "sensitivity", "observability", "plan"),
+    ("calibrate", "diagnose", "improve"),
+    ("correct", "report", "compare"),
+    ("effects", "schema"),
+)
+"""The order of work: commands in groups; those that are in none come last."""
 
 
 def names() -> list[str]:
-    """Names of all commands."""
+    """Names of all commands, in the order of work."""
     files = (file for file in os.listdir(_FOLDER) if file.endswith(".py") and not file.startswith("_"))
-    return sorted(file.removesuffix(".py") for file in files)
+    there, known = {file.removesuffix(".py") for file in files}, [name for group in ORDER for name in group]
+    return [*(name for name in known if name in there), *sorted(there.difference(known))]
 
 
 class Subcommands(TyperGroup):
@@ -30,11 +40,19 @@ class Subcommands(TyperGroup):
         for name in names():
             self.add_command(TyperCommand(name))
 
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Their names, in the order of work."""
+        return list(self.commands)
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """The list of all in the help."""
-        for name, command in self.commands.items():
-            command.help = _function(name).__doc__
-        super().format_commands(ctx, formatter)
+        """The list of all in the help: the whole question of each, a blank line between groups."""
+        groups = [[name for name in group if name in self.commands] for group in ORDER]
+        groups.append([name for name in self.commands if not any(name in group for group in groups)])
+        widest = max(map(len, self.commands))
+        with formatter.section("Commands"):
+            for k, group in enumerate(filter(None, groups)):
+                formatter.write("\n" if k else "")
+                formatter.write_dl([(name.ljust(widest), _question(name)) for name in group])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that is named on the command line."""
@@ -47,9 +65,15 @@ def _function(name: str) -> Callable[..., None]:
     return function
 
 
+def _question(name: str) -> str:
+    """The first paragraph of a command's help."""
+    return " ".join((_function(name).__doc__ or "").partition("\n\n")[0].split())
+
+
 def _whole(name: str) -> object:
-    """A command with its arguments, options and help; its example stands last."""
+    """A command with its arguments, options and help; its examples stand last."""
     function, alone = _function(name), typer.Typer(rich_markup_mode=None, add_completion=False)
-    text, _, example = (function.__doc__ or "").partition("Example:")
-    alone.command(name, help=text.rstrip(), epilog=f"\b\nExample:\n  {example.strip()}")(function)
+    text, _, examples = re.sub(r"(?m)^    ", "", function.__doc__ or "").partition("Examples:")
+    lines = "\n".join(f"  {' '.join(line.split())}" for line in examples.strip().splitlines())
+    alone.command(name, help=text.rstrip(), epilog=f"\b\nExamples:\n{lines}")(function)
     return typer.main.get_command(alone)

@@ -8,6 +8,8 @@ from typing import Annotated, Any, TypeVar, cast
 
 import typer
 
+from pkmcal_cli.commands import _completion
+
 Record = TypeVar("Record")
 
 
@@ -33,6 +35,9 @@ MachineFile = Annotated[
 PosesFile = Annotated[
     str | None, typer.Argument(metavar="POSES.csv", help="Actuator positions or TCP coordinates; - is stdin.")
 ]
+MeasuredFiles = Annotated[
+    list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
+]
 Grid = Annotated[
     str | None,
     typer.Option(
@@ -45,7 +50,10 @@ Parameters = Annotated[
 Select = Annotated[
     str,
     typer.Option(
-        "--select", metavar="NAMES", help="Parameters: auto, all, names, patterns, e.g. auto,R_low,-g*,drift@grid.lag."
+        "--select",
+        metavar="NAMES",
+        help="Parameters: auto, all, names, patterns, e.g. auto,R_low,-g*,drift@grid.lag.",
+        autocompletion=_completion.parameters,
     ),
 ]
 Alpha = Annotated[float, typer.Option("--alpha", help="False-alarm rate of the whole diagnosis.")]
@@ -54,7 +62,12 @@ Method = Annotated[
 ]
 Offset = Annotated[
     list[str] | None,
-    typer.Option("--offset", metavar='NAME="50 um"', help="Move an actuator off its set value (strained pose)."),
+    typer.Option(
+        "--offset",
+        metavar='NAME="50 um"',
+        help="Move an actuator off its set value (strained pose).",
+        autocompletion=_completion.drives,
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Write the result to stdout as JSON.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Write only errors to stderr.")]
@@ -101,7 +114,13 @@ PriorOrFile = Annotated[
     ),
 ]
 Loosen = Annotated[
-    str | None, typer.Option("--loosen", metavar="NAMES", help="With --prior OLD: what was repaired, e.g. l3,strut3.*.")
+    str | None,
+    typer.Option(
+        "--loosen",
+        metavar="NAMES",
+        help="With --prior OLD: what was repaired, e.g. l3,strut3.*.",
+        autocompletion=_completion.parameters,
+    ),
 ]
 Uncertainty = Annotated[
     str, typer.Option("--uncertainty", metavar="linear|profile|bootstrap", help="Method for the 95 % intervals.")

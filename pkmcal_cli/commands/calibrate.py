@@ -16,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Loss,
     MachineFile,
     MaxRms,
+    MeasuredFiles,
     Method,
     Parameters,
     PriorOrFile,
@@ -32,9 +33,7 @@ from pkmcal_cli.commands._options import (
 
 def calibrate(
     machine: MachineFile,
-    measurements: Annotated[
-        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
-    ],
+    measurements: MeasuredFiles,
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
     ] = None,
@@ -59,7 +58,12 @@ def calibrate(
 ) -> None:
     """Which dimensions explain the measurements, and how uncertain are they?
 
-    Example: pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
+    Examples:
+        pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
+        pkmcal calibrate machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+            machines/hangprinter_2022-04-12.csv --holdout session
+        pkmcal simulate machines/biglide.yaml machines/biglide.csv --noise declared \
+            | pkmcal calibrate machines/biglide.yaml - --json
     """
     options = locals()
     from pkmcal_cli.calibration.complete_fit import FitOptions

@@ -23,7 +23,11 @@ def check(
 ) -> None:
     """Is this machine what I mean, does this table fit it, and do the parameters of `-p` still hold?
 
-    Example: pkmcal check machines/triglide.yaml machines/triglide.csv
+    Examples:
+        pkmcal check machines/triglide.yaml machines/triglide.csv
+        pkmcal check machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+            machines/hangprinter_2022-04-12.csv --json
+        cat machines/triglide.csv | pkmcal check machines/triglide.yaml -
     """
     options = locals()
     from pkmcal_cli.workflow.check import CheckRequest, run_check

@@ -25,7 +25,9 @@ def compare(
 ) -> None:
     """Has the machine changed between these calibrations, in what, and what does it do to the tool point?
 
-    Example: pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv
+    Examples:
+        pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv
+        pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv --json
     """
     options = locals()
     from pkmcal_cli.workflow.compare import ComparisonRequest, run_comparison

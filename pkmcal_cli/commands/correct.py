@@ -55,7 +55,10 @@ def correct(
     Those of the identified geometric and elastic model, under the stated circumstances. Redundant drives carry least
     force, hold least strain energy, keep the preload, or stay at the set values of the nominal machine.
 
-    Example: pkmcal correct machines/gantry.yaml --grid "x=200:1300:4,y=200:1500:4" -o commands.csv
+    Examples:
+        pkmcal correct machines/gantry.yaml --grid "x=200:1300:4,y=200:1500:4" -o commands.csv
+        pkmcal calibrate machines/biglide.yaml machines/biglide.csv -o - \
+            | pkmcal correct machines/biglide.yaml --grid "x=300:400:2" -p - -o c.csv --json
     """
     options = locals()
     from pkmcal_cli.workflow.correct import CorrectionRequest, run_correction

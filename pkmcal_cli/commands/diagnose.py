@@ -12,6 +12,7 @@ from pkmcal_cli.commands._options import (
     Json,
     Loss,
     MachineFile,
+    MeasuredFiles,
     Parameters,
     Prior,
     Quiet,
@@ -24,9 +25,7 @@ from pkmcal_cli.commands._options import (
 
 def diagnose(
     machine: MachineFile,
-    measurements: Annotated[
-        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
-    ],
+    measurements: MeasuredFiles,
     select: Select = "auto",
     parameters: Parameters = None,
     loss: Loss = "squares",
@@ -45,7 +44,11 @@ def diagnose(
 ) -> None:
     """Which physical effect explains the residuals that remain after calibration?
 
-    Example: pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv
+    Examples:
+        pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv
+        pkmcal diagnose machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+            machines/hangprinter_2022-04-12.csv --fail-on none
+        cat machines/biglide.csv | pkmcal diagnose machines/biglide.yaml - --json
     """
     options = locals()
     from pkmcal_cli.workflow.diagnose import DiagnosisRequest, run_diagnosis

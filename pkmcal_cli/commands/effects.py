@@ -25,7 +25,9 @@ def effects(
 ) -> None:
     """Which physical effects can a machine file declare and `diagnose` find, and what would each do to the readings?
 
-    Example: pkmcal effects machines/scissors.yaml --simulate
+    Examples:
+        pkmcal effects machines/scissors.yaml --simulate
+        cat machines/biglide.csv | pkmcal effects machines/biglide.yaml - --simulate --json
     """
     options = locals()
     from pkmcal_cli.workflow.effects import run_effects

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import (
     Accept,
     Alpha,
@@ -15,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Json,
     Loss,
     MachineFile,
+    MeasuredFiles,
     Parameters,
     Prior,
     Quiet,
@@ -26,15 +28,18 @@ from pkmcal_cli.commands._options import (
 
 Only = Annotated[
     str | None,
-    typer.Option("--only", metavar="EFFECTS", help="Look for these alone, e.g. zero@all,scale@upper; takes few rows."),
+    typer.Option(
+        "--only",
+        metavar="EFFECTS",
+        help="Look for these alone, e.g. zero@all,scale@upper; takes few rows.",
+        autocompletion=_completion.places,
+    ),
 ]
 
 
 def improve(
     machine: MachineFile,
-    measurements: Annotated[
-        list[str], typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; - is stdin.")
-    ],
+    measurements: MeasuredFiles,
     validation: Annotated[
         str | None, typer.Option("--validation", metavar="VAL.csv", help="Rows used only for reporting.")
     ] = None,
@@ -59,7 +64,11 @@ def improve(
 ) -> None:
     """Which effects does the machine file lack, and how much do they improve held-out points?
 
-    Example: pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv -o improved.yaml
+    Examples:
+        pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv -o improved.yaml
+        pkmcal improve machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
+            machines/hangprinter_2022-04-12.csv --fail-on none
+        cat machines/biglide.csv | pkmcal improve machines/biglide.yaml - --json
     """
     options = locals()
     from pkmcal_cli.workflow.improve import ImproveRequest, run_improvement

@@ -24,7 +24,9 @@ def new(
 
     From the constants of a printer's firmware: a linear delta, or a machine of lines. Each becomes a parameter.
 
-    Example: pkmcal new --from machines/printer.cfg -o printer.yaml
+    Examples:
+        pkmcal new --from machines/printer.cfg -o printer.yaml
+        cat machines/printer.cfg | pkmcal new --from - -o printer.yaml --json
     """
     options = locals()
     from pkmcal_cli.workflow.new import NewRequest, run_new

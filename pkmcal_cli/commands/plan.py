@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import (
     Alpha,
     Dwell,
@@ -27,6 +28,7 @@ Aim = Annotated[
         "--aim",
         metavar="PURPOSE",
         help='Add points for: uncertainty, "l1 5 um", l1,l3, an effect (backlash@q2), separate:EFFECT,EFFECT.',
+        autocompletion=_completion.aims,
     ),
 ]
 Points = Annotated[
@@ -73,7 +75,10 @@ def plan(
 ) -> None:
     """Which effects can this measurement detect and separate, and which points should be added?
 
-    Example: pkmcal plan machines/scissors.yaml --grid "x=-200:200:6,y=-200:200:6" --aim backlash@q1
+    Examples:
+        pkmcal plan machines/scissors.yaml --grid "x=-200:200:6,y=-200:200:6" --aim backlash@q1
+        pkmcal plan machines/triglide.yaml --grid "x=300:400:3,y=250:300:2" -o points.csv
+        cat machines/biglide.csv | pkmcal plan machines/biglide.yaml - --json
     """
     options = locals()
     from pkmcal_cli.workflow.plan import PlanRequest, run_plan

@@ -6,24 +6,24 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import Force
+from pkmcal_cli.commands._options import Force, as_request
 
 
 def schema(
+    file: Annotated[str, typer.Option("-o", metavar="FILE.json", help="File to write; default: stdout.")] = "-",
     output: Annotated[
-        str, typer.Option("-o", "--output", metavar="FILE.json", help="File to write; default: stdout.")
-    ] = "-",
+        str | None, typer.Option("--output", metavar="COMMAND", help="Schema of what this command writes with --json.")
+    ] = None,
     overlay: Annotated[bool, typer.Option("--overlay", help="Schema for files with `extends`.")] = False,
     force: Force = False,
 ) -> None:
-    """Which keys can a machine file have? (JSON Schema for editors)
+    """Which keys can a machine file have, and which has an output? (JSON Schema, for editors and programs)
 
-    Example: pkmcal schema -o machine.schema.json
+    Examples:
+        pkmcal schema -o machine.schema.json
+        pkmcal schema --output calibrate
     """
-    import json
+    options = locals()
+    from pkmcal_cli.workflow.schema import SchemaRequest, run_schema
 
-    from pkmcal_cli.base.outputs import write_text
-    from pkmcal_cli.language.json_schema import machine_schema
-
-    with write_text(output, (), force=force) as file:
-        file.write(json.dumps(machine_schema(overlay), indent=2) + "\n")
+    raise typer.Exit(run_schema(as_request(SchemaRequest, options)))

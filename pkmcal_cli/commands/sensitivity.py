@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import (
     Force,
     Grid,
@@ -19,20 +20,33 @@ from pkmcal_cli.commands._options import (
     as_request,
 )
 
+SelectAll = Annotated[
+    str | None,
+    typer.Option(
+        "--select",
+        metavar="NAMES",
+        help="Parameters: auto, all, names, patterns; default: all.",
+        autocompletion=_completion.parameters,
+    ),
+]
+Sizes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--size",
+        metavar='"[NAMES=]30 um"',
+        help="Size in place of the ranges; can be repeated.",
+        autocompletion=_completion.sizes,
+    ),
+]
+
 
 def sensitivity(
     machine: MachineFile,
     poses: PosesFile = None,
     grid: Grid = None,
     parameters: Parameters = None,
-    select: Annotated[
-        str | None,
-        typer.Option("--select", metavar="NAMES", help="Parameters: auto, all, names, patterns; default: all."),
-    ] = None,
-    size: Annotated[
-        list[str] | None,
-        typer.Option("--size", metavar='"[NAMES=]30 um"', help="Size in place of the ranges; can be repeated."),
-    ] = None,
+    select: SelectAll = None,
+    size: Sizes = None,
     channel: Annotated[
         str | None, typer.Option("--channel", metavar="x", help="One coordinate of the tool point, with its sign.")
     ] = None,
@@ -47,7 +61,9 @@ def sensitivity(
 ) -> None:
     """Which parameters move the TCP most, in position and orientation, over their ranges?
 
-    Example: pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
+    Examples:
+        pkmcal sensitivity machines/scissors.yaml --grid "x=-200:200:5,y=-200:200:5" --offset q1="-50 um"
+        cat machines/triglide.csv | pkmcal sensitivity machines/triglide.yaml - --json
     """
     options = locals()
     from pkmcal_cli.workflow.analysis import SensitivityRequest, run_sensitivity

@@ -43,7 +43,9 @@ def simulate(
     Rows of TCP coordinates use the set values of the nominal machine. `calibrate` can read the table. A machine without
     actuators needs no positions.
 
-    Example: pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
+    Examples:
+        pkmcal simulate machines/triglide.yaml --grid "x=200:700:5,y=200:350:4" --noise declared --seed 1
+        cat machines/triglide.csv | pkmcal simulate machines/triglide.yaml - -o simulated.csv --json
     """
     options = locals()
     from pkmcal_cli.workflow.simulate import run_simulation

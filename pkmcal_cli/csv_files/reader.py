@@ -22,6 +22,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.cell_values import Chunk, ColumnRules, FaultLog, Parser
 from pkmcal_cli.csv_files.cells import has_zone
 from pkmcal_cli.csv_files.dialect import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
+from pkmcal_cli.csv_files.origin import origin_note
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
 """Names of the columns that hold text in every measurement table."""
@@ -50,6 +51,7 @@ class TableReader:
             raise BadInput(log.faults)
         self.format: Format = form
         self.blank_lines = 0
+        self._origin = origin_note(name, self.sha256, form.comments)
 
     @property
     def header(self) -> tuple[HeaderCell, ...]:
@@ -61,7 +63,8 @@ class TableReader:
         """What to announce of the way the file is written; complete when all of it has been read."""
         trailing = "trailing separators ignored" if self.format.trailing else ""
         blank = f"{count(self.blank_lines, 'empty line')} skipped" if self.blank_lines else ""
-        return tuple(note for note in (self.format.describe(), self._encoding_note, trailing, blank) if note)
+        form = self.format.describe()
+        return tuple(note for note in (self._origin, form, self._encoding_note, trailing, blank) if note)
 
     def header_source(self) -> str:
         """The text of the header line."""

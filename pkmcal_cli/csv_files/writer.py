@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.errors import OutputError
-from pkmcal_cli.base.outputs import write_text
+from pkmcal_cli.base.files import sha256
+from pkmcal_cli.base.outputs import check_target, takes_directly, write_text, write_together
+from pkmcal_cli.csv_files.origin import Origin, beside
 from pkmcal_cli.units.file_units import Unit, parse_unit
 
 Values = NDArray[Any] | Sequence[str]
@@ -72,19 +74,50 @@ def open_writer(
     columns: Sequence[tuple[str, str | None]],
     inputs: Collection[str],
     *,
-    comments: Sequence[str] = (),
+    origin: Origin | None = None,
     digits: int | None = None,
     force: bool = False,
 ) -> Iterator[TableWriter]:
     """A new table of columns (name, unit or None), whole at the end or absent; `-` is stdout.
 
-    `inputs`: names of the files that it is made from; `comments` become lines before the header that begin with "#".
-    Raises OutputError.
+    `inputs`: names of the files that it is made from. `origin` goes to a file beside it, which is there first, or,
+    where the table goes to a stream, to lines before the header that begin with "#". Raises OutputError.
     """
     units = [parse_unit(unit) if unit else None for _, unit in columns]
-    with write_text(target, inputs, force=force) as file:
-        for comment in comments:
-            file.writelines(f"# {line}\n" for line in comment.splitlines() or [""])
+    check_table(target, inputs, force=force)
+    with open_with_origin(target, inputs, origin, force=force) as file:
         writer = TableWriter(file, units, digits, [name for name, _ in columns])
         writer.header()
         yield writer
+
+
+def check_table(target: Path | str | None, inputs: Collection[str], *, force: bool = False) -> None:
+    """Find out before the work whether a table, and the file beside it, could be written; None: none will be.
+
+    Neither replaces an input, nor the file beside one. Raises OutputError.
+    """
+    if target is None:
+        return
+    read = [*inputs, *(beside(name) for name in inputs)]
+    check_target(target, read, force=force)
+    if not takes_directly(target):
+        check_target(beside(target), read, force=force)
+
+
+@contextmanager
+def open_with_origin(
+    target: Path | str, inputs: Collection[str], origin: Origin | None, *, force: bool = False
+) -> Iterator[TextIO]:
+    """A new table as a text, whole at the end or absent, with what it is beside it; on a stream before it in "#" lines.
+
+    Raises OutputError.
+    """
+    if origin is None or takes_directly(target):
+        with write_text(target, inputs, force=force) as file:
+            file.writelines(f"# {line}\n" for line in ([] if origin is None else origin.lines()))
+            yield file
+        return
+    with write_together([beside(target), target], inputs, force=force) as (told, file):
+        yield file
+        file.flush()
+        told.write(origin.text(target, sha256(Path(file.name))))

@@ -31,7 +31,7 @@ def show_sensitivity(to: Reporter, model: Model, units: FileUnits, result: Sensi
         table.append((p.name, _size(model, p), shift, bar(ranked(p.position) / largest), turn))
     rows = count(int(result.prediction.solved.sum()), "position")
     title = f"Mean TCP shift and rotation per parameter {word}, {rows} (eq. 23)"
-    to.table(title, ("parameter", word, "shift", "", "rotation"), table)
+    to.table(title, ("parameter", word, "shift", "", "rotation"), table, spare=("",))
 
 
 def show_along(to: Reporter, model: Model, units: FileUnits, result: Sensitivity, word: str, coordinate: str) -> None:
@@ -45,7 +45,7 @@ def show_along(to: Reporter, model: Model, units: FileUnits, result: Sensitivity
         table.append((p.name, _size(model, p), _shift(mean, unit), bar(ranked(mean) / longest), _shift(most, unit)))
     rows = count(int(result.prediction.solved.sum()), "position")
     title = f"Shift of {coordinate} per parameter {word}, {rows}"
-    to.table(title, ("parameter", word, "mean", "", "largest"), table)
+    to.table(title, ("parameter", word, "mean", "", "largest"), table, spare=("",))
 
 
 def _shift(value: float, unit: Unit) -> str:

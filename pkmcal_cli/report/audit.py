@@ -33,7 +33,7 @@ class Audit:
             return
         title = "Outliers" + (" (down-weighted)" if robust else "")
         head = ("row", "channel", "deviation", "in std", "weight", "leverage", "change if kept")
-        to.table(title, head, [self._row(d) for d in worst[:_SHOWN]])
+        to.table(title, head, [self._row(d) for d in worst[:_SHOWN]], left=2, folded=("change if kept",))
         for d in worst[:_SHOWN]:
             _, channel, off, deviation, *_ = self._row(d)
             to.mark(f"outlier: {channel} is off by {off} ({deviation} std)", self.place(d.row).location, "warning")

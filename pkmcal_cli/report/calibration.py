@@ -227,9 +227,9 @@ class CalibrationReport:
             rows.append((label, *(readable(x, unit) for x in pairs), *held, *criteria))
         headers = (
             "error", "rms before", "rms after", "max before", "max after", "held-out rms", "held-out max",
-            "criterion before", "after",
+            "criterion before", "criterion after",
         )  # fmt: skip
-        to.table("Error", headers, rows)
+        to.table("Error", headers, rows, spare=("criterion before", "criterion after"))
         if self.started:
             to.say(
                 f"error before: not available; {self.started} of {self.n_rows} rows cannot be predicted at the start"

@@ -109,7 +109,7 @@ class ComparisonReport:
         if self.compared.changes.names:
             to.table("Parameters", ("name", *heads, change, "p (Holm)", "remark"), self._parameter_rows())
         if self.effects:
-            to.table("Effects", ("effect", *heads, "remark"), [self._effect_row(e) for e in self.effects], folded=())
+            to.table("Effects", ("effect", *heads, "remark"), [self._effect_row(e) for e in self.effects])
         self._show_tool(to)
         self._show_apart(to)
 

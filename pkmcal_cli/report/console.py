@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.annotations import FORMATS, Severity, annotation, of_fault
 from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.report.outputs.schema import all_outputs
+from pkmcal_cli.report.table_layout import columns_of, laid_out
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
 _BAR = 24
-_WIDE = 110
 _WIDTH = 160  # of tables that do not go to a terminal
 
 
@@ -33,11 +34,6 @@ class Reporter:
         self.quiet, self.annotated = quiet, style == "github"
         self.console: Console = Console(stderr=True, soft_wrap=True, highlight=False, width=wide)
         setattr(self.console, "on_broken_pipe", _nothing)  # noqa: B010  (rich would end the process)
-
-    @property
-    def narrow(self) -> bool:
-        """Whether wide tables do not fit."""
-        return self.console.width < _WIDE
 
     def say(self, text: str = "") -> None:
         """A line."""
@@ -85,23 +81,23 @@ class Reporter:
         rows: Iterable[Sequence[str]],
         left: int = 1,
         folded: Sequence[str] = ("remark",),
+        spare: Sequence[str] = (),
     ) -> None:
-        """A table; the first `left` columns are text, and columns `folded` go on in a second line where it is wide."""
+        """A table; the first `left` columns are names, those `folded` are texts, which go on in further lines where
+        it is wide; a narrow terminal does without those that are `spare`, the first ones first, and it is said.
+        """
         if self.quiet:
             return
-        from rich.table import Table
         from rich.text import Text
 
-        table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False, header_style="bold")
-        rows = [tuple(row) for row in rows]
-        for k, header in enumerate(headers):
-            text = k < left or header == "" or header in folded
-            least = 9 if header in folded else max((len(row[0]) for row in rows), default=0) if k == 0 else 0
-            justify: Literal["left", "right"] = "left" if text else "right"
-            table.add_column(Text(header), justify=justify, no_wrap=header not in folded, min_width=least or None)
-        for row in rows:
-            table.add_row(*(Text(cell) for cell in row))
-        self._print(table)
+        width = self.console.width
+        laid = laid_out(columns_of(headers, rows, left, folded), width, left, spare)
+        self._line(title, "italic")
+        for k, line in enumerate(laid.lines):
+            self._print(Text(line, style="bold" if k in laid.heads else ""))
+        if laid.hidden:
+            what = ", ".join(header or "bars" for header in laid.hidden)
+            self._line(f"not shown in {width} columns: {what} (widen the terminal, or use --json)", "dim")
 
     @contextmanager
     def progress(self, what: str = "rows") -> Iterator[Callable[[int], None] | None]:
@@ -139,7 +135,13 @@ def bar(share: float, width: int = _BAR) -> str:
     return "\u2588" * full + (" \u258f\u258e\u258d\u258c\u258b\u258a\u2589"[rest] if rest else "")
 
 
-def emit_json(result: dict[str, Any]) -> None:
+def enveloped(command: str, verdict: str, result: Mapping[str, Any], head: Mapping[str, Any]) -> dict[str, Any]:
+    """A result as `--json` writes it: which output it is, the verdict, the result, where it comes from."""
+    output = all_outputs()[command]
+    return {"schema": output.schema, "verdict": verdict} | {**result, "verdict": verdict, "provenance": dict(head)}
+
+
+def emit_json(result: Mapping[str, Any]) -> None:
     """The result on stdout. Raises OutputError."""
     text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
     with write_text("-", ()) as file:

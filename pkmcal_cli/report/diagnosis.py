@@ -145,7 +145,7 @@ class DiagnosisReport(VisibilityReport):
             held = finding.held_out
             rows.append(
                 (
-                    finding.hypothesis.effect if to.narrow else self.title(finding.hypothesis),
+                    self.title(finding.hypothesis),
                     finding.hypothesis.at,
                     self.size(finding),
                     _share(finding),
@@ -156,10 +156,7 @@ class DiagnosisReport(VisibilityReport):
                 )
             )
         headers = ("effect", "at", "size", "share", "held-out rms", "evidence", "alternatives", "")
-        folded = ("alternatives",) if to.narrow else ("effect", "alternatives")
-        kept = [k for k, h in enumerate(headers) if not (to.narrow and h in ("share", "evidence"))]
-        cells = [tuple(row[k] for k in kept) for row in rows]
-        to.table(title, tuple(headers[k] for k in kept), cells, left=2, folded=folded)
+        to.table(title, headers, rows, left=2, folded=("effect", "alternatives"), spare=("share", "evidence"))
 
     def title(self, hypothesis: Hypothesis) -> str:
         if hypothesis.effect == RELEASE:

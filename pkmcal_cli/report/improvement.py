@@ -153,7 +153,8 @@ class ImprovementReport(ImprovedFiles):
         )
         to.say()
         headers = ("error", "rms before", "rms after", "max before", "max after", "criterion before", "criterion after")
-        to.table("Errors on rows used neither for fitting nor for selection", headers, rows)
+        title = "Errors on rows used neither for fitting nor for selection"
+        to.table(title, headers, rows, spare=("criterion before", "criterion after"))
 
     def _compared(self, name: str, old: ErrorFigures, new: ErrorFigures) -> tuple[str, ...]:
         """A line of the table before and after."""

@@ -135,10 +135,7 @@ class PlanReport:
         rows = [self._cells(v) for v in self.plan.visibilities if v.status == status]
         if rows:
             to.say()
-            headers = _HEADERS
-            kept = [k for k, h in enumerate(headers) if not (to.narrow and h in _WIDE)]
-            cells = [tuple(row[k] for k in kept) for row in rows]
-            to.table(status.capitalize(), [headers[k] for k in kept], cells)
+            to.table(status.capitalize(), _HEADERS, rows, folded=("most similar", "remark"), spare=_WIDE)
 
     def _cells(self, v: Visibility) -> tuple[str, ...]:
         unit = self._unit(v)

@@ -32,11 +32,9 @@ class VisibilityReport(DiagnosisValues):
         if worst:
             rows = [(s.hypothesis.name, *sizes_text(self.model, s), worst_text(self.model, s)) for s in worst.values()]
             heads = ("effect", "smallest detectable", "detected in 80 %", "direction")
-            kept = [k for k, h in enumerate(heads) if not (to.narrow and h == "smallest detectable")]
             to.say()
-            cells = [tuple(row[k] for k in kept) for row in rows]
             title = "What would have been found (worst place of each kind)"
-            to.table(title, tuple(heads[k] for k in kept), cells, folded=("direction",))
+            to.table(title, heads, rows, folded=("direction",), spare=("smallest detectable",))
 
     def show_unseen(self, to: Reporter) -> None:
         """What these data could not have shown."""

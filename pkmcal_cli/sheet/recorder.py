@@ -16,11 +16,6 @@ class Recorder(Reporter):
         super().__init__()
         self.blocks: list[Block] = []
 
-    @property
-    def narrow(self) -> bool:
-        """Never: a page scrolls."""
-        return False
-
     def say(self, text: str = "") -> None:
         """A paragraph for every line."""
         self.blocks += [Text(line) for line in text.splitlines() if line.strip()]
@@ -45,6 +40,7 @@ class Recorder(Reporter):
         rows: Iterable[Sequence[str]],
         left: int = 1,
         folded: Sequence[str] = ("remark",),
+        spare: Sequence[str] = (),
     ) -> None:
         """A table, without columns that are empty throughout."""
         cells = [tuple(row) for row in rows]

@@ -11,13 +11,13 @@ import numpy as np
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
-from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.mean_sensitivity import sensitivity
 from pkmcal_cli.calibration.observability_indices import Observability, observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.calibration.selection import named
+from pkmcal_cli.csv_files.writer import check_table
 from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import planned_channels
@@ -33,9 +33,10 @@ from pkmcal_cli.report.analysis_report import (
     show_observability,
     show_sensitivity,
 )
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.loads import Loads
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_measured, selection
@@ -163,7 +164,8 @@ def run_sensitivity(request: SensitivityRequest) -> int:
         write_shifts(request.output, s.loaded, s.inputs, result, s.set, channel, force=request.force)
     if request.as_json:
         head = {"tool_point": tool.name, **used.failed.json()}
-        emit_json(head | sensitivity_json(model, units, result, channel))
+        shown = head | sensitivity_json(model, units, result, channel)
+        emit_json(enveloped("sensitivity", "complete", shown, provenance(s.inputs)))
     return 0
 
 
@@ -175,7 +177,7 @@ def _check_sensitivity(request: SensitivityRequest) -> None:
         raise UsageError("-o writes shifts of one coordinate", hint="name it: `--channel x`")
     if request.as_json and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
-    check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+    check_table(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
 
 
 def _coordinate(model: Model, name: str) -> str:
@@ -196,6 +198,7 @@ class Observed:
     failed: FailedRows
     tool: ToolPoint | None
     missed: tuple[str, ...]
+    inputs: Mapping[str, str]  # sha256 by name
     unstrained: bool  # a redundant machine at nominal parameters
 
     def json(self) -> dict[str, Any]:
@@ -225,8 +228,16 @@ def observed(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
         failed=predicted.failed,
         tool=predicted.tool,
         missed=tuple(n for n in s.selected if n in lost & named(model, request.select or "")),
+        inputs=s.inputs,
         unstrained=request.parameters is None and s.loaded.compiled.mobility.redundancy > 0,
     )
+
+
+def _verdict(result: Observability) -> str:
+    """What of the selected parameters the positions determine."""
+    if not result.directions.rank:
+        return "nothing_determined"
+    return "partly_determined" if result.directions.undetermined().any() else "determined"
 
 
 def run_observability(request: AnalysisRequest) -> int:
@@ -239,7 +250,7 @@ def run_observability(request: AnalysisRequest) -> int:
         to.say(UNSTRAINED)
     found.loads.show(to)
     if request.as_json:
-        emit_json(found.json())
+        emit_json(enveloped("observability", _verdict(result), found.json(), provenance(found.inputs)))
     if found.missed:
         to.fail(f"named in --select but undetermined: {', '.join(found.missed)}")
     elif not result.directions.rank:

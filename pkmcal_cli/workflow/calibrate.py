@@ -9,7 +9,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.report.calibration import CalibrationReport
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin
 from pkmcal_cli.workflow.calibration import (
@@ -18,7 +18,7 @@ from pkmcal_cli.workflow.calibration import (
     CalibrationSetting,
     calibration,
     checked,
-    parameter_text,
+    parameter_head,
     setting,
 )
 from pkmcal_cli.workflow.calibration_run import calibration_run
@@ -47,15 +47,16 @@ def _written(found: Calibrated, limits: Sequence[Gate], to: Reporter) -> int:
     """Write what is asked for; the exit code. Raises OutputError."""
     s, report, request = found.setting, found.report, found.setting.request
     accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
-    text = parameter_text(found, **accepted)
+    head = parameter_head(found, **accepted)
+    text = report.parameter_file(head)
     if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     judged = _judged(s, report, limits)
-    result = found.json | {"gates": [each.json() for each in judged]}
+    verdict, code = _verdict(s, report, judged, to)
+    result = enveloped("calibrate", verdict, found.json | {"gates": [each.json() for each in judged]}, head)
     if request.as_json:
         emit_json(result)
-    code = _exit_code(s, report, judged, to)
     if request.run is not None:
         kept = calibration_run(request.machine, request.asked, report, result, text, code)
         keep_run(request.run, s.inputs, kept, to)
@@ -73,8 +74,10 @@ def _check_outputs(request: CalibrationRequest) -> None:
     check_target(request.output, inputs, force=request.force)
 
 
-def _exit_code(s: CalibrationSetting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter) -> int:
-    """1 when the verdict is negative: not converged, a named parameter undetermined, a limit missed; all is told."""
+def _verdict(
+    s: CalibrationSetting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter
+) -> tuple[str, int]:
+    """In a word, and the exit code; 1: not converged, a named parameter undetermined, a limit missed; all is told."""
     failed = report.status != "converged" and not (report.implausible and s.request.accept)
     if failed and s.request.quiet:
         to.fail(report.verdict())
@@ -85,7 +88,8 @@ def _exit_code(s: CalibrationSetting, report: CalibrationReport, judged: Sequenc
     missed = missed_limits(judged, s.loaded, s.measured.files[0])
     for fault in missed:
         to.fail(fault)
-    return int(failed or bool(lost) or bool(missed))
+    word = "undetermined" if lost else "limit_missed" if missed else report.status
+    return report.status if failed else word, int(failed or bool(lost) or bool(missed))
 
 
 def _judged(s: CalibrationSetting, report: CalibrationReport, limits: Sequence[Gate]) -> tuple[Judged, ...]:

@@ -161,12 +161,16 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, found, held, place, (*hints, *gross)))
 
 
-def parameter_text(found: Calibrated, **more: object) -> str:
-    """Text of the parameter file of a calibration; more: what its provenance says besides."""
+def parameter_head(found: Calibrated, **more: object) -> dict[str, Any]:
+    """Provenance of the parameters of a calibration; more: what it says besides."""
     request = found.setting.request
     how = {} if request.method == "exact" else {"method": request.method}
-    head = provenance(found.setting.inputs, seed=None, status=found.report.status, **how, **more)
-    return found.report.parameter_file(head)
+    return provenance(found.setting.inputs, seed=None, status=found.report.status, **how, **more)
+
+
+def parameter_text(found: Calibrated, **more: object) -> str:
+    """Text of the parameter file of a calibration; more: what its provenance says besides."""
+    return found.report.parameter_file(parameter_head(found, **more))
 
 
 def _after(

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
+from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
 from pkmcal_cli.prediction.influence import idle_parameters
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.machine_report import machine_json, show_machine
 from pkmcal_cli.report.number_format import readable
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import one_stdin
@@ -63,28 +68,35 @@ def run_check(request: CheckRequest) -> int:
         loaded = load_machine(request.machine)
     except BadInput as error:
         _reraise_unreadable(error)
-        return _finish(to, {}, list(error.faults), error.total, as_json)
+        return _finish(_End(to, as_json, {}, _named_files(request)), list(error.faults), error.total)
     result, faults = machine_json(loaded.machine, loaded.compiled), idle_faults(loaded)
     show_machine(to, loaded.machine, loaded.compiled, result)
     warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
     for fault in warnings:
         to.warn(fault)
     result["warnings"] = [_json(f) for f in warnings]
-    total, agrees = len(faults), True
+    total, agrees, inputs = len(faults), True, loaded.inputs
     if request.tables:
         measured = _read(loaded, request.tables)
         if isinstance(measured, BadInput):
             result["measurements"] = {"n_rows": None}
-            return _finish(to, result, faults + list(measured.faults), total + measured.total, as_json)
+            end = _End(to, as_json, result, inputs | _named_files(request))
+            return _finish(end, faults + list(measured.faults), total + measured.total)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), request.parameters)
         result["measurements"], table_faults, count = _check_tables(loaded, measured, start, to)
-        faults, total = faults + table_faults, total + count
+        faults, total, inputs = faults + table_faults, total + count, inputs | measured.inputs | start.inputs
         if request.parameters is not None and result["measurements"]["n_values"]:
             from pkmcal_cli.workflow.verify import verify
 
             verification = verify(loaded, measured, start, request.parameters, tolerance, to)
             result["verification"], agrees = verification.json(), verification.ok
-    return _finish(to, result, faults, total, as_json, agrees)
+    return _finish(_End(to, as_json, result, inputs), faults, total, agrees)
+
+
+def _named_files(request: CheckRequest) -> dict[str, str]:
+    """Files on the command line with their sha256, where there is no more to go by."""
+    names = (request.machine, *request.tables, request.parameters)
+    return {name: sha256(Path(name)) for name in names if name is not None and os.path.isfile(name)}
 
 
 def _tolerance(text: str | None) -> tuple[float, Unit] | None:
@@ -96,17 +108,36 @@ def _tolerance(text: str | None) -> tuple[float, Unit] | None:
     return tolerance_of(text)
 
 
-def _finish(
-    to: Reporter, result: dict[str, Any], faults: list[Fault], total: int, as_json: bool, agrees: bool = True
-) -> int:
+@dataclass(frozen=True)
+class _End:
+    """What is told at the end, to whom, and of which files."""
+
+    to: Reporter
+    as_json: bool
+    result: dict[str, Any]
+    inputs: Mapping[str, str]
+
+    def verdict(self, total: int) -> str:
+        """In a word: faults first, then the tolerance, then whether all readings agree with the parameters."""
+        if total or "verification" not in self.result:
+            return "faults" if total else "no_faults"
+        found = self.result["verification"]
+        if found["tolerance"] is not None:
+            return str(found["tolerance"]["verdict"])
+        return "compatible" if found["compatible"] else "not_compatible"
+
+
+def _finish(end: _End, faults: list[Fault], total: int, agrees: bool = True) -> int:
     """Tell the faults, emit the result; the exit code: 1 also where a table does not agree with parameters."""
+    to = end.to
     for fault in faults[:MAX_FAULTS]:
         to.fail(fault)
         to.fail("")
     if total > MAX_FAULTS:
         to.fail(f"... and {total - min(len(faults), MAX_FAULTS)} more faults")
-    if as_json:
-        emit_json({"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]], **result})
+    if end.as_json:
+        told = {"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]]}
+        emit_json(enveloped("check", end.verdict(total), told | end.result, provenance(end.inputs)))
     if total or agrees:
         to.say(count(total, "fault") if total else "no faults")
     return 0 if agrees and not total else 1

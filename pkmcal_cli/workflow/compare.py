@@ -6,18 +6,20 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
-from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.files import is_stream, sha256
 from pkmcal_cli.calibration.comparison import Common, alone, changes, chosen_by_all, common, omnibus
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.loading.plain_files import yaml_kind
 from pkmcal_cli.report.comparison import Compared, ComparisonReport, ToolChange
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.alpha import check_alpha
@@ -53,7 +55,9 @@ def run_comparison(request: ComparisonRequest) -> int:
         runs = history(request.things[0])
         show_history(to, runs)
         if request.as_json:
-            emit_json({"kind": "history", "runs": [r.json() for r in runs]})
+            verdict = "intact" if all(r.intact for r in runs) else "changed since"
+            result = {"kind": "history", "runs": [r.json() for r in runs]}
+            emit_json(enveloped("compare", verdict, result, provenance({})))
         return 0
     if "runs" in kinds:
         one = request.things[kinds.index("runs")]
@@ -106,8 +110,14 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
     rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.found.second, report.unit, report.kind)
     told, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
     if request.as_json:
-        emit_json(report.json() | {"gates": told})
+        verdict = "one is better" if report.found.better else "no difference"
+        emit_json(enveloped("compare", verdict, report.json() | {"gates": told}, _origin(request.things)))
     return int(missed)
+
+
+def _origin(files: Sequence[str]) -> dict[str, Any]:
+    """Provenance of a comparison of files."""
+    return provenance({name: sha256(Path(name)) for name in files})
 
 
 def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
@@ -130,7 +140,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     report.show(to)
     told, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
     if request.as_json:
-        emit_json(report.json() | {"gates": told})
+        result = report.json()
+        emit_json(enveloped("compare", result["verdict"], result | {"gates": told}, _origin(files)))
     return int(missed or not report.unchanged)
 
 

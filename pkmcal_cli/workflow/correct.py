@@ -12,7 +12,6 @@ from typing import Any, get_args
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
-from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.correction.assessment import Assessment, assessed
 from pkmcal_cli.correction.commands import corrected, depends_on_sides
 from pkmcal_cli.correction.formats import format_named
@@ -20,14 +19,15 @@ from pkmcal_cli.correction.redundancy import Choice
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.correction.strained_pose import held_drives
 from pkmcal_cli.correction.uncertainty import KnownTo
-from pkmcal_cli.csv_files.writer import Values, open_writer
+from pkmcal_cli.csv_files.origin import Origin, beside
+from pkmcal_cli.csv_files.writer import Values, check_table, open_writer
 from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
-from pkmcal_cli.report.provenance import provenance, provenance_lines
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
@@ -89,9 +89,10 @@ def run_correction(request: CorrectionRequest) -> int:
         more = {"export": written.json(write_export(export, written, inputs, head, to))}
     elif result is not None and len(result.correction.good):
         files = _write(request, made, head)
-    answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
+    result_of = report.json() | {"output": request.output, "at": request.at} | more
+    answer = enveloped("correct", "incomplete" if made.code else "complete", result_of, head)
     if request.as_json:
-        emit_json(answer | more)
+        emit_json(answer)
     keep_run(request.run, inputs, _run(request.machine, answer, files, made.code), to)
     return made.code
 
@@ -159,11 +160,11 @@ def _assessed(model: Model, start: Start, targets: Targets, stated: Conditions, 
 
 def _write(request: CorrectionRequest, made: Corrected, head: dict[str, Any]) -> dict[str, str]:
     """The table of commands, and what of it a kept run has. Raises OutputError."""
-    comments, cells = ["set values corrected by pkmcal", *provenance_lines(head)], made.cells
+    origin, cells = Origin("commands", "set values corrected by pkmcal", head), made.cells
     target = "-" if request.output is None else request.output
-    with open_writer(target, made.columns, made.inputs, comments=comments, force=request.force) as writer:
+    with open_writer(target, made.columns, made.inputs, origin=origin, force=request.force) as writer:
         writer.write(cells)
-    return {} if request.run is None else {_COMMANDS: _text_of(made.columns, cells, comments)}
+    return {} if request.run is None else _texts_of(made.columns, cells, origin)
 
 
 def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int) -> Run:
@@ -172,15 +173,15 @@ def _run(machine: str, answer: dict[str, Any], files: dict[str, str], code: int)
     return Run(command="correct", machine=machine, result=answer, code=code, verdict=done, files=files)
 
 
-def _text_of(
-    columns: Sequence[tuple[str, str | None]], cells: Sequence[Values], comments: Sequence[str]
-) -> str:
-    """The table as a text."""
+def _texts_of(
+    columns: Sequence[tuple[str, str | None]], cells: Sequence[Values], origin: Origin
+) -> dict[str, str]:
+    """The table, and what is beside it, as texts."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / _COMMANDS
-        with open_writer(str(file), columns, (), comments=comments) as writer:
+        with open_writer(Path(folder) / _COMMANDS, columns, (), origin=origin) as writer:
             writer.write(cells)
-        return file.read_text(encoding="utf-8")
+        names = (_COMMANDS, beside(_COMMANDS))
+        return {name: (Path(folder) / name).read_text(encoding="utf-8") for name in names}
 
 
 def _checked(request: CorrectionRequest) -> str:
@@ -190,7 +191,7 @@ def _checked(request: CorrectionRequest) -> str:
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o COMMANDS.csv`")
     one_stdin(request.machine, request.targets, request.parameters)
     if request.as_format is None:
-        check_target(target, given(request.machine, request.targets, request.parameters), force=request.force)
+        check_table(target, given(request.machine, request.targets, request.parameters), force=request.force)
     return target
 
 

@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, Verdict, diagnose
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.pictures.titles import Titles, titles
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
@@ -58,7 +58,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     report.show(to)
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
-    result = diagnosis_json(case, report) | {"provenance": _origin(case)}
+    result = enveloped("diagnose", diagnosis.verdict, diagnosis_json(case, report), provenance(case.inputs))
     if request.as_json:
         emit_json(result)
     failed = diagnosis.verdict in fails_on
@@ -75,11 +75,6 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     )
     keep_run(request.run, case.inputs, kept, to)
     return int(failed)
-
-
-def _origin(case: Case) -> dict[str, Any]:
-    """Versions and inputs; no time and no command line, so that the same data give the same bytes."""
-    return {k: v for k, v in provenance(case.inputs).items() if k not in ("created", "arguments")}
 
 
 def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Reporter) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.effects import ENTRIES, STAGES, Effect, catalogue
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.workflow.effects_request import EffectsRequest
 
 _SHOWN = 5
@@ -24,7 +24,7 @@ def run_effects(request: EffectsRequest) -> int:
     if any(given is not None for given in (request.poses, request.grid, request.parameters)):
         raise UsageError("poses and parameters are for simulation", hint="add `--simulate`")
     to = Reporter(request.quiet)
-    sites = None if machine is None else _places(machine)
+    sites, inputs = (None, {}) if machine is None else _places(machine)
     rows, listed = [], []
     for effect in catalogue().values():
         where = None if sites is None else sites[effect.keyword]
@@ -42,16 +42,20 @@ def run_effects(request: EffectsRequest) -> int:
     to.say("`diagnose` also tests each row (bad rows) and noise that grows with distance (noise_model)")
     to.say("parameters, plausible ranges, causes and remedies: see --json and docs/effects.md")
     if request.as_json:
-        emit_json({"effects": listed})
+        from pkmcal_cli.report.provenance import provenance
+
+        emit_json(enveloped("effects", "complete", {"effects": listed}, provenance(inputs)))
     return 0
 
 
-def _places(machine: str) -> dict[str, list[str]]:
+def _places(machine: str) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Places of each effect, and the files read with their sha256."""
     from pkmcal_cli.loading.load_machine import load_machine
     from pkmcal_cli.model.effect_sites import places
 
-    model = load_machine(machine, receptive=True).model
-    return {e.keyword: list(places(model.sites, e, ("SESSION",))) for e in catalogue().values()}
+    loaded = load_machine(machine, receptive=True)
+    sites = loaded.model.sites
+    return {e.keyword: list(places(sites, e, ("SESSION",))) for e in catalogue().values()}, loaded.inputs
 
 
 def _short(where: list[str] | None) -> str:

@@ -15,6 +15,8 @@ from pkmcal_cli.base.outputs import check_target, takes_directly, write_text, wr
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.correction.export_case import ExportCase, Format
 from pkmcal_cli.correction.redundancy import Choice
+from pkmcal_cli.csv_files.origin import Origin
+from pkmcal_cli.csv_files.writer import check_table, open_with_origin
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start
 from pkmcal_cli.loading.targets import Targets
 from pkmcal_cli.model.model import Model
@@ -40,7 +42,8 @@ class Export:
             what = f"--as {self.format.keyword} writes a file for every drive"
             raise UsageError(what, hint=f"name them with `-o NAME{self.format.suffix}`")
         for name in self.files(drives).values():
-            check_target(name, inputs, force=self.force)
+            check = check_table if self.format.suffix == ".csv" else check_target
+            check(name, inputs, force=self.force)
 
     @property
     def _names_files(self) -> bool:
@@ -95,6 +98,10 @@ def write_export(
         with write_together(list(files.values()), inputs, force=export.force) as opened:
             for name, file in zip(files, opened, strict=True):
                 file.write(texts[name])
+    elif export.format.suffix == ".csv":
+        origin = Origin("correction", "\n".join(report.remarks()), head)
+        with open_with_origin(export.target, inputs, origin, force=export.force) as file:
+            file.write(report.draft.texts(())[""])
     else:
         with write_text(export.target, inputs, force=export.force) as file:
             file.write(texts[""])

@@ -21,7 +21,7 @@ from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import place_of
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
@@ -85,18 +85,17 @@ def run_improvement(request: ImproveRequest) -> int:
     _tell(odd[len(case.hints) :], to)
     if odd and request.accept:
         to.say("accepted (`--accept`)")
-    written: tuple[str | None, str | None] = (None, None)
-    if targets is not None:
-        written = _write(request, inputs, report, targets, _head(request, inputs, improvement, odd), to)
+    head = _head(request, inputs, improvement, odd)
+    machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
-    result = improved.json(*written, accept=request.accept)
+    result = improved.json(machine, parameters, accept=request.accept)
     code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
+    result = enveloped("improve", result["verdict"], result | gates_told, head)
     if request.as_json:
-        emit_json(result | gates_told)
+        emit_json(result)
     if improvement.broken is not None:
         raise improvement.broken
     if request.run is not None:
-        head, result = _head(request, inputs, improvement, odd), result | gates_told
         asked = request.case.asked | {"alpha": request.alpha, "seed": request.seed}
         kept = improvement_run(request.case.machine, asked, inputs, report, head=head, result=result, code=code)
         keep_run(request.run, inputs, kept, to)

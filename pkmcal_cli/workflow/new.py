@@ -10,8 +10,9 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.loading.printers.constants import Printer
 from pkmcal_cli.loading.printers.read import read_printer
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.printer_machine import machine_text
+from pkmcal_cli.report.provenance import provenance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,8 @@ def run_new(request: NewRequest) -> int:
     with write_text(request.output, printer.inputs, force=request.force) as file:
         file.write(machine_text(printer))
     if request.as_json:
-        emit_json(_json(printer) | {"output": request.output})
+        result = _json(printer) | {"output": request.output}
+        emit_json(enveloped("new", "complete", result, provenance(printer.inputs)))
     to.say(f"{printer.firmware}, {printer.kinematics}: {len(printer.constants)} constants read")
     return 0
 

@@ -7,7 +7,8 @@ What is left to do follows from what was measured: parameters as fitted, noise a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ class NextPoints:
     ways: Approaches
     needed: int
     value: float  # of the parameter as it is known now, SI
+    inputs: Mapping[str, str] = field(default_factory=dict)  # sha256 by name
 
     @property
     def status(self) -> str:
@@ -136,7 +138,8 @@ def next_points(
         std=fit.intervals.std,
         noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
     )
-    return _proposed(loaded, now, wanted, budget, seed)
+    inputs = loaded.inputs | start.inputs | measured.inputs
+    return replace(_proposed(loaded, now, wanted, budget, seed), inputs=inputs)
 
 
 @dataclass(frozen=True, kw_only=True)

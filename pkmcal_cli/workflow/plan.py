@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from pkmcal_cli.calibration.bench_measurements import bench_proposals
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.calibration.residual import evaluate, reasons
+from pkmcal_cli.csv_files.origin import Origin
+from pkmcal_cli.csv_files.writer import check_table
 from pkmcal_cli.diagnosis.experiment_design import Plan, best_points, plan_of, whitened_blocks, with_rows
 from pkmcal_cli.diagnosis.hypotheses import Candidates, candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
@@ -28,9 +31,10 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.touching import tcp_places
 from pkmcal_cli.report.added_points import Added
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.plan_report import PlanReport
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.approaches import Approaches, approaches
 from pkmcal_cli.workflow.arguments import given, one_stdin, require_measured, selection
@@ -87,7 +91,7 @@ def run_plan(request: PlanRequest) -> int:
         to.warn(text)
     poses = touching_poses(to, loaded, start.values, poses)
     inputs = loaded.inputs | start.inputs | poses.inputs
-    check_target(request.output, inputs, force=request.force)
+    _check_output(request, inputs)
     rows, used, ways = _approached(loaded, start.values, poses, request, to)
     candidates = candidates_of(loaded.model, selected, rows)
     values = np.append(start.values, _nulls(candidates, loaded.model))
@@ -110,7 +114,8 @@ def run_plan(request: PlanRequest) -> int:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
         _write(request, loaded, rows, ways if towards is None else ways.followed_by(towards), inputs, to)
     if request.as_json:
-        emit_json({"tool_point": tool and tool.name, **report.json(), **used.failed.json()})
+        result = {"tool_point": tool and tool.name, **report.json(), **used.failed.json()}
+        emit_json(enveloped("plan", "complete", result, provenance(inputs, seed=request.seed)))
     return 0
 
 
@@ -122,21 +127,22 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
         aim=request.aim, budget=request.budget, seed=request.seed, to=to,
     )  # fmt: skip
     found.show(to)
-    inputs = dict.fromkeys(given(request.machine, request.poses, request.parameters), "")
     if len(found.added.points):
-        _write(request, found.loaded, found.added.points.rows, found.ways, inputs, to)
+        _write(request, found.loaded, found.added.points.rows, found.ways, found.inputs, to)
     if request.as_json:
-        emit_json(found.json())
+        head = provenance(found.inputs, seed=request.seed)
+        emit_json(enveloped("plan", found.status, found.json(), head))
     return int(found.status == "not_reached")
 
 
 def _write(
-    request: PlanRequest, loaded: LoadedMachine, rows: Rows, ways: Approaches, inputs: dict[str, str], to: Reporter
+    request: PlanRequest, loaded: LoadedMachine, rows: Rows, ways: Approaches, inputs: Mapping[str, str], to: Reporter
 ) -> None:
     """The schedule, where it is wanted. Raises OutputError."""
     if request.output is None:
         return
-    options = ScheduleOptions(request.as_form, request.seed, request.dwell, request.feed, request.force)
+    origin = Origin("plan", "points to measure, in this order", provenance(inputs, seed=request.seed))
+    options = ScheduleOptions(request.as_form, request.seed, request.dwell, request.feed, request.force, origin)
     for line in write_schedule(loaded, rows, ways, options, request.output, inputs):
         to.say(line)
 
@@ -213,7 +219,13 @@ def _check(request: PlanRequest) -> None:
     check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
-    check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+    _check_output(request, given(request.machine, request.poses, request.parameters))
+
+
+def _check_output(request: PlanRequest, inputs: Collection[str]) -> None:
+    """Whether the schedule can be written. Raises OutputError."""
+    check = check_table if request.as_form == "csv" else check_target
+    check(request.output, inputs, force=request.force)
 
 
 def _added(

@@ -14,7 +14,7 @@ from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.complete_fit import FitOptions
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.plain_files import plain_map
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.report.verification import VerificationReport
@@ -199,5 +199,6 @@ def _written(request: ReportRequest, results: Results, inputs: dict[str, str], t
     if not is_stream(request.output):
         to.say(f"written: {request.output}")
     if request.as_json:
-        emit_json({"file": request.output} | sheet_json(results, figures))
+        result = {"file": request.output} | sheet_json(results, figures)
+        emit_json(enveloped("report", made.verdict.word.lower(), result, results.head))
     return int(made.verdict.negative)

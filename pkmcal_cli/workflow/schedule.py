@@ -9,6 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.dialect import split_header
+from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
@@ -25,13 +26,16 @@ _TOLD = 0.05  # correlation below which nothing is worth a word
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """Form of a schedule, seed of its order; dwell, s, and feed, mm/min, of programs; whether files are replaced."""
+    """Form of a schedule, seed of its order; dwell, s, and feed, mm/min, of programs; whether files are replaced;
+    where it comes from.
+    """
 
     form: str
     seed: int
     dwell: float
     feed: float
     force: bool
+    origin: Origin
 
 
 def write_schedule(
@@ -55,7 +59,7 @@ def write_schedule(
         drives=[(a.name, loaded.machine.actuators[a.name].column or a.name, a.unit) for a in actuators],
         there=rows.readings[index][:, held], begin=begin[index], side=side[index], readings=_readings(loaded),
         ways=_ways(model, rows.readings[index], (rows.readings + ways.back)[index], held) if programmed else (),
-        dwell=options.dwell, feed=options.feed,
+        dwell=options.dwell, feed=options.feed, origin=options.origin,
     )  # fmt: skip
     write_form(options.form, schedule, target, inputs, options.force)
     return _told(target, order, together)

@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -36,6 +37,7 @@ class Schedule:
     readings: Sequence[tuple[str, str | None]]
     dwell: float
     feed: float
+    origin: Origin
 
 
 def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
@@ -45,7 +47,7 @@ def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> No
     headers += [(f"approach.{name}", unit) for name, _, unit in s.drives]
     columns: list[Values] = [s.ids, *s.partners, *s.there.T, *s.side.T, *s.begin.T]
     blank = np.full(len(s.ids), np.nan)
-    with open_writer(target, [*headers, *s.readings], inputs, digits=9, force=force) as writer:
+    with open_writer(target, [*headers, *s.readings], inputs, origin=s.origin, digits=9, force=force) as writer:
         writer.write([*columns, *(blank for _ in s.readings)])
 
 

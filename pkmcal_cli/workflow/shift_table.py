@@ -7,9 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from pkmcal_cli.calibration.mean_sensitivity import Sensitivity
+from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.analysis_report import unit_along
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.pose_set import PoseSet
 
 _PLACES = 12  # of m or rad: what is less is rounding
@@ -35,5 +37,6 @@ def write_shifts(
     cells: list[Values] = [[p.id or str(p.line or 1) for p in places]]
     cells += list(np.round(result.prediction.values[done], _PLACES).T + 0.0)
     cells += list(result.shifts[done, result.coordinates.index(coordinate)].T)
-    with open_writer(target, columns, inputs, digits=9, force=force) as writer:
+    origin = Origin("shifts", f"shifts of {coordinate} by position, predicted", provenance(inputs))
+    with open_writer(target, columns, inputs, origin=origin, digits=9, force=force) as writer:
         writer.write(cells)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
-from pkmcal_cli.base.outputs import check_target
-from pkmcal_cli.csv_files.writer import open_writer
-from pkmcal_cli.report.console import Reporter, emit_json
-from pkmcal_cli.report.provenance import provenance, provenance_lines
+from pkmcal_cli.csv_files.origin import SIMULATED, Origin
+from pkmcal_cli.csv_files.writer import check_table, open_writer
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.simulation import SimulationRequest, checked, simulation
 
@@ -18,13 +18,13 @@ def run_simulation(request: SimulationRequest) -> int:
     to = Reporter(request.quiet)
     made = simulation(request, to)
     head = provenance(made.inputs, seed=request.seed, noise=request.noise, method=request.method)
-    comments = ["simulated by pkmcal, not measured", *provenance_lines(head)]
-    writing = open_writer(target, made.columns, made.inputs, comments=comments, force=request.force)
+    origin = Origin("simulated", SIMULATED, head)
+    writing = open_writer(target, made.columns, made.inputs, origin=origin, force=request.force)
     with writing as writer, to.progress() as tick:
         made.run(writer, tick)
     made.tell(to)
     if request.as_json:
-        emit_json(made.json(head))
+        emit_json(enveloped("simulate", "incomplete" if made.code else "complete", made.json(), head))
     return made.code
 
 
@@ -35,5 +35,5 @@ def _target(request: SimulationRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
-    check_target(target, given(request.machine, request.poses, request.parameters), force=request.force)
+    check_table(target, given(request.machine, request.poses, request.parameters), force=request.force)
     return target

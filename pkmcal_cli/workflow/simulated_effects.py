@@ -21,9 +21,10 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Prediction, Request, predict
 from pkmcal_cli.report.analysis_report import UNSTRAINED
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.effects_report import Absent, EffectsReport
 from pkmcal_cli.report.loads import Loads
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.effects_request import EffectsRequest
@@ -56,7 +57,8 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     if request.parameters is None and any(s.reason == UNLOADED for s in simulated):
         to.say(UNSTRAINED)
     if request.as_json:
-        emit_json(report.json())
+        inputs = loaded.inputs | start.inputs | poses.inputs
+        emit_json(enveloped("effects", "complete", report.json(), provenance(inputs)))
     return 0
 
 

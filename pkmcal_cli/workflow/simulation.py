@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, Protocol
@@ -261,8 +261,8 @@ class Simulation:
         if self.errors is not None:
             to.say(self.errors.text)
 
-    def json(self, head: Mapping[str, Any]) -> dict[str, Any]:
-        """The result for programs; head: provenance."""
+    def json(self) -> dict[str, Any]:
+        """The result for programs, without its provenance."""
         model, request, tally = self.model, self.request, self.tally
         channels = []
         for k, channel in enumerate(model.channels):
@@ -281,7 +281,6 @@ class Simulation:
             "output": request.output,
             "channels": channels,
             "loads": self.loads.json(),
-            "provenance": dict(head),
             **({} if request.method == "exact" else {"substructure": _substructure(model)}),
             **({} if self.errors is None else {"uncertainty": self.errors.json()}),
         }

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from . import dimensions as dim
 from . import self_measured_tables
@@ -24,6 +23,7 @@ from .gantry import BOWED, SCALES, Bow, Gantry
 from .machines import PINNED, Hexapod7
 from .pinned import Array
 from .pinned_machine import Machine
+from .sidecar import write_sidecar
 
 FOLDER = Path(__file__).resolve().parents[2] / "machines"
 UM = 1e-6
@@ -261,8 +261,7 @@ def write(name: str, campaign: Campaign, folder: Path) -> None:
             cells = [f"{q / dim.MM:.6f}" for q in travel]
             cells += [f"{value / scale:.{digits}f}" for (*_, scale, digits), value in zip(shown, reading, strict=True)]
             out.writerow([number, *cells])
-    with (folder / f"{name}.csv.provenance.yaml").open("w", encoding="utf-8") as file:
-        yaml.safe_dump(provenance(name, campaign), file, sort_keys=False, width=100)
+    write_sidecar(folder / f"{name}.csv", provenance(name, campaign))
 
 
 def main(folder: Path = FOLDER) -> None:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from . import dimensions as dim
 from .belts import BeltRouter
@@ -23,6 +22,7 @@ from .delta_printer import DeltaPrinter
 from .five_bar import FiveBar
 from .pinned import Array
 from .self_measured import Sensing
+from .sidecar import write_sidecar
 
 SENSING: dict[str, Sensing] = {m.name: m for m in (BeltRouter(), DeltaPrinter(), FiveBar())}
 DIGITS = 6
@@ -179,5 +179,4 @@ def write(table: Table, folder: Path) -> None:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(header)
         out.writerows(rows)
-    with (folder / f"{name}.csv.provenance.yaml").open("w", encoding="utf-8") as file:
-        yaml.safe_dump(dict(provenance(table)), file, sort_keys=False, width=100)
+    write_sidecar(folder / f"{name}.csv", provenance(table))

@@ -12,13 +12,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from .campaigns import Campaign, Planted, Scenario, campaign
 from .dimensions import MM
 from .generate import FOLDER, METHOD
 from .pinned_machine import Machine
 from .shop_plans import PLANS
+from .sidecar import write_sidecar
 
 NAME, MACHINE = "scissors-shopfloor", "scissors"
 SEED, ROWS = 2015, 80
@@ -63,8 +62,7 @@ def main(folder: Path = FOLDER) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     measured = shopfloor()
     (folder / f"{NAME}.csv").write_text(measured.csv_text(), encoding="utf-8", newline="")
-    with (folder / f"{NAME}.csv.provenance.yaml").open("w", encoding="utf-8") as file:
-        yaml.safe_dump(provenance(measured), file, sort_keys=False, width=100)
+    write_sidecar(folder / f"{NAME}.csv", provenance(measured))
 
 
 if __name__ == "__main__":

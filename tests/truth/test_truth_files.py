@@ -9,6 +9,7 @@ import yaml
 from . import dimensions as dim
 from . import self_measured_tables as own
 from .generate import FOLDER, campaigns, provenance
+from .sidecar import sha256_of
 
 CAMPAIGNS = campaigns()
 TABLES = own.tables()
@@ -34,7 +35,8 @@ def test_shipped_file_is_the_generators(name: str) -> None:
 def test_sidecar_holds_the_planted_values(name: str) -> None:
     campaign = CAMPAIGNS[name]
     sidecar = yaml.safe_load((FOLDER / f"{name}.csv.provenance.yaml").read_text(encoding="utf-8"))
-    told = sidecar["planted"].pop("parameters")
+    told, digest = sidecar["planted"].pop("parameters"), sidecar.pop("sha256")
+    assert digest == sha256_of(FOLDER / f"{name}.csv")
     expected = {**provenance(name, campaign)}
     expected["planted"] = {n: v for n, v in expected["planted"].items() if n != "parameters"}
     assert sidecar == expected
@@ -69,6 +71,7 @@ def test_sidecar_of_a_machine_that_measures_itself(name: str) -> None:
     sidecar = yaml.safe_load((FOLDER / f"{name}.csv.provenance.yaml").read_text(encoding="utf-8"))
     told, made = sidecar["planted"].pop("parameters"), dict(own.provenance(table))
     made["planted"] = {k: v for k, v in made["planted"].items() if k != "parameters"}
+    assert sidecar.pop("sha256") == sha256_of(FOLDER / f"{name}.csv")
     assert sidecar == made
     values = {n: entry["value"] * dim.UNITS[entry["unit"]] for n, entry in told.items()}
     assert values == pytest.approx(table.planted(), rel=1e-12)

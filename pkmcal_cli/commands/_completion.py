@@ -1,0 +1,59 @@
+"""What the shell proposes while a command is typed: names of the machine file that stands on the line.
+
+Quick, and never an error: what cannot be read proposes nothing.
+"""
+
+from __future__ import annotations
+
+import typer
+
+_FEW = ("auto", "all")
+
+
+def parameters(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
+    """Parameters in a list `auto,l1,-l2`; drives and sensors after `@`, where effects are."""
+    return _in_list(incomplete, [*_FEW, *_names(ctx, "parameters")], _places(ctx))
+
+
+def aims(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
+    """What points can be chosen for: parameters, `uncertainty`, effects at drives and sensors."""
+    return _in_list(incomplete, ["uncertainty", *_names(ctx, "parameters")], _places(ctx))
+
+
+def places(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
+    """Drives and sensors after `@`."""
+    return _in_list(incomplete, [], _places(ctx))
+
+
+def drives(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
+    """Drives, each with `=`, behind which an offset stands."""
+    return [f"{name}=" for name in _names(ctx, "actuators")]
+
+
+def sizes(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
+    """Parameters, each with `=`, behind which a size stands."""
+    return [f"{name}=" for name in _names(ctx, "parameters")]
+
+
+def _in_list(incomplete: str, names: list[str], after_at: list[str]) -> list[str]:
+    """Names for the last entry of a list, behind those that are there."""
+    done, comma, last = incomplete.rpartition(",")
+    minus = "-" if last.startswith("-") else ""
+    effect, at, _ = last.removeprefix("-").partition("@")
+    found = [f"{effect}@{place}" for place in after_at] if at else names
+    taken = {part.removeprefix("-") for part in done.split(",")}
+    return [f"{done}{comma}{minus}{name}" for name in found if name not in taken]
+
+
+def _places(ctx: typer.Context) -> list[str]:
+    return [*_names(ctx, "actuators"), *_names(ctx, "sensors")]
+
+
+def _names(ctx: typer.Context, section: str) -> list[str]:
+    """Names of a section of the machine file on the line."""
+    machine = ctx.params.get("machine")
+    if not isinstance(machine, str):
+        return []
+    from pkmcal_cli.loading.names import names_in
+
+    return names_in(machine, section)

@@ -1,0 +1,85 @@
+"""What `compare --json` writes."""
+
+from __future__ import annotations
+
+from pkmcal_cli.report.outputs.keys import Output
+
+COMPARE = Output(
+    "compare",
+    """
+kind parameters|machines|history: `parameters`; `machines` and `history`: see below
+verdict no change|changed|nothing in common|one is better|no difference|intact|changed since: `no change` or
+    `changed`, by the test of all; `nothing in common`: there is none; of machine files `one is better` or `no
+    difference`; of runs `intact` or `changed since`
+named~[] text: what has changed: parameters by their own tests; else those of which one alone explains the change
+files~[].file text: what is compared
+files[].created text?: date, or null
+files[].status text: how the fit ended
+test~.statistic number?: F: chi-square over its degrees of freedom, noise as it turned out to be; null without any
+test.degrees_of_freedom integer: combinations of parameters that all determine
+test.noise_degrees_of_freedom number?: by which noise is known
+test.p_value number?:
+test.alpha number: as given
+alone~?.name text: the one parameter that alone explains most; `alone` is null if none does
+alone.change number: in `unit`
+alone.std number?:
+alone.unit text:
+alone.p_value_left number?: of what it leaves; null if nothing can be left
+alone.explains flag: whether something has changed and this explains it (`p_value_left` at least 0.01)
+alone.rivals[] text: others that explain it nearly as well (chi-square within 3.84)
+per~ text?: time in which parameters change, `day`, with three files or more; else null
+parameters~[].name text: a parameter that all fits identified
+parameters[].values[] number: its value in each file, in `unit`
+parameters[].change number: change between two files, or per day
+parameters[].std number?: its standard uncertainty
+parameters[].unit text:
+parameters[].determined flag: whether all data sets determine it (to half its range)
+parameters[].p_value number?: of no change; null if not determined
+parameters[].p_value_holm number?: corrected by Holm
+parameters[].changed flag: whether that is below `alpha`, and the test of all too
+effects~[].name text: a number of an effect
+effects[].values?[] number?: its value in each file, in `unit`; null where it lacks
+effects[].stds[] number?:
+effects[].unit text:
+effects[].p_value number?: of the same size in the first and last file that have it; null where that is not known
+effects[].remark text?: `only in ...`, `other size`, or null
+tool_point~?.rms number?: change of the predicted position over the workspace; `tool_point` is null where it cannot be
+    told
+tool_point.rms_by_chance number: the same if nothing has changed
+tool_point.max number?: largest change
+tool_point.std number?: its standard uncertainty
+tool_point.unit text:
+tool_point.at.AXIS number: where it is largest, in `at_unit`
+tool_point.at_unit text:
+tool_point.count integer: number of poses
+tool_point.over text: `workspace`, or `measured travel`
+apart~[].name text: a parameter that is not compared
+apart[].files[] text: files that have it
+gates~[].gate text: a limit of `--fail-above`, as written
+gates[].what text: what it is held against
+gates[].value number?: in `unit`; null where it is not known (the limit is then missed)
+gates[].limit number?:
+gates[].unit text:
+gates[].kept flag: whether the value is not above the limit
+---
+machines~[] text: both machine files
+better~ text?: the one that predicts held-out rows better; null if the rows do not tell
+of~ text: kind of readings, such as `position`
+rms~[] number?: held-out error of both, in `unit`
+change~.value number?: difference of these
+change.low number?: its 95 % interval
+change.high number?:
+unit~ text:
+count~ integer: number of rows in pairs
+scheme~ text: how rows were held out
+---
+runs~[].folder text:
+runs[].command text:
+runs[].machine text: machine file
+runs[].created text: date
+runs[].verdict text: in words
+runs[].rms text?: in words; null if the command has none
+runs[].exit_code integer:
+runs[].intact flag: whether the results are as they were written
+""",
+)
