@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import (
     cross_validate,
-    enough_rows,
+    enough_values,
     fold_labels,
     replicate_groups,
     validate,
@@ -117,10 +117,12 @@ def test_by_cells() -> None:
             assert (high < other_low).any() or (other_high < low).any()
 
 
-def test_rows_for_a_held_out_error_by_default() -> None:
-    problem = campaign(np.arange(18))
-    assert enough_rows(problem, shipped(NAME).selected)
-    assert not enough_rows(problem.take(np.arange(17)), shipped(NAME).selected)
+def test_values_for_a_held_out_error_by_default() -> None:
+    """Three a parameter: two coordinates are read in each row, so nine rows do for six parameters, eight do not."""
+    problem, selected = campaign(np.arange(18)), shipped(NAME).selected
+    assert (problem.count, len(selected)) == (36, 6)
+    assert enough_values(problem.take(np.arange(9)), selected)
+    assert not enough_values(problem.take(np.arange(8)), selected)
 
 
 # nothing leaks --------------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None], Fit]
 
 _SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
 _CELLS = 4  # cells along each axis of the workspace
-ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default
+VALUES_PER_PARAMETER = 3  # below this the hold-out is left out by default
 
 
 @dataclass(frozen=True)
@@ -182,9 +182,9 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
     return HeldOut(figures[0], figures[1], "; ".join([*words, *_lost_words(len(after.failed), len(problem))]), 1, 0)
 
 
-def enough_rows(problem: Problem, selected: tuple[str, ...]) -> bool:
-    """Whether there are at least three rows a parameter."""
-    return len(problem) >= ROWS_PER_PARAMETER * len(selected)
+def enough_values(problem: Problem, selected: tuple[str, ...]) -> bool:
+    """Whether there are at least three measured values a parameter."""
+    return problem.count >= VALUES_PER_PARAMETER * len(selected)
 
 
-__all__ = ["Array", "HeldOut", "cross_validate", "enough_rows", "fold_labels", "replicate_groups", "validate"]
+__all__ = ["Array", "HeldOut", "cross_validate", "enough_values", "fold_labels", "replicate_groups", "validate"]

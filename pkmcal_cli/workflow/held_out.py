@@ -8,7 +8,7 @@ from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.complete_fit import FitOptions, refit
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
+from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_values, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
@@ -31,9 +31,9 @@ def held_out(
         return f"the fit did not succeed ({fit.status})"
     if scheme is not None and not 0 < len(scheme) <= _DIGITS:
         raise UsageError("--holdout: invalid number of folds", hint="give a number such as 5")
-    if scheme is None and not enough_rows(problem, fit.selected):
-        rows, parameters = count(len(problem), "row"), count(len(fit.selected), "parameter")
-        return f"{rows} for {parameters}: fewer than 3 rows per parameter"
+    if scheme is None and not enough_values(problem, fit.selected):
+        values, parameters = count(problem.count, "measured value"), count(len(fit.selected), "parameter")
+        return f"{values} for {parameters}: fewer than 3 values per parameter"
     try:
         labels, words = fold_labels(scheme or _FOLDS, problem, measured)
     except ValueError as error:
