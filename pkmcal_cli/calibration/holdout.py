@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
@@ -80,7 +81,12 @@ def _cells(problem: Problem) -> NDArray[np.intp]:
 
 
 def cross_validate(
-    problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme: str, again: Refit | None = None
+    problem: Problem,
+    fit: Fit,
+    labels: NDArray[np.intp],
+    scheme: str,
+    again: Refit | None = None,
+    observe: Observer = unobserved,
 ) -> HeldOut:
     """Refit without each fold, from where the fit began (what a fold does not determine must not come from the
     held-out rows), predict it, and gather all held-out residuals. `again`: how, by default by least squares.
@@ -88,7 +94,8 @@ def cross_validate(
     before, after, failed, lost = [], [], 0, 0
     fitted_too: dict[str, None] = {}
     folds = np.unique(labels)
-    for fold in folds:
+    for k, fold in enumerate(folds):
+        observe(Stage("held-out fold", k, len(folds)))
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
         trained = _refitted(problem.take(outside), fit, outside, again or _by_least_squares)
         failed += trained is None or trained.status != "converged"

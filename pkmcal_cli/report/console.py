@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pkmcal_cli.base.annotations import FORMATS, Severity, annotation, of_fault
 from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
-from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.report.outputs.schema import all_outputs
 from pkmcal_cli.report.table_layout import columns_of, laid_out
 
@@ -100,17 +100,25 @@ class Reporter:
             self._line(f"not shown in {width} columns: {what} (widen the terminal, or use --json)", "dim")
 
     @contextmanager
-    def progress(self, what: str = "rows") -> Iterator[Callable[[int], None] | None]:
-        """A counter on a terminal; nothing elsewhere."""
-        if self.quiet or not self.console.is_terminal:
-            yield None
-            return
-        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    def progress(self, what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+        """Who is told how many more of these are done, of how many; None where nobody knows."""
+        with self.stages() as observe:
+            done = 0
+            observe(Stage(what, done, total))
 
-        text = TextColumn(f"{{task.completed:.0f}} {what}")
-        with Progress(SpinnerColumn(), text, TimeElapsedColumn(), console=self.console, transient=True) as shown:
-            task = shown.add_task(what, total=None)
-            yield lambda count: shown.advance(task, count)
+            def tick(count: int) -> None:
+                nonlocal done
+                done += count
+                observe(Stage(what, done, total))
+
+            yield tick
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """A work of which nobody knows how long it is; it is named while it lasts."""
+        with self.stages() as observe:
+            observe(Stage(name))
+            yield
 
     @contextmanager
     def stages(self) -> Iterator[Observer]:

@@ -12,6 +12,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.determinacy import determinacy
@@ -108,13 +109,14 @@ def run_calibration(request: CalibrationRequest) -> int:
     options = s.request.fit_options
     if hints:  # no start mends a wrong column
         options = replace(options, starts=options.starts or 1)
-    calibration = _fit(s, options, to)
-    fit = calibration.robust.fit
-    s = replace(s, problem=s.problem.without(fit.failed))
-    if s.apart is None:
-        held = held_out(s.problem, s.measured, fit, request.holdout, request.fit_options)
-    else:
-        held = validated(s.loaded, s.problem, fit, s.apart)
+    with to.stages() as observe:
+        calibration = _fit(s, options, to, observe)
+        fit = calibration.robust.fit
+        s = replace(s, problem=s.problem.without(fit.failed))
+        if s.apart is None:
+            held = held_out(s.problem, s.measured, fit, request.holdout, request.fit_options, observe)
+        else:
+            held = validated(s.loaded, s.problem, fit, s.apart)
     gross = gross_row_reasons(s.problem, calibration, _places(s))
     report = CalibrationReport(s.loaded.machine, s.problem, calibration, held, _places(s), (*hints, *gross))
     report.show(to)
@@ -237,7 +239,7 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
     return other
 
 
-def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
+def _fit(s: _Setting, options: FitOptions, to: Reporter, observe: Observer) -> Calibration:
     try:
         calibration = calibrated(
             s.problem,
@@ -247,6 +249,7 @@ def _fit(s: _Setting, options: FitOptions, to: Reporter) -> Calibration:
             session=np.asarray(s.measured.session),
             datum=s.datum,
             tell=to.say,
+            observe=observe,
         )
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None

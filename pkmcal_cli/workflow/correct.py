@@ -86,7 +86,8 @@ def run_correction(request: CorrectionRequest) -> int:
     for text in start.warnings:
         to.warn(text)
     to.notes(targets.notes)
-    result = _assessed(model, start, targets, stated, choice)
+    with to.step("set values"):
+        result = _assessed(model, start, targets, stated, choice)
     report = CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     report.show(to)
     inputs = loaded.inputs | start.inputs | dict(targets.inputs)

@@ -6,6 +6,7 @@ from functools import partial
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import FitOptions, refit
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_values, fold_labels, validate
@@ -22,7 +23,7 @@ _DIGITS = 9
 
 
 def held_out(
-    problem: Problem, measured: Measurements, fit: Fit, scheme: str | None, options: FitOptions
+    problem: Problem, measured: Measurements, fit: Fit, scheme: str | None, options: FitOptions, observe: Observer
 ) -> HeldOut | str:
     """Figures on rows of the table itself, or why there are none. Raises UsageError."""
     if scheme == "none":
@@ -40,7 +41,7 @@ def held_out(
         if scheme is None:
             return str(error)
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(problem, fit, labels, words, partial(refit, options))
+    return cross_validate(problem, fit, labels, words, partial(refit, options), observe)
 
 
 def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurements) -> HeldOut | str:

@@ -12,6 +12,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.calibration.bench_measurements import bench_proposals
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
@@ -99,10 +100,13 @@ def run_plan(request: PlanRequest) -> int:
     problem = design_problem(candidates.model, rows, channels)
     require_measured(problem)
     problem, used, ways = _predicted(problem, used, ways, values, to)
-    plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
     wanted = wanted_aim(request.aim, candidates, loaded.model, selected)
     tool = used.tool if wanted is None else _posed(loaded, to, used)
-    added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
+    with to.stages() as observe:
+        observe(Stage("what each effect would show"))
+        plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
+        observe(Stage("points to add"))
+        added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
     rates = power_of_plan(request.power, () if wanted is None else wanted.effects, campaigns, to)
     bench = bench_proposals(problem.model, observability(problem, values, selected).directions)

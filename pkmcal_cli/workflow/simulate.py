@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -84,7 +86,7 @@ def run_simulation(request: SimulationRequest) -> int:
     head = provenance(inputs, seed=request.seed, noise=request.noise, method=request.method)
     origin = Origin("simulated", SIMULATED, head)
     writing = open_writer(target, work.columns, inputs, origin=origin, force=request.force)
-    with writing as writer, to.progress() as tick:
+    with writing as writer, to.progress("row", _total(source, request)) as tick:
         for block in chain([first] if first is not None else [], blocks):
             work.simulate(block, writer, tick)
         lines = skipped(work.tally.by_reason, work.tally.seen) if source.points is not None else []
@@ -99,6 +101,16 @@ def run_simulation(request: SimulationRequest) -> int:
         result = {"tool_point": tool and tool.name} | _json(work)
         emit_json(enveloped("simulate", "incomplete" if code else "complete", result, head))
     return code
+
+
+def _total(source: PoseSource, request: SimulationRequest) -> int | None:
+    """How many rows there are, for who watches; None of a stream."""
+    if source.points is not None:
+        return len(source.points)
+    if request.poses is None or not os.path.isfile(request.poses):
+        return None
+    with open(request.poses, "rb") as file:
+        return sum(block.count(b"\n") for block in iter(partial(file.read, 1 << 20), b"")) or None
 
 
 def _substructure(model: Model) -> list[str]:
