@@ -12,6 +12,7 @@ from pkmcal_cli.base.annotations import FORMATS, Severity, annotation, of_fault
 from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.base.styles import styled, wants_styles
 from pkmcal_cli.report.outputs.schema import all_outputs
 from pkmcal_cli.report.table_layout import columns_of, laid_out
 
@@ -46,13 +47,13 @@ class Reporter:
 
     def warn(self, finding: str | Fault, where: Location | None = None) -> None:
         """A warning; `where`: the place that a text is about."""
-        self._line(finding if isinstance(finding, str) else finding.text(), "yellow")
+        self._found(finding, "yellow")
         if not self.quiet:
             self.mark(finding, where, "warning")
 
     def fail(self, finding: str | Fault) -> None:
         """Why the verdict is negative: shown even when quiet."""
-        self._line(finding if isinstance(finding, str) else finding.text(), "red", always=True)
+        self._found(finding, "red", always=True)
         self.mark(finding, None, "error")
 
     def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
@@ -69,6 +70,16 @@ class Reporter:
             from rich.text import Text
 
             self._print(Text(text, style=style or ""))
+
+    def _found(self, finding: str | Fault, colour: str, always: bool = False) -> None:
+        """A sentence in a colour; a fault with its parts apart."""
+        if isinstance(finding, str):
+            self._line(finding, colour, always)
+        elif always or not self.quiet:
+            from rich.text import Text
+
+            text = finding.text()
+            self._print(Text.from_ansi(styled(text)) if wants_styles(sys.stderr) else Text(text))
 
     def _print(self, shown: RenderableType) -> None:
         with suppress(OSError):  # a closed stderr does not end the work
