@@ -13,6 +13,7 @@ from itertools import pairwise
 import typer
 
 from pkmcal_cli import __version__
+from pkmcal_cli.base.styles import styled, wants_styles
 from pkmcal_cli.commands._group import Subcommands, names
 
 _STOPPED = 130
@@ -136,7 +137,7 @@ def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
 def _tell(text: str) -> None:
     """A message for people; a closed stderr is no reason for another error."""
     with suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)
+        print(styled(text) if wants_styles(sys.stderr) else text, file=sys.stderr, flush=True)
 
 
 def _flush() -> None:

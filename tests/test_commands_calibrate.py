@@ -79,7 +79,7 @@ def test_without_names_what_is_undetermined_is_no_failure() -> None:
     done, result = calibrated(TRIGLIDE, "one.csv", "--select", "l1*,xb1*")
     assert done.code == 0 and [p["std"] for p in result["parameters"]] == [None, None]
     assert result["heldout"]["rms_after"] is None
-    assert result["heldout"]["reason"] == "1 row for 2 parameters: fewer than 3 rows per parameter"
+    assert result["heldout"]["reason"] == "2 measured values for 2 parameters: fewer than 3 values per parameter"
     assert "held-out error: not available (1 row for 2 parameters" in done.err
 
 

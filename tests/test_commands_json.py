@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.command import (
@@ -24,9 +22,11 @@ from tests.command import (
     run,
 )
 from tests.json_schemas import faults_of
+from tests.odd_campaigns import growing_noise, odd_field, odd_shape
 from tests.test_far_causes import router
+from tests.test_plausible import MACHINE as SPOILT
+from tests.test_plausible import spoilt, turned
 from tests.test_slack_ropes import text, wound
-from tests.truth.campaigns import Planted, Scenario, campaign, unit
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
@@ -71,32 +71,6 @@ def covers(path: str, known: set[str]) -> bool:
     return path in known or any(k.startswith((f"{path}.", f"{path}[")) for k in known)
 
 
-def odd_field(folder: Path) -> list[str]:
-    """A machine and a table with something smooth that is in no catalogue."""
-    measured = campaign("delta4", [unit("delta4", "smooth_field", "tracker", 3).scaled(4)], 3)
-    (folder / "field.csv").write_text(measured.csv_text())
-    return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "field.csv"]
-
-
-def growing_noise(folder: Path) -> list[str]:
-    """A machine and a table whose noise grows with distance."""
-    measured = campaign("delta4", [], 3)
-    distance = np.sqrt((measured.true_readings**2).sum(axis=1, keepdims=True))
-    noise = 3 * measured.sigma * (distance / np.median(distance)) ** 4
-    rng = np.random.default_rng(1)
-    (folder / "grown.csv").write_text(
-        replace(measured, readings=measured.true_readings + noise * rng.normal(size=noise.shape)).csv_text()
-    )
-    return [str(ROOT / "tests" / "benchmark" / "machines" / "delta4.yaml"), "grown.csv"]
-
-
-def odd_shape(folder: Path) -> list[str]:
-    """A machine and a table in which one drive is off by a shape that is in no catalogue; without temperatures."""
-    measured = campaign("scissors", [Planted("odd_tanh", "q2", {"h": 50e-6})], 1, scenario=Scenario(omit=("T",)))
-    (folder / "shape.csv").write_text(measured.csv_text())
-    return [str(ROOT / "tests" / "benchmark" / "machines" / "scissors.yaml"), "shape.csv"]
-
-
 def one_lost(text: str, column: int) -> str:
     """A table with the drive of a column (from 0) a metre off in its tenth row."""
     lines = text.splitlines()
@@ -135,8 +109,7 @@ def write_all(folder: Path) -> None:
     (folder / "shims.yaml").write_text(f"extends: {TRIGLIDE}\nparameters: {{yb1r: {{adjustable: true}}}}\n")
     (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
     write_gap(folder)
-    swapped = Path(TRIGLIDE_DATA).read_text().replace("x [mm],y [mm]", "y [mm],x [mm]")
-    (folder / "swapped.csv").write_text(swapped)
+    spoilt(folder, turned)
     head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
     for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
@@ -154,6 +127,7 @@ def write_all(folder: Path) -> None:
 def commands(folder: Path) -> dict[str, list[list[str]]]:
     """Runs that together show every key."""
     write_all(folder)
+    accepted = [str(SPOILT), "m.csv", "--holdout", "none", "--starts", "1", "--accept"]
     pin, belts, partly = MACHINES / "delta4.yaml", MACHINES / "belt-router", ("--grid", "x=300:300:1,y=250:2500:2")
     return {
         "check": [
@@ -178,14 +152,12 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
-            [TRIGLIDE, "swapped.csv", "--method", "linear", "--accept", "--holdout", "none"],
+            [TRIGLIDE, "one.csv", "--select", "l1", "--method", "linear"], accepted,
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
-        "compare": [
-            ["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA],
-            ["runs"],
-        ],
+        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"],
+            [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA]],
         "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
         "plan": [[SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],

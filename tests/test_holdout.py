@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.errors_before_after import error_figures
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.holdout import (
     cross_validate,
-    enough_rows,
+    enough_values,
     fold_labels,
     replicate_groups,
     validate,
@@ -117,10 +117,10 @@ def test_by_cells() -> None:
             assert (high < other_low).any() or (other_high < low).any()
 
 
-def test_rows_for_a_held_out_error_by_default() -> None:
-    problem = campaign(np.arange(18))
-    assert enough_rows(problem, shipped(NAME).selected)
-    assert not enough_rows(problem.take(np.arange(17)), shipped(NAME).selected)
+def test_values_for_a_held_out_error_by_default() -> None:
+    problem, selected = campaign(np.arange(9)), shipped(NAME).selected
+    assert (problem.count, len(selected)) == (18, 6) and enough_values(problem, selected)
+    assert not enough_values(problem.take(np.arange(8)), selected)
 
 
 # nothing leaks --------------------------------------------------------------------------------------------------------
@@ -180,16 +180,16 @@ def test_another_file() -> None:
 
 
 def test_the_command_holds_out(tmp_path: Path) -> None:
-    """Folds by default, none with fewer than three rows a parameter, and the reason for it."""
+    """Folds by default, none with fewer than three values a parameter, and the reason for it."""
     machine, data = MACHINES / f"{NAME}.yaml", MACHINES / f"{NAME}.csv"
     heldout = run("calibrate", machine, data, "--json").json["heldout"]
     assert heldout["rms_before"] > heldout["rms_after"] > 0
     assert heldout["scheme"].startswith("5 folds")
     few = tmp_path / "few.csv"
-    few.write_text("\n".join(data.read_text().splitlines()[:18]) + "\n")
+    few.write_text("\n".join(data.read_text().splitlines()[:9]) + "\n")
     heldout = run("calibrate", machine, few, "--json").json["heldout"]
     assert heldout["rms_after"] is None
-    assert "17 rows for 6 parameters" in heldout["reason"]
+    assert "16 measured values for 6 parameters" in heldout["reason"]
     heldout = run("calibrate", machine, few, "--holdout", str(data), "--json").json["heldout"]
     assert heldout["rms_after"] > 0
     assert run("calibrate", machine, few, "--holdout", "session").code == 2

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from pkmcal_cli.base.errors import Fault, Location
-from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 
 _WARNING = "warning: "
 
@@ -31,8 +31,11 @@ class Listener(Protocol):
     def stages(self) -> AbstractContextManager[Observer]:
         """Who is told where a long work has come to."""
 
-    def progress(self, what: str = "rows") -> AbstractContextManager[Callable[[int], None] | None]:
-        """Who is told how many rows are done."""
+    def progress(self, what: str, total: int | None) -> AbstractContextManager[Callable[[int], None]]:
+        """Who is told how many more of these are done, of how many; None where nobody knows."""
+
+    def step(self, name: str) -> AbstractContextManager[None]:
+        """A work of which nobody knows how long it is."""
 
 
 @dataclass
@@ -71,9 +74,22 @@ class Record:
         yield self.observe
 
     @contextmanager
-    def progress(self, what: str = "rows") -> Iterator[Callable[[int], None] | None]:
-        """Nobody counts rows."""
-        yield None
+    def progress(self, what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+        """Whoever was named is told how many are done."""
+        done = 0
+
+        def tick(count: int) -> None:
+            nonlocal done
+            done += count
+            self.observe(Stage(what, done, total))
+
+        yield tick
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Whoever was named is told of it."""
+        self.observe(Stage(name))
+        yield
 
 
 def _text(finding: str | Fault) -> str:

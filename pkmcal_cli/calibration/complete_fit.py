@@ -11,6 +11,7 @@ import numpy as np
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
@@ -87,18 +88,22 @@ def calibrated(
     session: Array,
     datum: Datum | None = None,
     tell: Callable[[str], None] | None = None,
+    observe: Observer = unobserved,
 ) -> Calibration:
     """Calibrate from values (P,); session (N,): number of the session of each row. Raises RowsFailed.
 
-    The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer.
+    The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer;
+    `observe` is told the steps.
     """
     problem = with_prior(problem, selected, options.prior)
-    first, agreement = identify_from(problem, selected, start, options.starts, options.seed, tell)
+    count, seed = options.starts, options.seed
+    first, agreement = identify_from(problem, selected, start, count, seed, tell, observe=observe)
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)
     held = held_parameters(problem, selected, () if datum is None else datum.held)
     robust, budget = _with_ranges(robust, start, held)
-    return Calibration(robust, budget, _intervals(robust, budget, options, session), agreement, datum)
+    intervals = _intervals(robust, budget, options, session, observe)
+    return Calibration(robust, budget, intervals, agreement, datum)
 
 
 def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tuple[RobustFit, ErrorBudget]:
@@ -148,13 +153,16 @@ def _with_loss(problem: Problem, first: Fit, options: FitOptions) -> RobustFit:
     return identify_robustly(problem, first, options.loss)  # type: ignore[arg-type]
 
 
-def _intervals(robust: RobustFit, budget: ErrorBudget, options: FitOptions, session: Array) -> Intervals:
+def _intervals(
+    robust: RobustFit, budget: ErrorBudget, options: FitOptions, session: Array, observe: Observer
+) -> Intervals:
     """Intervals of the selected parameters, as they are asked for."""
     fit, names = robust.fit, robust.problem.model.names
     index = np.array([names.index(n) for n in fit.selected], dtype=np.intp)
     if fit.status != "converged" or options.uncertainty == "linear":
         return linear_intervals(fit, budget, index)
     if options.uncertainty == "profile":
-        return with_held(profile_intervals(robust.problem, fit, budget, index), fit, budget, index)
+        return with_held(profile_intervals(robust.problem, fit, budget, index, observe), fit, budget, index)
+    observe(Stage("bootstrap"))
     found = bootstrap_intervals(robust.problem, fit, index, session, options.seed, robust.gain)
     return with_held(found, fit, budget, index)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
@@ -25,7 +26,7 @@ Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None], Fit]
 
 _SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
 _CELLS = 4  # cells along each axis of the workspace
-ROWS_PER_PARAMETER = 3  # below this the hold-out is left out by default
+VALUES_PER_PARAMETER = 3  # below this the hold-out is left out by default
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,12 @@ def _cells(problem: Problem) -> NDArray[np.intp]:
 
 
 def cross_validate(
-    problem: Problem, fit: Fit, labels: NDArray[np.intp], scheme: str, again: Refit | None = None
+    problem: Problem,
+    fit: Fit,
+    labels: NDArray[np.intp],
+    scheme: str,
+    again: Refit | None = None,
+    observe: Observer = unobserved,
 ) -> HeldOut:
     """Refit without each fold, from where the fit began (what a fold does not determine must not come from the
     held-out rows), predict it, and gather all held-out residuals. `again`: how, by default by least squares.
@@ -88,7 +94,8 @@ def cross_validate(
     before, after, failed, lost = [], [], 0, 0
     fitted_too: dict[str, None] = {}
     folds = np.unique(labels)
-    for fold in folds:
+    for k, fold in enumerate(folds):
+        observe(Stage("held-out fold", k, len(folds)))
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
         trained = _refitted(problem.take(outside), fit, outside, again or _by_least_squares)
         failed += trained is None or trained.status != "converged"
@@ -182,9 +189,9 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
     return HeldOut(figures[0], figures[1], "; ".join([*words, *_lost_words(len(after.failed), len(problem))]), 1, 0)
 
 
-def enough_rows(problem: Problem, selected: tuple[str, ...]) -> bool:
-    """Whether there are at least three rows a parameter."""
-    return len(problem) >= ROWS_PER_PARAMETER * len(selected)
+def enough_values(problem: Problem, selected: tuple[str, ...]) -> bool:
+    """Whether there are at least three measured values a parameter."""
+    return problem.count >= VALUES_PER_PARAMETER * len(selected)
 
 
-__all__ = ["Array", "HeldOut", "cross_validate", "enough_rows", "fold_labels", "replicate_groups", "validate"]
+__all__ = ["Array", "HeldOut", "cross_validate", "enough_values", "fold_labels", "replicate_groups", "validate"]

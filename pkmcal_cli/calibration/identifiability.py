@@ -22,6 +22,7 @@ NULL = 1e-10  # of the largest singular value
 UNSEEN = 0.01  # whitened, per range
 WEAK = 2.0  # range = 2 standard deviations of the prior
 _SHOWN = 0.005  # smaller coefficients are not worth a word
+PARTNER = 0.3  # share of the strongest part from which on a parameter counts as moving along
 _SHARE = 1e-6  # a parameter takes part in a null direction when its component, of a largest 1, exceeds this,
 _TRACE = 0.1  # and in one that is seen a little, this: smaller components add their prior to the uncertainty instead
 
@@ -70,6 +71,12 @@ class Directions:
     def undetermined(self) -> NDArray[np.bool_]:
         """Parameters (p,) with a share in a null direction."""
         return np.asarray((self.null_vectors() != 0.0).any(axis=0))
+
+    def parts(self) -> Array:
+        """By how much the readings move, in their noise, with each parameter's part (p, p) of a direction, rows: in a
+        weak one parts cancel that are large by themselves. Ranges do not matter.
+        """
+        return np.asarray(np.abs(self.vectors) * np.sqrt(self.singular_values**2 @ self.vectors**2))
 
     def covariance(self) -> Array:
         """Covariance (p, p) in SI; rows and columns of undetermined parameters are nan."""
@@ -147,12 +154,13 @@ class Combination:
         return tuple(self._motion(row) for row in self.motions)
 
     def _motion(self, row: Array) -> str:
-        terms = [(n, c) for n, c in zip(self.names, row, strict=True) if abs(c) >= _SHOWN]
+        shown = _SHOWN if self.kind == "null" else 0.0  # of weak ones all that are named
+        terms = [(n, c) for n, c in zip(self.names, row, strict=True) if abs(c) >= shown]
         if len(terms) == 1:
             return (
                 f"{terms[0][0]} {'has no effect on these readings' if self.kind == 'null' else 'has hardly any effect'}"
             )
-        parts = ", ".join(f"{n} {c:+.2f}" for n, c in terms)
+        parts = ", ".join(f"{n} {c:+.2f}" if abs(c) >= _SHOWN else f"{n} {c:+.1g}" for n, c in terms)
         return f"{parts} {'cannot be separated' if self.kind == 'null' else 'can hardly be separated'}"
 
     @property
@@ -170,7 +178,8 @@ def combinations(spectrum: Directions) -> tuple[Combination, ...]:
             out.append(_null_combination(spectrum, basis[group]))
     for k in np.nonzero(spectrum.weak)[0]:
         vector = spectrum.vectors[k] / spectrum.vectors[k][np.argmax(np.abs(spectrum.vectors[k]))]
-        members = np.nonzero(np.abs(vector) > 0.1)[0]
+        parts = spectrum.parts()[k]
+        members = np.nonzero((np.abs(vector) > 0.1) | (parts > PARTNER * parts.max()))[0]
         names = tuple(spectrum.names[m] for m in members)
         std = float(1.0 / spectrum.singular_values[k])
         leading = int(np.argmax(np.abs(vector)))

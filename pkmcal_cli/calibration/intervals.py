@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.error_budget import COVER, ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
@@ -52,7 +53,9 @@ def with_held(intervals: Intervals, fit: Fit, budget: ErrorBudget, index: Array)
     return replace(intervals, low_high=ends, std=np.hypot(intervals.std, more[:, 0]))
 
 
-def profile_intervals(problem: Problem, fit: Fit, budget: ErrorBudget, index: Array) -> Intervals:
+def profile_intervals(
+    problem: Problem, fit: Fit, budget: ErrorBudget, index: Array, observe: Observer = unobserved
+) -> Intervals:
     """Where chi-square has grown by 1.96 squared, in proportion to the budget's uncertainty by data and ranges.
 
     Directions that are held stay as their ranges say.
@@ -67,6 +70,7 @@ def profile_intervals(problem: Problem, fit: Fit, budget: ErrorBudget, index: Ar
         fit = identify(given, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
     best = linearise(given, fit.last).chi2
     for k, name in enumerate(fit.selected):
+        observe(Stage("profile of parameter", k, len(fit.selected)))
         if np.isfinite(std[k]):
             ends = [_cross(given, fit, name, sign * float(std[k]), best, wider[k]) for sign in (-1, 1)]
             low_high[k] = np.clip(ends, *problem.model.parameters[index[k]].bounds)

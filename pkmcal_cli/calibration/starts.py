@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
@@ -58,15 +59,18 @@ def identify_from(
     count: int,
     seed: int,
     tell: Callable[[str], None] | None = None,
+    observe: Observer = unobserved,
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,). Raises RowsFailed where none can be predicted.
 
     With `count` 0 one start that fails, or explains nothing, is helped by further ones, which `tell` announces.
     """
+    observe(Stage("fit"))
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        first = _centred(problem, selected, start, identify(problem, selected, start))
+        first = identify(problem, selected, start, progress=lambda steps, _: observe(Stage("fit", steps)))
+        first = _centred(problem, selected, start, first)
         if first.before.prediction.slack:
             first = _by_taut_ropes(problem, selected, start, first)
     except RowsFailed as error:
@@ -76,7 +80,7 @@ def identify_from(
     if not count and tell is not None:
         what = "leaves large residuals" if first is not None and first.status == "converged" else "fails"
         tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts follow")
-    best, agreement = best_of_starts(problem, selected, start, first, count, seed)
+    best, agreement = best_of_starts(problem, selected, start, first, count, seed=seed, observe=observe)
     if best is None:
         assert failure is not None
         raise failure
@@ -84,10 +88,16 @@ def identify_from(
 
 
 def best_of_starts(
-    problem: Problem, selected: tuple[str, ...], start: Array, first: Fit | None, count: int, seed: int
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array,
+    first: Fit | None,
+    count: int,
+    seed: int,
+    observe: Observer = unobserved,
 ) -> tuple[Fit | None, Agreement]:
     """The best fit of `count` starts (0: until one explains the data), the first of which ended in `first`."""
-    ends = _further(problem, selected, start, [first], count, seed)
+    ends = _further(problem, selected, start, [first], count, seed=seed, observe=observe)
     good = [e for e in ends if e is not None and e.status == "converged"]
     if not good:
         return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
@@ -122,7 +132,13 @@ def _doubtful(fit: Fit) -> bool:
 
 
 def _further(
-    problem: Problem, selected: tuple[str, ...], start: Array, ends: list[Fit | None], count: int, seed: int
+    problem: Problem,
+    selected: tuple[str, ...],
+    start: Array,
+    ends: list[Fit | None],
+    count: int,
+    seed: int,
+    observe: Observer,
 ) -> list[Fit | None]:
     """Ends of `count` starts; with 0, until one explains the data."""
     total = count or ON_FAILURE
@@ -131,6 +147,7 @@ def _further(
     for values in _scattered(problem, selected, start, total - len(ends), seed):
         if not count and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
             break  # help has helped
+        observe(Stage("start", len(ends), total))
         ends = [*ends, _tried(problem, selected, start, values)]
     return ends
 

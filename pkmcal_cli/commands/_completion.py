@@ -51,7 +51,7 @@ def _places(ctx: typer.Context) -> list[str]:
 
 def _names(ctx: typer.Context, section: str) -> list[str]:
     """Names of a section of the machine file on the line."""
-    machine = ctx.params.get("machine")
+    machine = ctx.params.get("machine") or next(iter(ctx.args), None)  # an option without its value spoils `params`
     if not isinstance(machine, str):
         return []
     from pkmcal_cli.loading.names import names_in

@@ -147,11 +147,7 @@ class CalibrationReport:
         to.say(self.verdict())
         to.say()
         selected = [r for r in self.rows if r.name in self.fit.selected]
-        to.table(
-            "Parameters",
-            ("name", "nominal", "identified", *self._held_head, *self._interval_head, "range", "remark"),
-            [self._row(r) for r in selected],
-        )
+        self._show_parameters(to, selected)
         listed = combinations(self.fit.directions)
         for c in listed:
             if c.kind == "null":
@@ -173,6 +169,19 @@ class CalibrationReport:
             to.warn(f"warning: in {rows} a rope is taut or slack (within 2 std): the intervals do not hold")
         self.audit.show(to)
         show_replicates(to, self.replicates)
+
+    def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
+        """Parameters of the machine; apart from them where its instruments stand, for which no drawing has a value."""
+        frames = tuple(f"frame@{name}." for name in self.model.fitted_frames)
+        own = [r for r in selected if not r.name.startswith(frames)]
+        stand = [r for r in selected if r.name.startswith(frames)]
+        more = (*self._held_head, *self._interval_head)
+        if own or not stand:
+            heads = ("name", "nominal", "identified", *more, "range", "remark")
+            to.table("Parameters", heads, [self._row(r) for r in own])
+        if stand:
+            cells = [self._row(r) for r in stand]
+            to.table("Fitted frames", ("name", "fitted", *more, "remark"), [(c[0], *c[2:-2], c[-1]) for c in cells])
 
     def _show_weak(self, to: Reporter, weak: list[Combination]) -> None:
         """What is held about nominal."""

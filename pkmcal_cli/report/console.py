@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 from pkmcal_cli.base.annotations import FORMATS, Severity, annotation, of_fault
 from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
-from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.base.styles import styled, wants_styles
 from pkmcal_cli.report.outputs.schema import all_outputs
 from pkmcal_cli.report.table_layout import columns_of, laid_out
 
@@ -46,13 +47,13 @@ class Reporter:
 
     def warn(self, finding: str | Fault, where: Location | None = None) -> None:
         """A warning; `where`: the place that a text is about."""
-        self._line(finding if isinstance(finding, str) else finding.text(), "yellow")
+        self._found(finding, "yellow")
         if not self.quiet:
             self.mark(finding, where, "warning")
 
     def fail(self, finding: str | Fault) -> None:
         """Why the verdict is negative: shown even when quiet."""
-        self._line(finding if isinstance(finding, str) else finding.text(), "red", always=True)
+        self._found(finding, "red", always=True)
         self.mark(finding, None, "error")
 
     def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
@@ -69,6 +70,16 @@ class Reporter:
             from rich.text import Text
 
             self._print(Text(text, style=style or ""))
+
+    def _found(self, finding: str | Fault, colour: str, always: bool = False) -> None:
+        """A sentence in a colour; a fault with its parts apart."""
+        if isinstance(finding, str):
+            self._line(finding, colour, always)
+        elif always or not self.quiet:
+            from rich.text import Text
+
+            text = finding.text()
+            self._print(Text.from_ansi(styled(text)) if wants_styles(sys.stderr) else Text(text))
 
     def _print(self, shown: RenderableType) -> None:
         with suppress(OSError):  # a closed stderr does not end the work
@@ -100,17 +111,25 @@ class Reporter:
             self._line(f"not shown in {width} columns: {what} (widen the terminal, or use --json)", "dim")
 
     @contextmanager
-    def progress(self, what: str = "rows") -> Iterator[Callable[[int], None] | None]:
-        """A counter on a terminal; nothing elsewhere."""
-        if self.quiet or not self.console.is_terminal:
-            yield None
-            return
-        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    def progress(self, what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+        """Who is told how many more of these are done, of how many; None where nobody knows."""
+        with self.stages() as observe:
+            done = 0
+            observe(Stage(what, done, total))
 
-        text = TextColumn(f"{{task.completed:.0f}} {what}")
-        with Progress(SpinnerColumn(), text, TimeElapsedColumn(), console=self.console, transient=True) as shown:
-            task = shown.add_task(what, total=None)
-            yield lambda count: shown.advance(task, count)
+            def tick(count: int) -> None:
+                nonlocal done
+                done += count
+                observe(Stage(what, done, total))
+
+            yield tick
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """A work of which nobody knows how long it is; it is named while it lasts."""
+        with self.stages() as observe:
+            observe(Stage(name))
+            yield
 
     @contextmanager
     def stages(self) -> Iterator[Observer]:

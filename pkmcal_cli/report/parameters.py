@@ -12,7 +12,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identifiability import Combination, Directions, combinations
+from pkmcal_cli.calibration.identifiability import PARTNER, Combination, Directions, combinations
 from pkmcal_cli.calibration.intervals import Intervals
 from pkmcal_cli.loading.parameter_text import exact_value
 from pkmcal_cli.model.model import Model
@@ -20,7 +20,6 @@ from pkmcal_cli.report.number_format import finite, handy, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _IN_PART = 0.1  # share of the variance from which on ranges are worth a word
-_PARTNER = 0.3  # share of the strongest coefficient from which on a parameter counts as moving along
 NOT_SELECTED = "not selected"
 _WEAK = "weak: "
 _FEW = 4  # names or terms that are listed one by one
@@ -163,16 +162,14 @@ def _listed(names: list[str]) -> str:
 
 def _weak_partners(directions: Directions) -> dict[str, list[str]]:
     """Parameters whose direction is mostly weak and held, with those that move along in its weakest direction."""
-    vectors = directions.vectors[directions.weak]
+    vectors, parts = directions.vectors[directions.weak], directions.parts()[directions.weak]
     out = {}
     for k, share in enumerate((vectors**2).sum(axis=0)):
         if share > 0.5:
-            main = np.abs(vectors[np.argmax(np.abs(vectors[:, k]))])
-            out[directions.names[k]] = [
-                n
-                for n, v in zip(directions.names, main, strict=True)
-                if v > _PARTNER * main[k] and n != directions.names[k]
-            ]
+            main = int(np.argmax(np.abs(vectors[:, k])))
+            sizes = np.abs(vectors[main]) / np.abs(vectors[main, k]), parts[main] / parts[main, k]
+            moved = np.maximum(*sizes) > PARTNER  # in ranges, or in what the readings see
+            out[directions.names[k]] = [n for j, n in enumerate(directions.names) if moved[j] and j != k]
     return out
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _MINUTE = 60.0
+_AFTER = 1.0  # s: what ends sooner needs no bar
 
 
 def shown_on(console: Console, quiet: bool) -> bool:
@@ -24,20 +26,31 @@ def shown_on(console: Console, quiet: bool) -> bool:
 
 @contextmanager
 def progress_bar(console: Console) -> Iterator[Observer]:
-    """An observer that shows the steps which it is told; the line goes when the work ends, however it ends."""
+    """An observer that shows the steps which it is told, if the work takes longer than a second.
+
+    The line goes when the work ends, however it ends.
+    """
     from rich.progress import BarColumn, Progress, TextColumn
 
     columns = TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.fields[left]}")
     clock = Clock()
-    with Progress(*columns, console=console, transient=True) as shown:
-        task = shown.add_task("", total=None, left="")
+    shown = Progress(*columns, console=console, transient=True)
+    task = shown.add_task("", total=None, left="")
 
-        def observe(stage: Stage) -> None:
-            counted = counted_of(stage)
-            done, total = (0, None) if counted is None else (counted.done, counted.total)
-            shown.update(task, description=words(stage), completed=done, total=total, left=clock.left(counted))
+    def observe(stage: Stage) -> None:
+        counted = counted_of(stage)
+        done, total = (0, None) if counted is None else (counted.done, counted.total)
+        shown.update(task, description=words(stage), completed=done, total=total, left=clock.left(counted))
 
+    timer = threading.Timer(_AFTER, shown.start)
+    timer.daemon = True
+    timer.start()
+    try:
         yield observe
+    finally:
+        timer.cancel()
+        timer.join()
+        shown.stop()
 
 
 def words(stage: Stage) -> str:

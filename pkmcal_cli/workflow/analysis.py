@@ -151,7 +151,9 @@ def run_sensitivity(request: SensitivityRequest) -> int:
     model, units = s.loaded.model, s.loaded.machine.file_units
     channel = None if request.channel is None else _coordinate(model, request.channel)
     sizes = stated_sizes(model, s.selected, request.size or ())
-    result = sensitivity(model, s.values, s.set.poses.rows, sizes, checked_method(request.method))
+    method = checked_method(request.method)
+    with to.step("what each parameter moves"):
+        result = sensitivity(model, s.values, s.set.poses.rows, sizes, method)
     used = s.predicted(result.prediction, s.set)
     s.to.notes([tool.text] if s.set.tool is None else [])
     word = "size" if request.size else "range"
@@ -215,11 +217,13 @@ def observed(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
     used = poses.poses
     problem = design_problem(model, used.rows, planned_channels(model, used.measured, used.touched))
     require_measured(problem)
-    prediction = evaluate(problem, s.values).prediction
+    with to.step("poses"):
+        prediction = evaluate(problem, s.values).prediction
     predicted = s.predicted(prediction, poses)
     if not prediction.solved.all():
         problem = problem.take(np.nonzero(prediction.solved)[0])
-    result = observability(problem, s.values, s.selected)
+    with to.step("what the poses determine"):
+        result = observability(problem, s.values, s.selected)
     lost = {n for n, gone in zip(result.selected, result.directions.undetermined(), strict=True) if gone}
     return Observed(
         result=result,

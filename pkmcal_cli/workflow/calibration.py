@@ -10,6 +10,7 @@ import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError
 from pkmcal_cli.base.listener import Listener
+from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.determinacy import determinacy
@@ -150,13 +151,14 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     options = s.request.fit_options
     if hints:  # no start mends a wrong column
         options = replace(options, starts=options.starts or 1)
-    found = _fit(s, options, to)
-    fit, place = found.robust.fit, partial(place_of, s.measured)
-    s = replace(s, problem=s.problem.without(fit.failed))
-    if s.apart is None:
-        held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options)
-    else:
-        held = validated(s.loaded, s.problem, fit, s.apart)
+    with to.stages() as observe:
+        found = _fit(s, options, to, observe)
+        fit, place = found.robust.fit, partial(place_of, s.measured)
+        s = replace(s, problem=s.problem.without(fit.failed))
+        if s.apart is None:
+            held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
+        else:
+            held = validated(s.loaded, s.problem, fit, s.apart)
     gross = gross_row_reasons(s.problem, found, place)
     return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, found, held, place, (*hints, *gross)))
 
@@ -204,7 +206,7 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
     return other
 
 
-def _fit(s: CalibrationSetting, options: FitOptions, to: Listener) -> Calibration:
+def _fit(s: CalibrationSetting, options: FitOptions, to: Listener, observe: Observer) -> Calibration:
     try:
         calibration = calibrated(
             s.problem,
@@ -214,6 +216,7 @@ def _fit(s: CalibrationSetting, options: FitOptions, to: Listener) -> Calibratio
             session=np.asarray(s.measured.session),
             datum=s.datum,
             tell=to.say,
+            observe=observe,
         )
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None

@@ -229,7 +229,8 @@ def _check_tables(
     prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
-    messages = measurement_hints(loaded, problem, values, measured)
+    with to.step("whether the table fits the machine"):
+        messages = measurement_hints(loaded, problem, values, measured)
     hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:

@@ -133,7 +133,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend or limits:
-        change = tool_change(request.machine, files, known, compared.changes)
+        with to.step("change of the tool point"):
+            change = tool_change(request.machine, files, known, compared.changes)
     report = ComparisonReport(known, compared, change, request.alpha)
     for text in _warnings(known):
         to.warn(text)

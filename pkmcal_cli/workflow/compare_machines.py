@@ -79,12 +79,13 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
     if kind is None:
         raise BadInput.single("the machines measure nothing of one kind", Location(tables[0]), code="measurements")
     squares = []
-    for p, columns in zip(problems, (k[kind] for k in kinds), strict=True):
+    for name, p, columns in zip((first, second), problems, (k[kind] for k in kinds), strict=True):
         selected = selection(p.model, "auto")
         asked = determinacy(p, p.model.nominal, selected)
         if asked.refusal:
             raise BadInput([Fault("under-determined", asked.refusal, Location(p.model.name), asked.remedy)])
-        squares.append(held_out_squares(p, asked.selected, p.model.nominal, labels, columns))
+        with to.step(f"{name} on held-out rows"):
+            squares.append(held_out_squares(p, asked.selected, p.model.nominal, labels, columns))
     found = paired(squares[0], squares[1], replicate_groups(problems[0]))
     if not found.count:
         raise BadInput.single("no row can be predicted by both machines", Location(tables[0]), code="measurements")

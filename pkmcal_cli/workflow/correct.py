@@ -143,7 +143,8 @@ def correction(request: CorrectionRequest, to: Listener, machine: LoadedMachine 
     for text in start.warnings:
         to.warn(text)
     to.notes(targets.notes)
-    result = _assessed(model, start, targets, stated, choice)
+    with to.step("set values"):
+        result = _assessed(model, start, targets, stated, choice)
     return Corrected(
         loaded, CorrectionReport(model=model, start=start, targets=targets, result=result, choice=choice)
     )

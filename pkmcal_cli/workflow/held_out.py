@@ -9,9 +9,10 @@ from functools import partial
 from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import FitOptions, refit
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_rows, fold_labels, validate
+from pkmcal_cli.calibration.holdout import HeldOut, cross_validate, enough_values, fold_labels, validate
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
@@ -27,7 +28,7 @@ _DIGITS = 9
 
 
 def held_out(
-    problem: Problem, measured: Measurements, fit: Fit, scheme: str | None, options: FitOptions
+    problem: Problem, measured: Measurements, fit: Fit, scheme: str | None, options: FitOptions, observe: Observer
 ) -> HeldOut | str:
     """Figures on rows of the table itself, or why there are none. Raises UsageError."""
     if scheme == "none":
@@ -36,16 +37,16 @@ def held_out(
         return f"the fit did not succeed ({fit.status})"
     if scheme is not None and not 0 < len(scheme) <= _DIGITS:
         raise UsageError("--holdout: invalid number of folds", hint="give a number such as 5")
-    if scheme is None and not enough_rows(problem, fit.selected):
-        rows, parameters = count(len(problem), "row"), count(len(fit.selected), "parameter")
-        return f"{rows} for {parameters}: fewer than 3 rows per parameter"
+    if scheme is None and not enough_values(problem, fit.selected):
+        values, parameters = count(problem.count, "measured value"), count(len(fit.selected), "parameter")
+        return f"{values} for {parameters}: fewer than 3 values per parameter"
     try:
         labels, words = fold_labels(scheme or _FOLDS, problem, measured)
     except ValueError as error:
         if scheme is None:
             return str(error)
         raise UsageError(f"--holdout {scheme}: {error}") from None
-    return cross_validate(problem, fit, labels, words, partial(refit, options))
+    return cross_validate(problem, fit, labels, words, partial(refit, options), observe)
 
 
 def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurements) -> HeldOut | str:

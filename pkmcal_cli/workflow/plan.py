@@ -12,7 +12,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.bench_measurements import bench_proposals
+from pkmcal_cli.calibration.bench_measurements import BenchProposal, bench_proposals
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
 from pkmcal_cli.calibration.residual import evaluate, reasons
@@ -99,14 +99,15 @@ def run_plan(request: PlanRequest) -> int:
     problem = design_problem(candidates.model, rows, channels)
     require_measured(problem)
     problem, used, ways = _predicted(problem, used, ways, values, to)
-    plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
     wanted = wanted_aim(request.aim, candidates, loaded.model, selected)
     tool = used.tool if wanted is None else _posed(loaded, to, used)
-    added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
+    with to.step("what each effect would show"):
+        plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
+    with to.step("points to add"):
+        added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
     rates = power_of_plan(request.power, () if wanted is None else wanted.effects, campaigns, to)
-    bench = bench_proposals(problem.model, observability(problem, values, selected).directions)
-    at_nominal = request.parameters is None
+    bench, at_nominal = _bench(problem, values, selected), request.parameters is None
     report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
     report.show(to)
     Loads.of(problem.model, values, problem.rows, used.poses.place).show(to)
@@ -114,9 +115,14 @@ def run_plan(request: PlanRequest) -> int:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
         _write(request, loaded, rows, ways if towards is None else ways.followed_by(towards), inputs, to)
     if request.as_json:
-        result = {"tool_point": tool and tool.name, **report.json(), **used.failed.json()}
-        emit_json(enveloped("plan", "complete", result, provenance(inputs, seed=request.seed)))
+        shown = {"tool_point": tool and tool.name, **report.json(), **used.failed.json()}
+        emit_json(enveloped("plan", "complete", shown, provenance(inputs, seed=request.seed)))
     return 0
+
+
+def _bench(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[BenchProposal, ...]:
+    """Lengths worth measuring on the bench."""
+    return bench_proposals(problem.model, observability(problem, values, selected).directions)
 
 
 def _run_next(request: PlanRequest, to: Reporter) -> int:

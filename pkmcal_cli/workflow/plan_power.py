@@ -23,5 +23,5 @@ def power_of_plan(count: int, wanted: Sequence[str], campaigns: Campaigns, to: R
     seen = [v for v in effects if v.detected < v.plausible]
     lost = [v.hypothesis.name for v in effects if v not in seen]
     to.notes([f"{name} is not detected within its plausible size, and not simulated" for name in lost])
-    with to.progress("simulated campaigns") as tick:
+    with to.progress("simulated campaign", count * (1 + len(seen))) as tick:
         return tuple(campaigns.rates(effect, count, tick) for effect in (None, *seen))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
+from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.origin import Origin
@@ -46,8 +47,8 @@ def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> No
     headers += [(f"dir.{name}", None) for name, _, _ in s.drives]
     headers += [(f"approach.{name}", unit) for name, _, unit in s.drives]
     columns: list[Values] = [s.ids, *s.partners, *s.there.T, *s.side.T, *s.begin.T]
-    blank = np.full(len(s.ids), np.nan)
-    with open_writer(target, [*headers, *s.readings], inputs, origin=s.origin, digits=9, force=force) as writer:
+    blank, origin = np.full(len(s.ids), np.nan), None if is_stream(target) else s.origin
+    with open_writer(target, [*headers, *s.readings], inputs, origin=origin, digits=9, force=force) as writer:
         writer.write([*columns, *(blank for _ in s.readings)])
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.calibration.mean_sensitivity import Sensitivity
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
@@ -37,6 +38,7 @@ def write_shifts(
     cells: list[Values] = [[p.id or str(p.line or 1) for p in places]]
     cells += list(np.round(result.prediction.values[done], _PLACES).T + 0.0)
     cells += list(result.shifts[done, result.coordinates.index(coordinate)].T)
-    origin = Origin("shifts", f"shifts of {coordinate} by position, predicted", provenance(inputs))
+    told = Origin("shifts", f"shifts of {coordinate} by position, predicted", provenance(inputs))
+    origin = None if is_stream(target) else told
     with open_writer(target, columns, inputs, origin=origin, digits=9, force=force) as writer:
         writer.write(cells)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from functools import partial
+
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.csv_files.origin import SIMULATED, Origin
@@ -9,7 +12,7 @@ from pkmcal_cli.csv_files.writer import check_table, open_writer
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.arguments import given, one_stdin
-from pkmcal_cli.workflow.simulation import SimulationRequest, checked, simulation
+from pkmcal_cli.workflow.simulation import Simulation, SimulationRequest, checked, simulation
 
 
 def run_simulation(request: SimulationRequest) -> int:
@@ -20,12 +23,22 @@ def run_simulation(request: SimulationRequest) -> int:
     head = provenance(made.inputs, seed=request.seed, noise=request.noise, method=request.method)
     origin = Origin("simulated", SIMULATED, head)
     writing = open_writer(target, made.columns, made.inputs, origin=origin, force=request.force)
-    with writing as writer, to.progress() as tick:
+    with writing as writer, to.progress("row", _total(made, request)) as tick:
         made.run(writer, tick)
     made.tell(to)
     if request.as_json:
         emit_json(enveloped("simulate", "incomplete" if made.code else "complete", made.json(), head))
     return made.code
+
+
+def _total(made: Simulation, request: SimulationRequest) -> int | None:
+    """How many rows there are, for who watches; None of a stream."""
+    if made.source.points is not None:
+        return len(made.source.points)
+    if request.poses is None or not os.path.isfile(request.poses):
+        return None
+    with open(request.poses, "rb") as file:
+        return sum(block.count(b"\n") for block in iter(partial(file.read, 1 << 20), b"")) or None
 
 
 def _target(request: SimulationRequest) -> str:

@@ -1,0 +1,84 @@
+"""On a terminal: progress after a second, faults with their parts apart, quiet where it is asked for."""
+
+from __future__ import annotations
+
+import io
+import re
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from pkmcal_cli.base.stages import Stage
+from pkmcal_cli.base.styles import styled, wants_styles
+from pkmcal_cli.report.progress_bar import Clock, progress_bar, words
+from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, TRIGLIDE, TRIGLIDE_DATA, run
+from tests.terminals import on_terminal, plain
+
+
+def test_a_fault_has_its_parts_apart() -> None:
+    text = "m.yaml:3:7: error[value]: `x` is wrong\nspace: x\n       ^\nhelp: write `y`"
+    shown = styled(text)
+    assert plain(shown) == text
+    assert "\x1b[1mm.yaml:3:7: \x1b[0m" in shown and re.search(r"\x1b\[\d+mhelp:\x1b\[0m write", shown)
+    assert styled("nothing of the kind") == "nothing of the kind"
+
+
+@pytest.mark.parametrize("arguments", [("check", "nowhere.yaml"), ("calibrate", TRIGLIDE), ("chekc",)])
+def test_errors_are_styled_on_terminals_alone(arguments: tuple[str, ...]) -> None:
+    ((code, text),) = on_terminal(100, arguments)
+    ((_, bare),) = on_terminal(100, arguments, NO_COLOR="1")
+    assert code == run(*arguments).code and "\x1b[1;31merror[" in text
+    assert "\x1b" not in bare and plain(text) == bare == run(*arguments).err
+    assert not wants_styles(io.StringIO())
+
+
+QUIET = [
+    ("check", TRIGLIDE, TRIGLIDE_DATA), ("simulate", TRIGLIDE, "--grid", "x=300:400:2"), ("effects",),
+    ("sensitivity", TRIGLIDE), ("observability", TRIGLIDE), ("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none"),
+    ("correct", TRIGLIDE, "--grid", "x=300:400:2"), ("plan", TRIGLIDE, "--grid", "x=300:500:4,y=250:300:3"),
+    ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
+    ("new", "--from", str(MACHINES / "printer.cfg")),
+]  # fmt: skip
+
+
+def test_quiet_is_quiet() -> None:
+    """Also on a terminal, where others show progress."""
+    for arguments, (code, text) in zip(QUIET, on_terminal(100, *[(*a, "-q") for a in QUIET]), strict=True):
+        assert (code, text) == (0, ""), arguments
+
+
+def test_long_work_shows_step_and_remaining_time() -> None:
+    options = ("--starts", "20", "--holdout", "none")
+    ((code, text),) = on_terminal(100, ("calibrate", HANGPRINTER, HANGPRINTER_DATA, *options))
+    assert code == 0
+    assert re.search(r"start \d+ of 20 .*about \d+ s left", text)
+    assert "about" not in run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none").err
+
+
+def test_rows_are_counted_where_their_number_is_known(tmp_path: Path) -> None:
+    file = tmp_path / "many.csv"
+    file.write_text("x,y\n" + "".join(f"{300 + k % 100},{250 + k % 50}\n" for k in range(250_000)))
+    ((code, text),) = on_terminal(100, ("simulate", TRIGLIDE, str(file), "-o", str(tmp_path / "out.csv")))
+    assert code == 0 and re.search(r"row \d+ of 25\d{4} ", text)
+
+
+def test_what_ends_within_a_second_shows_no_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    def shown(seconds: float) -> str:
+        out = io.StringIO()
+        with progress_bar(Console(file=out, force_terminal=True, width=80)) as observe:
+            observe(Stage("fold", 1, 4))
+            time.sleep(seconds)
+        return out.getvalue()
+
+    assert shown(0.0) == "" and "fold 2 of 4" in plain(shown(1.4))
+
+
+def test_remaining_time_is_that_of_the_largest_step() -> None:
+    now = [0.0]
+    clock = Clock(lambda: now[0])
+    assert clock.left(Stage("fold", 0, 4)) == ""
+    now[0] = 30.0
+    assert clock.left(Stage("fold", 1, 4)) == "about 90 s left"
+    assert words(Stage("fit", 3, inside=Stage("fold", 1, 4))) == "fold 2 of 4, fit: step 3"
