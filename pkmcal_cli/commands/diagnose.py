@@ -9,10 +9,12 @@ import typer
 from pkmcal_cli.commands._options import (
     Alpha,
     FailOn,
+    Force,
     Json,
     Loss,
     MachineFile,
     Parameters,
+    Plot,
     Prior,
     Quiet,
     RunFolder,
@@ -37,11 +39,13 @@ def diagnose(
         str | None,
         typer.Option("--plots", metavar="DIR", help="Folder for pictures (SVG); - draws them on the terminal."),
     ] = None,
+    plot: Plot = None,
     fail_on: FailOn = None,
     run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
     style: Style = "text",
+    force: Force = False,
 ) -> None:
     """Which physical effect explains the residuals that remain after calibration?
 

@@ -14,6 +14,7 @@ from pkmcal_cli.commands._options import (
     Method,
     Offset,
     Parameters,
+    Plot,
     PosesFile,
     Quiet,
     as_request,
@@ -41,6 +42,7 @@ def sensitivity(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="SHIFTS.csv", help="Shifts of --channel by position.")
     ] = None,
+    plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

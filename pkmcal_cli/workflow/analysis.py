@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,9 @@ from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.pictures.analysis_pictures import observability_picture, sensitivity_picture
+from pkmcal_cli.pictures.picture import Picture
+from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.report.analysis_report import (
     UNSTRAINED,
@@ -35,6 +38,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_measured, selection
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.shift_table import write_shifts
 from pkmcal_cli.workflow.stated_sizes import stated_sizes
@@ -51,8 +55,10 @@ class AnalysisRequest:
     parameters: str | None
     select: str | None  # None: every parameter
     offset: tuple[str, ...] | None
+    plot: str | None
     as_json: bool
     quiet: bool
+    force: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +69,6 @@ class SensitivityRequest(AnalysisRequest):
     channel: str | None
     method: str
     output: str | None
-    force: bool
 
 
 @dataclass(frozen=True)
@@ -84,21 +89,29 @@ class _Setting:
         found.failed.show(self.to)
         return found
 
+    def draw(self, request: AnalysisRequest, plot: str, picture: Callable[[Titles], Picture]) -> None:
+        """The picture of a result. Raises OutputError."""
+        command = "sensitivity" if isinstance(request, SensitivityRequest) else "observability"
+        named = titles(request.machine, command, given(request.parameters, request.poses))
+        write_plot(picture(named), plot, self.inputs, self.to, force=request.force)
+
     def show_loads(self, poses: PoseSet) -> None:
         """Warnings of forces above limits and of slack ropes."""
         Loads.of(self.loaded.model, self.values, poses.poses.rows, poses.poses.place).show(self.to)
 
 
-def _prepare(request: AnalysisRequest) -> _Setting:
+def _prepare(request: AnalysisRequest, output: str | None = None) -> _Setting:
     one_stdin(request.machine, request.poses, request.parameters)
+    inputs_named = given(request.machine, request.poses, request.parameters)
+    check_plot(request.plot, inputs_named, output, force=request.force)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     for fault in loaded.warnings:
         to.warn(fault)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         _selected(request, loaded.model)
-    given = request.poses is not None or request.grid is not None
-    poses = pose_set(to, loaded, request.poses, request.grid) if given else default_poses(to, loaded)
+    stated = request.poses is not None or request.grid is not None
+    poses = pose_set(to, loaded, request.poses, request.grid) if stated else default_poses(to, loaded)
     loaded = loaded.for_sessions(poses.every.rows.session_names)
     model, selected = loaded.model, _selected(request, loaded.model)
     start = load_parameters(model, request.parameters)
@@ -141,7 +154,7 @@ def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Arra
 def run_sensitivity(request: SensitivityRequest) -> int:
     """Show and emit sensitivities, write shifts by position; returns the exit code. Raises PkmcalError."""
     _check_sensitivity(request)
-    s = _prepare(request)
+    s = _prepare(request, request.output)
     tool = required_tool_point(s.loaded)
     model, units = s.loaded.model, s.loaded.machine.file_units
     channel = None if request.channel is None else _coordinate(model, request.channel)
@@ -157,6 +170,8 @@ def run_sensitivity(request: SensitivityRequest) -> int:
     s.show_loads(s.set)
     if request.output is not None and channel is not None:
         write_shifts(request.output, s.loaded, s.inputs, result, s.set, channel, force=request.force)
+    if request.plot is not None:
+        s.draw(request, request.plot, lambda named: sensitivity_picture(result, model, named, channel))
     if request.as_json:
         head = {"tool_point": tool.name, **used.failed.json()}
         emit_json(head | sensitivity_json(model, units, result, channel))
@@ -199,6 +214,8 @@ def run_observability(request: AnalysisRequest) -> int:
     if request.parameters is None and s.loaded.compiled.mobility.redundancy > 0 and result.undetermined:
         s.to.say(UNSTRAINED)
     s.show_loads(poses)
+    if request.plot is not None:
+        s.draw(request, request.plot, lambda named: observability_picture(result, model, named))
     if request.as_json:
         head = {"tool_point": predicted.tool and predicted.tool.name, **predicted.failed.json()}
         emit_json(head | observability_json(model, result, len(problem)))

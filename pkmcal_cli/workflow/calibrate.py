@@ -23,6 +23,8 @@ from pkmcal_cli.calibration.selection import named
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import Place, place_of
+from pkmcal_cli.pictures.residual_picture import calibration_picture
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json
@@ -35,6 +37,7 @@ from pkmcal_cli.workflow.calibration_run import calibration_run
 from pkmcal_cli.workflow.gates import Gate, Judged, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
 from pkmcal_cli.workflow.held_out import held_out, validated
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.run_folder import check_run, keep_run
@@ -63,6 +66,7 @@ class CalibrationRequest:
     accept: bool = False
     fail_above: tuple[str, ...] | None = None
     run: str | None = None
+    plot: str | None = None
     as_json: bool = False
     quiet: bool = False
     style: str = "text"
@@ -132,6 +136,10 @@ def _written(s: _Setting, report: CalibrationReport, to: Reporter) -> int:
     if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
+    if request.plot is not None:
+        named = titles(s.loaded.model.name, "calibration", s.measured.files)
+        picture = calibration_picture(report, named, s.loaded.machine.file_units.length)
+        write_plot(picture, request.plot, s.inputs, to, force=request.force)
     judged = _judged(s, report)
     result = report.json() | {"method": request.method, "gates": [each.json() for each in judged]}
     if request.as_json:
@@ -155,6 +163,7 @@ def _checked(request: CalibrationRequest) -> str | None:
     file = _file_of(request.holdout)
     inputs = given(request.machine, *request.measurements, request.parameters, file, prior)
     check_target(request.output, inputs, force=request.force)
+    check_plot(request.plot, inputs, request.output, force=request.force)
     return file
 
 

@@ -24,6 +24,8 @@ from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.pictures.correction_picture import correction_picture
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance, provenance_lines
@@ -31,6 +33,7 @@ from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
 from pkmcal_cli.workflow.export import Export, exported, write_export
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 
 _COMMANDS = "commands.csv"
@@ -51,6 +54,7 @@ class CorrectionRequest:
     dwell: float
     feed: float
     output: str | None
+    plot: str | None
     run: str | None
     as_json: bool
     quiet: bool
@@ -99,6 +103,10 @@ def run_correction(request: CorrectionRequest) -> int:
     elif result is not None and len(result.correction.good):
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
         files = _write(request, table, report, result, inputs, head)
+    if request.plot is not None:
+        named = titles(request.machine, "correction", given(request.parameters, request.targets))
+        picture = correction_picture(model, result, targets.held, named, loaded.machine.file_units.length)
+        write_plot(picture, request.plot, inputs, to, force=request.force)
     answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
     if request.as_json:
         emit_json(answer | more)
@@ -155,8 +163,10 @@ def _checked(request: CorrectionRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o COMMANDS.csv`")
     one_stdin(request.machine, request.targets, request.parameters)
+    inputs = given(request.machine, request.targets, request.parameters)
+    check_plot(request.plot, inputs, target, force=request.force)
     if request.as_format is None:
-        check_target(target, given(request.machine, request.targets, request.parameters), force=request.force)
+        check_target(target, inputs, force=request.force)
     return target
 
 

@@ -37,7 +37,9 @@ from pkmcal_cli.workflow.arguments import given, one_stdin, require_measured, se
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
+from pkmcal_cli.workflow.plots import check_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_form
@@ -65,6 +67,7 @@ class PlanRequest:
     power: int
     alpha: float
     output: str | None
+    plot: str | None
     as_form: str
     dwell: float
     feed: float
@@ -105,6 +108,9 @@ def run_plan(request: PlanRequest) -> int:
     at_nominal = request.parameters is None
     report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
     report.show(to)
+    if request.plot is not None:
+        new = None if added is None else added.points.rows
+        draw_plan(request.plot, plan, loaded, PlannedRows(values, problem.rows, new), inputs, to, force=request.force)
     Loads.of(problem.model, values, problem.rows, used.poses.place).show(to)
     if ways is not None:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
@@ -123,6 +129,9 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
     )  # fmt: skip
     found.show(to)
     inputs = dict.fromkeys(given(request.machine, request.poses, request.parameters), "")
+    if request.plot is not None:
+        rows = PlannedRows(found.loaded.model.nominal, None, found.added.points.rows)
+        draw_plan(request.plot, None, found.loaded, rows, inputs, to, force=request.force)
     if len(found.added.points):
         _write(request, found.loaded, found.added.points.rows, found.ways, inputs, to)
     if request.as_json:
@@ -213,7 +222,9 @@ def _check(request: PlanRequest) -> None:
     check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
-    check_target(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+    inputs = given(request.machine, request.poses, request.parameters)
+    check_target(request.output, inputs, force=request.force)
+    check_plot(request.plot, inputs, request.output, force=request.force)
 
 
 def _added(

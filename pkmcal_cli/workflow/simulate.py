@@ -33,7 +33,9 @@ from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin
 from pkmcal_cli.workflow.error_map import ErrorMap
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.simulated_noise import Noise
+from pkmcal_cli.workflow.simulated_plot import KeptRows
 from pkmcal_cli.workflow.simulated_rows import Tally
 from pkmcal_cli.workflow.table import SimulatedTable
 from pkmcal_cli.workflow.touched_poses import no_touch, readings_at_touch, touches_text
@@ -55,6 +57,7 @@ class SimulationRequest:
     forces: bool
     uncertainty: bool
     output: str | None
+    plot: str | None
     as_json: bool
     quiet: bool
     force: bool
@@ -97,6 +100,9 @@ def run_simulation(request: SimulationRequest) -> int:
         to.notes([touches_text(model, work.tally.touched, work.tally.rows)])
     to.notes(_substructure_notes(model, request.method))
     _tell(to, work, by_row=source.points is None)
+    if request.plot is not None and work.kept is not None:
+        picture = work.kept.picture(loaded, given(request.parameters, request.poses))
+        write_plot(picture, request.plot, inputs | source.inputs, to, force=request.force)
     if request.as_json:
         emit_json({"tool_point": tool and tool.name} | _json(work, head))
     return 1 if work.tally.n_failed and source.points is None else 0
@@ -139,6 +145,7 @@ def _work(
         table=SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined),
         errors=_error_map(request, loaded, model, start) if request.uncertainty else None,
         loads=Loads(model=model),
+        kept=None if request.plot is None else KeptRows(model, start.values, request.method, request.forces),
     )
 
 
@@ -156,7 +163,9 @@ def _checked(request: SimulationRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
-    check_target(target, given(request.machine, request.poses, request.parameters), force=request.force)
+    inputs = given(request.machine, request.poses, request.parameters)
+    check_target(target, inputs, force=request.force)
+    check_plot(request.plot, inputs, target, force=request.force)
     return target
 
 
@@ -171,6 +180,7 @@ class _Work:
     table: SimulatedTable
     errors: ErrorMap | None
     loads: Loads
+    kept: KeptRows | None = None
     tally: Tally = field(default_factory=Tally)
 
     @property
@@ -206,8 +216,11 @@ class _Work:
         tally.add(readings)
         ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
         tally.seen += len(block)
-        cells = self.table.cells(ids, block.rows.take(rows), readings, _only(prediction, good))
-        writer.write([*cells, *self._uncertainties(block, rows, prediction.start.take(good))])
+        only, start = _only(prediction, good), prediction.start.take(good)
+        u = self._uncertainties(block, rows, start)
+        writer.write([*self.table.cells(ids, block.rows.take(rows), readings, only), *u])
+        if self.kept is not None:
+            self.kept.add(driven.take(rows), readings, only.forces, u, start)
 
     def _at_touch(self, block: Poses, shift: Array, disturbed: Array) -> tuple[Poses, Channels, dict[int, str]]:
         """The block at commands at which its probes touch, where they do (N, C), and why rows have no such commands.
