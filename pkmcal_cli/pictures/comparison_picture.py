@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
-from pkmcal_cli.pictures.parts import composed
+from pkmcal_cli.pictures.parts import composed, shown_unit, size_text
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.titles import Titles
 from pkmcal_cli.report.comparison import ComparisonReport
@@ -37,8 +37,9 @@ def machines_picture(
     machines: tuple[str, str], rms: tuple[float, float], unit: Unit, kind: str, titles: Titles
 ) -> Picture:
     """Held-out errors of two machine files."""
-    texts = [f"{size / unit.scale:.3g} {unit.text}" for size in rms]
-    dots = [Dot(name=m, value=size / unit.scale, text=t) for m, size, t in zip(machines, rms, texts, strict=True)]
-    label = f"held-out {kind} rms [{unit.text}]"
+    shown = shown_unit(unit.dimension.name, max(rms), unit)
+    texts = [size_text(size, unit.dimension.name) for size in rms]
+    dots = [Dot(name=m, value=size / shown.scale, text=t) for m, size, t in zip(machines, rms, texts, strict=True)]
+    label = f"held-out {kind} rms [{shown.text}]"
     alt = "; ".join(f"{m}: {t} held-out {kind} rms" for m, t in zip(machines, texts, strict=True))
     return composed("comparison", titles, f"{alt}.", [dot_part(dots, Scale(label=label, line=0.0))])

@@ -130,7 +130,7 @@ def _panels(places: Places) -> list[_Panel]:
     out = [_Panel(n, e, 1.0, c) for (n, e), c in zip(places.stages, colours, strict=True)]
     first, last = _rms(places.stages[0][1]), _rms(places.stages[-1][1])
     if len(out) > 1 and last > _NOTHING and first > _SMALL * last:
-        power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.2), 10.0, _MOST))
+        power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.3), 10.0, _MOST))
         out.append(_Panel(f"{power:g} x", places.stages[-1][1], power, AFTER))
     return out
 

@@ -58,7 +58,7 @@ def residual_parts(problem: Problem, fit: Fit) -> list[Part]:
             residual = np.where(on, fit.after.residual[:, columns], np.nan)
             names = [problem.model.channels[k].name for k in columns]
             series = [_Series(n, residual[:, k]) for k, n in enumerate(names)]
-            out.append(_by_drive(problem, f"left of {kind}", series, problem.model.channels[columns[0]].dimension))
+            out.append(_by_drive(problem, f"residual of {kind}", series, problem.model.channels[columns[0]].dimension))
     return out
 
 
@@ -66,7 +66,7 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     """Measured less needed lengths of lines and legs, each over its own drive."""
     before = length_residuals(problem, fit.before.values)
     drives = [a for a, d in enumerate(problem.model.topology.drives) if sets_length(problem.model, d)]
-    unit = shown_unit("length", _typical([after]))
+    unit = shown_unit("length", _typical([before, after]))
     readings = problem.model.actuators
 
     def draw(figure: SubFigure) -> None:

@@ -53,7 +53,7 @@ def scatter_part(clouds: Sequence[Cloud], names: Sequence[str], length: Unit) ->
             ax.set_xlabel(f"{names[a]} [{length.text}]")
             ax.set_ylabel(f"{names[b]} [{length.text}]")
             if sizes[0].max() > 0:
-                ax.set_aspect("equal", adjustable="datalim")
+                ax.set_aspect("equal", adjustable="box")
         handles, labels = axes[0].get_legend_handles_labels()
         if labels:
             figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, fontsize=8)

@@ -74,9 +74,8 @@ def run_drawing(request: DrawingRequest) -> int:
     if request.output is not None:
         inputs = loaded.inputs | start.inputs | row.inputs
         files = [f for f in (request.parameters, request.poses) if f is not None]
-        picture = machine_picture(
-            shape, titles(request.machine, str(row.place), files), scale=factor, forces=request.forces
-        )
+        named = titles(request.machine, _place_text(row.place), files)
+        picture = machine_picture(shape, named, scale=factor, forces=request.forces)
         write_picture(picture, request.output, inputs, force=request.force)
         to.say(f"written: {request.output}")
     if request.as_json:
@@ -144,6 +143,13 @@ def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row
         to.table("Forces of drives", ("drive", "force"), rows)
         members = [(n, newtons(f)) for n, f in shape.tensions.items()]
         to.table("Axial forces of members (+ pulls)", ("member", "force"), members)
+
+
+def _place_text(place: Place) -> str:
+    """Where a row stands, in a title that names its file."""
+    if place.file is None:
+        return str(place).removeprefix("the ").removeprefix("--")
+    return f"line {place.line}" + (f" ({place.id})" if place.id else "")
 
 
 def _displaced(shape: MachineShape, factor: float) -> str:
