@@ -213,7 +213,7 @@ def test_json_says_what_is_drawn() -> None:
     done = run("draw", TRIGLIDE, "--grid", "x=400:500:2,y=250:250:1", "--row", 2, "--json", "-q")
     found = done.json
     assert done.code == 0 and done.err == "" and found["row"] == "--grid point 2"
-    at = {p["name"]: p["believed"] for p in found["points"]}
+    at = {p["name"]: p["believed"] for p in found["places"]}
     assert at["tcp"] == pytest.approx([0.5, 0.25, 0.0], abs=1e-9)
     assert {d["name"] for d in found["drives"]} == {"q1", "q2", "q3"}
     assert {m["name"] for m in found["members"]} == {"rod1", "rod2", "rod3"}

@@ -29,11 +29,12 @@ from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance, provenance_lines
+from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
 from pkmcal_cli.workflow.export import Export, exported, write_export
-from pkmcal_cli.workflow.plots import check_plot, write_plot
+from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 
 _COMMANDS = "commands.csv"
@@ -104,15 +105,19 @@ def run_correction(request: CorrectionRequest) -> int:
         table = CommandTable(loaded.machine, model, targets.forces, _covariates(model, targets), targets.held)
         files = _write(request, table, report, result, inputs, head)
     if request.plot is not None:
-        named = titles(request.machine, "correction", given(request.parameters, request.targets))
-        picture = correction_picture(model, result, targets.held, named, loaded.machine.file_units.length)
-        write_plot(picture, request.plot, inputs, to, force=request.force)
+        _draw(Plot(request.plot, inputs, request.force), request, report, loaded.machine.file_units.length, to)
     answer = report.json() | {"output": request.output, "at": request.at, "provenance": head}
     if request.as_json:
         emit_json(answer | more)
     code = 1 if report.lost.reasons and not targets.grid else 0
     keep_run(request.run, inputs, _run(request.machine, answer, files, code), to)
     return code
+
+
+def _draw(plot: Plot, request: CorrectionRequest, report: CorrectionReport, length: Unit, to: Reporter) -> None:
+    """The picture. Raises OutputError."""
+    named = titles(request.machine, "correction", given(request.parameters, request.targets))
+    plot.write(correction_picture(report.model, report.result, report.targets.held, named, length), to)
 
 
 def _assessed(model: Model, start: Start, targets: Targets, stated: Conditions, choice: Choice) -> Assessment | None:

@@ -21,7 +21,7 @@ from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import given, one_stdin, require_forces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +57,7 @@ def run_drawing(request: DrawingRequest) -> int:
     _check(request)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
-    if request.forces and loaded.compiled.shared_by:
-        what = "--forces: nothing yields in this machine, so its forces are not determined"
-        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
+    require_forces(request.forces, loaded)
     for fault in loaded.warnings:
         to.warn(fault)
     row = _row(request, loaded)
@@ -164,7 +162,7 @@ def _json(shape: MachineShape, factor: float, row: _Row) -> dict[str, Any]:
         "row": str(row.place),
         "scale": factor,
         "tool_point": shape.tool,
-        "points": [
+        "places": [
             {"name": n, "believed": _rounded(at), "displacement": _rounded(shape.displacement(n) / 1e-6)}
             for n, at in shape.reference.places.items()
         ],

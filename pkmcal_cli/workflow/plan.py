@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +40,7 @@ from pkmcal_cli.workflow.next_points import next_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
 from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
-from pkmcal_cli.workflow.plots import check_plot
+from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_form
@@ -108,9 +109,8 @@ def run_plan(request: PlanRequest) -> int:
     at_nominal = request.parameters is None
     report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
     report.show(to)
-    if request.plot is not None:
-        new = None if added is None else added.points.rows
-        draw_plan(request.plot, plan, loaded, PlannedRows(values, problem.rows, new), inputs, to, force=request.force)
+    drawn = PlannedRows(values, problem.rows, None if added is None else added.points.rows)
+    draw_plan(_plot(request, inputs), plan, loaded, drawn, to)
     Loads.of(problem.model, values, problem.rows, used.poses.place).show(to)
     if ways is not None:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
@@ -118,6 +118,13 @@ def run_plan(request: PlanRequest) -> int:
     if request.as_json:
         emit_json({"tool_point": tool and tool.name, **report.json(), **used.failed.json()})
     return 0
+
+
+def _plot(request: PlanRequest, inputs: Collection[str]) -> Plot | None:
+    """The picture that is wanted; None where there is none."""
+    if request.plot is None:
+        return None
+    return Plot(request.plot, inputs, request.force, given(request.parameters, request.poses))
 
 
 def _run_next(request: PlanRequest, to: Reporter) -> int:
@@ -129,9 +136,8 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
     )  # fmt: skip
     found.show(to)
     inputs = dict.fromkeys(given(request.machine, request.poses, request.parameters), "")
-    if request.plot is not None:
-        rows = PlannedRows(found.loaded.model.nominal, None, found.added.points.rows)
-        draw_plan(request.plot, None, found.loaded, rows, inputs, to, force=request.force)
+    drawn = PlannedRows(found.loaded.model.nominal, None, found.added.points.rows)
+    draw_plan(_plot(request, inputs), None, found.loaded, drawn, to)
     if len(found.added.points):
         _write(request, found.loaded, found.added.points.rows, found.ways, inputs, to)
     if request.as_json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.touching import tcp_places
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.workflow.plots import write_plot
+from pkmcal_cli.workflow.plots import Plot
 
 
 @dataclass(frozen=True)
@@ -30,14 +29,12 @@ class PlannedRows:
 
 
 def draw_plan(
-    file: str, plan: Plan | None, loaded: LoadedMachine, rows: PlannedRows, inputs: Mapping[str, str], to: Reporter,
-    *, force: bool,
-) -> None:  # fmt: skip
-    """Write the picture; `plan`: None where points are chosen for a table that grows. Raises OutputError."""
-    tables = [name for name in inputs if name not in loaded.inputs and name != loaded.model.name]
-    named = titles(loaded.model.name, "plan", tables)
-    write_plot(plan_picture(plan, named, loaded.machine.file_units.length, _places(loaded, rows)), file, inputs, to,
-               force=force)  # fmt: skip
+    plot: Plot | None, plan: Plan | None, loaded: LoadedMachine, rows: PlannedRows, to: Reporter
+) -> None:
+    """Write the picture, if any; `plan`: None where points are chosen for a table that grows. Raises OutputError."""
+    if plot is not None:
+        named = titles(loaded.model.name, "plan", plot.tables)
+        plot.write(plan_picture(plan, named, loaded.machine.file_units.length, _places(loaded, rows)), to)
 
 
 def _places(loaded: LoadedMachine, rows: PlannedRows) -> PlanPlaces | None:

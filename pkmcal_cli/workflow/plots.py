@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.pictures.picture import Picture, check_picture, write_picture
 from pkmcal_cli.report.console import Reporter
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A picture to be written; inputs: names of all that was read; tables: files that its title names."""
+
+    file: str
+    inputs: Collection[str]
+    force: bool
+    tables: Sequence[str] = ()
+
+    def write(self, picture: Picture, to: Reporter) -> None:
+        """Write the picture and tell. Raises OutputError."""
+        write_plot(picture, self.file, self.inputs, to, force=self.force)
 
 
 def check_plot(plot: str | None, inputs: Collection[str], *outputs: str | None, force: bool) -> None:

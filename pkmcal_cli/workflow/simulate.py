@@ -31,9 +31,9 @@ from pkmcal_cli.report.loads import Loads, limited
 from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.report.provenance import provenance, provenance_lines
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin
+from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_forces
 from pkmcal_cli.workflow.error_map import ErrorMap
-from pkmcal_cli.workflow.plots import check_plot, write_plot
+from pkmcal_cli.workflow.plots import check_plot
 from pkmcal_cli.workflow.simulated_noise import Noise
 from pkmcal_cli.workflow.simulated_plot import KeptRows
 from pkmcal_cli.workflow.simulated_rows import Tally
@@ -68,9 +68,7 @@ def run_simulation(request: SimulationRequest) -> int:
     target = _checked(request)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
-    if request.forces and loaded.compiled.shared_by:
-        what = "--forces: nothing yields in this machine, so the forces of its drives are not determined"
-        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
+    require_forces(request.forces, loaded)
     for fault in loaded.warnings:
         to.warn(fault)
     source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
@@ -100,9 +98,7 @@ def run_simulation(request: SimulationRequest) -> int:
         to.notes([touches_text(model, work.tally.touched, work.tally.rows)])
     to.notes(_substructure_notes(model, request.method))
     _tell(to, work, by_row=source.points is None)
-    if request.plot is not None and work.kept is not None:
-        picture = work.kept.picture(loaded, given(request.parameters, request.poses))
-        write_plot(picture, request.plot, inputs | source.inputs, to, force=request.force)
+    work.kept.draw(loaded, inputs | source.inputs, to)
     if request.as_json:
         emit_json({"tool_point": tool and tool.name} | _json(work, head))
     return 1 if work.tally.n_failed and source.points is None else 0
@@ -145,7 +141,10 @@ def _work(
         table=SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, joined),
         errors=_error_map(request, loaded, model, start) if request.uncertainty else None,
         loads=Loads(model=model),
-        kept=None if request.plot is None else KeptRows(model, start.values, request.method, request.forces),
+        kept=KeptRows(
+            model=model, values=start.values, method=request.method, forces_asked=request.forces, plot=request.plot,
+            tables=given(request.parameters, request.poses), force=request.force,
+        ),
     )
 
 
@@ -180,7 +179,7 @@ class _Work:
     table: SimulatedTable
     errors: ErrorMap | None
     loads: Loads
-    kept: KeptRows | None = None
+    kept: KeptRows
     tally: Tally = field(default_factory=Tally)
 
     @property
@@ -219,8 +218,7 @@ class _Work:
         only, start = _only(prediction, good), prediction.start.take(good)
         u = self._uncertainties(block, rows, start)
         writer.write([*self.table.cells(ids, block.rows.take(rows), readings, only), *u])
-        if self.kept is not None:
-            self.kept.add(driven.take(rows), readings, only.forces, u, start)
+        self.kept.add(driven.take(rows), readings, only.forces, u, start)
 
     def _at_touch(self, block: Poses, shift: Array, disturbed: Array) -> tuple[Poses, Channels, dict[int, str]]:
         """The block at commands at which its probes touch, where they do (N, C), and why rows have no such commands.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,17 +11,18 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
-from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.simulation_picture import Simulated, simulation_picture
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
+from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.workflow.arguments import checked_method
+from pkmcal_cli.workflow.plots import write_plot
 
 _MOST = 200_000  # rows
 
 
-@dataclass
+@dataclass(kw_only=True)
 class KeptRows:
     """Readings, forces, tool points and uncertainties of solved rows, block by block."""
 
@@ -29,7 +30,9 @@ class KeptRows:
     values: Array
     method: str
     forces_asked: bool
-    _: KW_ONLY
+    plot: str | None  # file of the picture; None: nothing is kept
+    tables: Sequence[str]
+    force: bool
     tool: list[Array] = field(default_factory=list)
     readings: list[Array] = field(default_factory=list)
     forces: list[Array] = field(default_factory=list)
@@ -38,7 +41,7 @@ class KeptRows:
 
     def add(self, rows: Rows, readings: Array, forces: Array | None, u: list[Array], start: WarmStart) -> None:
         """Keep solved rows; u: standard uncertainties (N,) of the tool point's coordinates, or none."""
-        if self.count >= _MOST or not len(rows):
+        if self.plot is None or self.count >= _MOST or not len(rows):
             return
         self.count += len(rows)
         full = tcp_model(self.model)
@@ -51,10 +54,12 @@ class KeptRows:
             own = [u[k] for k in full.measuring(Measurand.POSITION)]
             self.uncertainty.append(np.sqrt(np.sum(np.square(own), axis=0)))
 
-    def picture(self, loaded: LoadedMachine, files: Sequence[str]) -> Picture:
-        """The picture of all of them, which were simulated from some files."""
-        named = titles(loaded.model.name, "simulation", files)
-        return simulation_picture(self.simulated, named, loaded.machine.file_units.length)
+    def draw(self, loaded: LoadedMachine, inputs: Collection[str], to: Reporter) -> None:
+        """The picture of all of them, where it is wanted. Raises OutputError."""
+        if self.plot is not None:
+            named = titles(loaded.model.name, "simulation", self.tables)
+            picture = simulation_picture(self.simulated, named, loaded.machine.file_units.length)
+            write_plot(picture, self.plot, inputs, to, force=self.force)
 
     @property
     def simulated(self) -> Simulated:
