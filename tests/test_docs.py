@@ -22,7 +22,7 @@ LONG = "improve machines/hangprinter.yaml"
 SHOWN = [pytest.param(page, shown, marks=[pytest.mark.slow] if LONG in shown.line else []) for page, shown in COMMANDS]
 FILES = all_files()
 FAULTY = {shown.line.split()[-1] for _, shown in COMMANDS if any(" error[" in line for line in shown.output)}
-VALUES = {"planted.yaml"}  # no machine but a parameter file
+VALUES = {"planted.yaml", "long-rod.yaml"}  # no machine but a parameter file
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

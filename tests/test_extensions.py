@@ -202,6 +202,9 @@ def test_an_effect_and_a_kind_of_sensor_are_one_file_each(place: Path) -> None:
     fit = json.loads(ran(place, "calibrate", "unknown.yaml", "measured.csv", "--select", names, "--json").stdout)
     (b,) = (p for p in fit["parameters"] if p["name"] == names)
     assert abs(b["value"] - 4) < 4 * b["std_by_data"] < 2
+    ran(place, "draw", "machine.yaml", "warm.csv", "--row", "4", "-o", "machine.svg")
+    ran(place, "simulate", "machine.yaml", "warm.csv", "-o", "again.csv", "--plot", "readings.svg")
+    assert "gauge" in (place / "readings.svg").read_text(encoding="utf-8")
 
 
 def test_a_form_that_a_control_takes_is_one_file(place: Path) -> None:
@@ -223,6 +226,11 @@ def test_an_element_is_one_file_and_three_edits(place: Path) -> None:
     (k3,) = (p for p in fit["parameters"] if p["name"] == "k3")
     assert abs(k3["value"] - 40_000) < 4 * k3["std_by_data"] < 8_000
     assert "ties" in json.loads(ran(place, "schema").stdout)["properties"]
+    ran(place, "draw", "tied.yaml", "untied.csv", "--forces", "-o", "tied.svg")
+    drawn = (place / "tied.svg").read_text(encoding="utf-8")
+    assert 'id="member-tie"' in drawn and ">tie</text>" in drawn
+    ran(place, "calibrate", "unknown_tie.yaml", "tied.csv", "--select", "k3", "--plot", "fit.svg", "-q")
+    assert "k3" in (place / "fit.svg").read_text(encoding="utf-8")
 
 
 def test_two_members_of_one_keyword_are_refused(tmp_path: Path) -> None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pkmcal_cli.diagnosis.panels import alike, driver_panel, field_map, waterfall
+from pkmcal_cli.diagnosis.panels import driver_panel, field_map, nearest_rivals, waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from tests.benchmark.setting import diagnosed
-from tests.command import SCISSORS, SHOPFLOOR, process, run
+from tests.command import SCISSORS, SHOPFLOOR, run
 from tests.computed_once import run_once
-from tests.truth.campaigns import campaign, unit
+from tests.truth.campaigns import Planted, campaign, unit
 
 UM = 1e-6
 
@@ -24,6 +25,13 @@ def shop() -> Diagnosis:
     """A backlash and a growth of rods on the Scissors."""
     planted = [unit("scissors", "backlash", "q3", 4).scaled(0.6), unit("scissors", "thermal_strut", "rod2", 4)]
     return diagnosed(campaign("scissors", planted, 4), 4)
+
+
+@cache
+def warm_scale() -> Diagnosis:
+    """A scale of the Scissors that grows by 20 um/(m K) with the temperature."""
+    planted = Planted(keyword="thermal_screw", at="q2", values={"a": 20e-6, "o": 0.0})
+    return diagnosed(campaign("scissors", [planted], 4), 4)
 
 
 # --- numbers -------------------------------------------------------------------------------
@@ -45,11 +53,39 @@ def test_the_waterfall_goes_down_to_noise() -> None:
     assert sizes[-1] == pytest.approx(1.0, abs=0.1)
 
 
-def test_angles_between_effects_are_cosines() -> None:
-    names, cosines = alike(shop())
-    assert {f.hypothesis.name for f in shop().findings} == set(names[:2])
-    assert np.diag(cosines) == pytest.approx(1.0) and (cosines == cosines.T).all()
-    assert ((cosines >= 0) & (cosines <= 1)).all()
+def test_each_effect_found_has_one_rival_that_is_another_effect() -> None:
+    near = nearest_rivals(shop())
+    assert sorted(n.name for n in near) == sorted(f.hypothesis.name for f in shop().findings)
+    for n in near:
+        effect, at = n.name.split("@")
+        assert 0 <= n.cosine <= 1 and n.rival != n.name
+        assert not (n.rival.startswith(f"{effect}@") and {at, n.rival.split("@")[1]} & {"all", "each"})
+
+
+def test_growth_along_a_travel_is_shown_as_a_slope() -> None:
+    """A scale that grows by 20 um/(m K): displacements per kelvin over the travel are a line of just this slope."""
+    found = warm_scale()
+    finding = next(f for f in found.findings if f.hypothesis.effect == "thermal_screw")
+    panel = driver_panel(found, finding)
+    assert panel is not None and panel.per_kelvin and panel.curve and panel.name == "q2"
+    assert panel.displaced_in.text == "um/K" and panel.quantity == "displacement per kelvin"
+    slope = np.polyfit(panel.x, panel.fitted, 1)
+    assert slope[0] == pytest.approx(20e-6, rel=0.1)
+    assert np.ptp(panel.fitted - np.polyval(slope, panel.x)) < 0.01 * np.ptp(panel.fitted)
+    by_rows = np.polyfit(panel.x, panel.measured, 1, w=1 / panel.noise)
+    assert by_rows[0] == pytest.approx(20e-6, rel=0.1)
+
+
+def test_no_curve_runs_through_rows_of_different_poses() -> None:
+    """What is fitted jumps from row to row where it is no function of what drives it."""
+    finding = next(f for f in shop().findings if f.hypothesis.name == "backlash@q3")
+    panel = driver_panel(shop(), finding)
+    assert panel is not None and panel.curve
+    jumping = replace(panel, side=None)  # both shells as one
+    assert not jumping.curve
+    x = np.linspace(0, 1, 80)
+    waves = replace(panel, side=None, x=x, fitted=np.sin(2 * np.pi * 3 * x))
+    assert waves.curve
 
 
 @pytest.mark.slow
@@ -73,6 +109,9 @@ def test_files_are_pictures(tmp_path: Path) -> None:
         assert ET.fromstring(text).tag.endswith("svg") and file.name in done.err
     errors = (tmp_path / "new" / "errors-xy.svg").read_text(encoding="utf-8")
     assert "calibrated: 8.2" in errors and "with effects found: 0.6" in errors and "2 sigma" in errors
+    assert "the same, arrows 10 x" in errors
+    assert all("scissors.yaml: diagnosis" in f.read_text() for f in (tmp_path / "new").iterdir())
+    assert all("scissors-shopfloor.csv, 20" in f.read_text() for f in (tmp_path / "new").iterdir())
     again = run("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "again", "-q")
     assert again.code == 1
     for file in (tmp_path / "again").iterdir():
@@ -84,13 +123,6 @@ def test_the_terminal_shows_them_too() -> None:
     assert "residual rms in standard uncertainties" in done.err
     assert "backlash@q3: displacement [um]; o from above, + from below, * fitted" in done.err
     assert "T [degC]" in done.err and max(len(line) for line in done.err.split("logarithmic")[1].splitlines()) < 80
-
-
-def test_without_matplotlib_the_remedy_is_told(tmp_path: Path) -> None:
-    (tmp_path / "matplotlib").mkdir()
-    (tmp_path / "matplotlib" / "__init__.py").write_text("raise ImportError('not here')\n", encoding="utf-8")
-    done = process("diagnose", SCISSORS, SHOPFLOOR, "--plots", tmp_path / "out", PYTHONPATH=f"{tmp_path}:{Path.cwd()}")
-    assert done.code == 2 and "pip install 'pkmcal[report]'" in done.err and "Traceback" not in done.err
 
 
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:

@@ -70,6 +70,10 @@ Offset = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Write the result to stdout as JSON.")]
+Plot = Annotated[
+    str | None,
+    typer.Option("--plot", metavar="FILE.svg|png|pdf", help="Picture of the result to write besides."),
+]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Write only errors to stderr.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output file.")]
 RunFolder = Annotated[

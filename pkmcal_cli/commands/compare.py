@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pkmcal_cli.commands._options import FailAbove, Json, Quiet, Style, as_request
+from pkmcal_cli.commands._options import FailAbove, Force, Json, Plot, Quiet, Style, as_request
 
 
 def compare(
@@ -19,9 +19,11 @@ def compare(
     ] = None,
     alpha: Annotated[float, typer.Option("--alpha", help="Chance of an alarm where nothing has changed.")] = 0.05,
     fail_above: FailAbove = None,
+    plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
     style: Style = "text",
+    force: Force = False,
 ) -> None:
     """Has the machine changed between these calibrations, in what, and what does it do to the tool point?
 

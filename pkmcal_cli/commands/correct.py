@@ -14,6 +14,7 @@ from pkmcal_cli.commands._options import (
     Json,
     MachineFile,
     Parameters,
+    Plot,
     Quiet,
     RunFolder,
     as_request,
@@ -45,6 +46,7 @@ def correct(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="COMMANDS.csv", help="File to write; default: stdout.")
     ] = None,
+    plot: Plot = None,
     run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -9,11 +9,13 @@ import typer
 from pkmcal_cli.commands._options import (
     Alpha,
     FailOn,
+    Force,
     Json,
     Loss,
     MachineFile,
     MeasuredFiles,
     Parameters,
+    Plot,
     Prior,
     Quiet,
     RunFolder,
@@ -36,11 +38,13 @@ def diagnose(
         str | None,
         typer.Option("--plots", metavar="DIR", help="Folder for pictures (SVG); - draws them on the terminal."),
     ] = None,
+    plot: Plot = None,
     fail_on: FailOn = None,
     run: RunFolder = None,
     as_json: Json = False,
     quiet: Quiet = False,
     style: Style = "text",
+    force: Force = False,
 ) -> None:
     """Which physical effect explains the residuals that remain after calibration?
 

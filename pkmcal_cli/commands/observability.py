@@ -5,11 +5,13 @@ from __future__ import annotations
 import typer
 
 from pkmcal_cli.commands._options import (
+    Force,
     Grid,
     Json,
     MachineFile,
     Offset,
     Parameters,
+    Plot,
     PosesFile,
     Quiet,
     Select,
@@ -24,8 +26,10 @@ def observability(
     parameters: Parameters = None,
     select: Select = "auto",
     offset: Offset = None,
+    plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """What will these positions determine, how well, and what can they not separate?
 

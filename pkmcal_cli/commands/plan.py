@@ -16,6 +16,7 @@ from pkmcal_cli.commands._options import (
     Json,
     MachineFile,
     Parameters,
+    Plot,
     PosesFile,
     Quiet,
     Select,
@@ -69,6 +70,7 @@ def plan(
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of the order, approach sides and candidate points.")
     ] = 0,
+    plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

@@ -15,6 +15,7 @@ from pkmcal_cli.commands._options import (
     Method,
     Offset,
     Parameters,
+    Plot,
     PosesFile,
     Quiet,
     as_request,
@@ -55,6 +56,7 @@ def sensitivity(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="SHIFTS.csv", help="Shifts of --channel by position.")
     ] = None,
+    plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

@@ -13,6 +13,7 @@ from pkmcal_cli.commands._options import (
     MachineFile,
     Method,
     Parameters,
+    Plot,
     PosesFile,
     Quiet,
     as_request,
@@ -34,6 +35,7 @@ def simulate(
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="OUT.csv", help="Table to write; default: stdout.")
     ] = None,
+    plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
     force: Force = False,

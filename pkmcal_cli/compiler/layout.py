@@ -13,8 +13,14 @@ def layout_of(structure: Structure) -> Layout:
     """The layout of a structure whose members are linked."""
     machine = structure.machine
     names = [*machine.nodes, *machine.bodies, *machine.ground, *structure.owner]
-    pieces = {name: _pieces(structure, name, between) for name, between in members(machine).items()}
-    return Layout({n: structure.point(n) for n in names}, dict(structure.rails.guides), pieces)
+    pieces: dict[str, list[Piece]] = {name: [] for name in members(machine)}
+    for member in structure.builder.members:
+        own, _, number = member.name.partition(".")
+        if own in pieces and (not number or number.isdigit()) and _joins(member):
+            bends = any(s.startswith("bend") for s in member.element.strains)
+            pieces[own].append(Piece(member.name, member.links[0], bends))
+    whole = {name: tuple(found) for name, found in pieces.items()}
+    return Layout({n: structure.point(n) for n in names}, dict(structure.rails.guides), whole)
 
 
 def members(machine: Machine[Quantity, float]) -> dict[str, tuple[str, ...]]:
@@ -27,16 +33,8 @@ def members(machine: Machine[Quantity, float]) -> dict[str, tuple[str, ...]]:
     return out
 
 
-def _pieces(structure: Structure, name: str, between: tuple[str, ...]) -> tuple[Piece, ...]:
-    """The elements of a member, in order; none of a rope: its links may be those of several."""
-    found = []
-    for member in structure.builder.members:
-        own, _, number = member.name.partition(".")
-        if own == name and (not number or number.isdigit()) and not member.rope and _joins(member):
-            found.append(Piece(member.name, member.links[0], any(s.startswith("bend") for s in member.element.strains)))
-    return tuple(found)
-
-
 def _joins(member: Member) -> bool:
-    """Whether an element lies between its ends, not in one place: its strains do not begin with a gap."""
-    return member.element.strains[0] not in ("x", "y", "z", "rx", "ry", "rz", "angle", "length")
+    """Whether an element is drawn between its ends: no rope, whose links may be those of several, nor what is in one
+    place, whose strains begin with a gap.
+    """
+    return not member.rope and member.element.strains[0] not in ("x", "y", "z", "rx", "ry", "rz", "angle", "length")

@@ -28,6 +28,7 @@ _AROUND = 0.05  # of the region: room around arrows
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _KEY = 0.85, 0.15, 0.3, 0.55, 0.72  # inches
 _LOWEST, _HIGHEST = 1.3, 4.6  # inches, of a panel
 _CIRCLE = 0.2  # inches, radius of a circle of noise that has room in the key
+_ALONE = 0.01  # m, around a single position
 _NOTHING = 1e-12  # m: rounding
 
 
@@ -93,7 +94,7 @@ def map_part(places: Places, length: Unit) -> Part:
     """One plane as a part of a picture: a panel for each stage."""
     panels, factor = _panels(places), _factor(places)
     ends = [places.at, *(places.at + factor * p.magnified * p.errors for p in panels)]
-    limits = _limits(np.vstack(ends))
+    limits = _limits(np.vstack(ends), _region(places.at))
     width = (WIDTH - _LEFT - _RIGHT - (len(panels) - 1) * _BETWEEN) / len(panels)
     size = np.ptp(limits, axis=0)
     height = float(np.clip(width * size[1] / size[0], _LOWEST, _HIGHEST))
@@ -113,13 +114,15 @@ def map_part(places: Places, length: Unit) -> Part:
                       color=panel.colour, zorder=3)  # fmt: skip
             ax.set_xlim(*limits[:, 0] / length.scale)
             ax.set_ylim(*limits[:, 1] / length.scale)
-            ax.set_xlabel(f"{places.plane[0]} [{length.text}]")
+            few = "" if len(shown) == len(places.at) else f"; {len(shown)} of {len(places.at)} rows are shown"
+            ax.set_xlabel(f"{places.plane[0]} [{length.text}]{few}", fontsize=8 if few else 9)
+            ax.locator_params(nbins=5)
             if k:
                 ax.set_yticklabels([])
             else:
                 ax.set_ylabel(f"{places.plane[1]} [{length.text}]")
             key = figure.add_axes((left / WIDTH, (_BOTTOM + height) / total, width / WIDTH, _KEY / total))
-            _key(key, panel, places, factor * panel.magnified / per_inch, width, len(shown))
+            _key(key, panel, places, factor * panel.magnified / per_inch, width)
 
     return Part(total, draw)
 
@@ -130,7 +133,7 @@ def _panels(places: Places) -> list[_Panel]:
     out = [_Panel(n, e, 1.0, c) for (n, e), c in zip(places.stages, colours, strict=True)]
     first, last = _rms(places.stages[0][1]), _rms(places.stages[-1][1])
     if len(out) > 1 and last > _NOTHING and first > _SMALL * last:
-        power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.2), 10.0, _MOST))
+        power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.3), 10.0, _MOST))
         out.append(_Panel(f"{power:g} x", places.stages[-1][1], power, AFTER))
     return out
 
@@ -141,7 +144,7 @@ def _rms(errors: Array) -> float:
 
 def _factor(places: Places) -> float:
     """How much larger errors are drawn than positions, at the scale of the first stage."""
-    region = max(float(np.ptp(places.at, axis=0).max()), _NOTHING)
+    region = _region(places.at)
     largest = max(places.stages, key=lambda stage: _rms(stage[1]))[1]
     typical, longest = _rms(largest), float(np.sqrt((largest**2).sum(axis=1)).max())
     if typical <= _NOTHING:
@@ -149,23 +152,28 @@ def _factor(places: Places) -> float:
     return min(_TYPICAL * region / typical, _LONGEST * region / longest)
 
 
-def _limits(places: Array) -> Array:
-    """Corners (2, 2) of a region around places (K, 2)."""
+def _region(at: Array) -> float:
+    """Width of the region of positions (N, 2), m; of a single one, a little."""
+    width = float(np.ptp(at, axis=0).max())
+    return width if width > 0 else _ALONE
+
+
+def _limits(places: Array, region: float) -> Array:
+    """Corners (2, 2) of what lies around places (K, 2)."""
     low, high = places.min(axis=0), places.max(axis=0)
-    most = max(float((high - low).max()), 1e-6)
+    most = max(float((high - low).max()), region)
     lacking = np.maximum(0.15 * most - (high - low), 0.0) / 2 + _AROUND * most
     return np.array([low - lacking, high + lacking])
 
 
-def _key(ax: Axes, panel: _Panel, places: Places, inches: float, width: float, shown: int) -> None:
+def _key(ax: Axes, panel: _Panel, places: Places, inches: float, width: float) -> None:
     """Above a panel: what it shows, the scale arrow and the circle of noise; `inches` per metre of error."""
     from matplotlib.patches import Circle
 
     ax.set_axis_off()
     ax.set_xlim(0, width)
     ax.set_ylim(0, _KEY)
-    few = "" if shown == len(places.at) else f", {shown} of {len(places.at)} shown"
-    text = f"{panel.title}: {size_text(_rms(panel.errors))} rms{few}"
+    text = f"{panel.title}: {size_text(_rms(panel.errors))} rms"
     text = text if panel.magnified == 1 else f"the same, arrows {panel.title}"
     ax.text(0.02, _KEY - 0.02, text, va="top", size=9, weight="bold", color=panel.colour, gid="stage")
     size = rounded(0.45 / inches)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 WIDTH = 9.0
 """Inches, of every part."""
 _HEAD = 0.6  # inches, of the title
+_NOTHING = 1e-12  # m, rad: rounding
 _FINER = {"m": "mm", "mm": "um", "rad": "mrad", "mrad": "urad", "kN": "N"}
 _COARSER = {"um": "mm", "urad": "mrad", "N": "kN"}
 
@@ -47,7 +48,7 @@ def composed(name: str, titles: Titles, alt: str, parts: Sequence[Part]) -> Pict
 
 
 def shown_unit(dimension: str, size: float, usual: Unit | None = None) -> Unit:
-    """The unit in which values of a typical size (SI) are written without powers of ten; `usual`: where to begin."""
+    """The unit in which values of a size (SI) have up to four figures before the point; `usual`: where to begin."""
     unit = usual or parse_unit({"length": "um", "angle": "urad", "force": "N", "torque": "N m"}.get(dimension, "1"))
     while size >= 3000 * unit.scale and unit.text in _COARSER:
         unit = parse_unit(_COARSER[unit.text])
@@ -63,9 +64,12 @@ def rounded(value: float) -> float:
 
 
 def size_text(value: float, dimension: str = "length") -> str:
-    """A size (SI) to three digits in the unit that suits it."""
+    """A size (SI) to three digits in the unit that suits it, without powers of ten; what is rounding is 0."""
+    value = 0.0 if abs(value) < _NOTHING else value
     unit = shown_unit(dimension, abs(value))
-    return f"{value / unit.scale:.3g} {unit.text}"
+    while abs(value) >= 999.5 * unit.scale and unit.text in _COARSER:
+        unit = parse_unit(_COARSER[unit.text])
+    return f"{number(float(f'{value / unit.scale:.3g}'))} {unit.text}"
 
 
 def plain_log(ax: Axes, axis: str = "x") -> None:

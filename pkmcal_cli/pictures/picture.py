@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -45,24 +46,26 @@ class Picture:
 
     def figure(self) -> Figure:
         """The picture as a matplotlib figure, for a notebook."""
-        with _drawn(self) as figure:
+        with drawn(self) as figure:
             return figure
 
     def svg(self) -> str:
         """The picture as an `svg` element, without the head of a file."""
         text = io.StringIO()
-        with _drawn(self) as figure:
+        with drawn(self) as figure:
             figure.savefig(text, format="svg", metadata={"Date": None})
         whole = text.getvalue()
         return whole[whole.index("<svg") :]
 
 
 @contextmanager
-def _drawn(picture: Picture) -> Iterator[Figure]:
+def drawn(picture: Picture) -> Iterator[Figure]:
+    """A figure with the picture drawn on it, in our style. What names have no glyph for is a box, not a warning."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context(_STYLE):
+    with rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure = Figure(figsize=picture.size, layout="constrained")
         picture.draw(figure)
         yield figure
@@ -86,7 +89,7 @@ def check_picture(file: str | None, inputs: Collection[str], *, force: bool, opt
 def write_picture(picture: Picture, file: str, inputs: Collection[str], *, force: bool) -> None:
     """Write a picture. Raises UsageError and OutputError."""
     kind = format_of(file)
-    with _drawn(picture) as figure:
+    with drawn(picture) as figure:
         dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
         with write_text(file, inputs, force=force) as text:
             metadata = {"Title": picture.title} | dates.get(kind, {})

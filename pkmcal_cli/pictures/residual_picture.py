@@ -13,9 +13,11 @@ from pkmcal_cli.calibration.errors_before_after import drive_readings, kinds_of,
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.pictures.error_map import errors_in_words, map_part, places_of
+from pkmcal_cli.pictures.parameter_picture import parameter_part
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER, Picture
 from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 if TYPE_CHECKING:
@@ -34,13 +36,14 @@ class _Series:
     values: Array
 
 
-def calibration_picture(problem: Problem, fit: Fit, titles: Titles, length: Unit, name: str = "calibration") -> Picture:
-    """Error map before and after, where positions are measured; what is left over each drive."""
+def calibration_picture(report: CalibrationReport, titles: Titles, length: Unit, name: str = "calibration") -> Picture:
+    """Error map before and after, where positions are measured; what is left over each drive; the parameters."""
+    problem, fit = report.problem, report.fit
     places = places_of(problem, [("before", fit.before.residual), ("calibrated", fit.after.residual)])
     parts = [map_part(p, length) for p in places]
     left = residual_parts(problem, fit)
     alt = (errors_in_words(places) + " " if places else "") + "Residuals over the reading of each drive."
-    return composed(name, titles, alt, [*parts, *left])
+    return composed(name, titles, alt, [*parts, *left, parameter_part(report.rows)])
 
 
 def residual_parts(problem: Problem, fit: Fit) -> list[Part]:
@@ -55,7 +58,7 @@ def residual_parts(problem: Problem, fit: Fit) -> list[Part]:
             residual = np.where(on, fit.after.residual[:, columns], np.nan)
             names = [problem.model.channels[k].name for k in columns]
             series = [_Series(n, residual[:, k]) for k, n in enumerate(names)]
-            out.append(_by_drive(problem, f"left of {kind}", series, problem.model.channels[columns[0]].dimension))
+            out.append(_by_drive(problem, f"residual of {kind}", series, problem.model.channels[columns[0]].dimension))
     return out
 
 
@@ -63,7 +66,7 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     """Measured less needed lengths of lines and legs, each over its own drive."""
     before = length_residuals(problem, fit.before.values)
     drives = [a for a, d in enumerate(problem.model.topology.drives) if sets_length(problem.model, d)]
-    unit = shown_unit("length", _typical([after]))
+    unit = shown_unit("length", _typical([before, after]))
     readings = problem.model.actuators
 
     def draw(figure: SubFigure) -> None:

@@ -6,15 +6,15 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.files import is_stream, readable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_PER_INCH = 11.5  # characters of a line that surely fit into an inch, at 9 points
-_SMALL = 1.12  # times as many at 8 points
+_LEAST = 8  # characters
+_MARGIN = 0.4  # inches beside a title
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,22 @@ class Titles:
 
     def write(self, figure: Figure) -> None:
         """At the top of a figure whose parts are placed by hand."""
-        width, height = figure.get_size_inches()
+        height = figure.get_size_inches()[1]
         first = f"{self.machine}: {self.what}" if self.what else self.machine
-        figure.text(0.5, 1 - 0.12 / height, shortened(first, width * _PER_INCH), ha="center", va="top", size=10,
-                    weight="bold")  # fmt: skip
-        second = shortened(self.source, width * _PER_INCH * _SMALL)
-        figure.text(0.5, 1 - 0.34 / height, second, ha="center", va="top", size=8, color="0.3")
+        _line(figure, 1 - 0.12 / height, first, size=10, weight="bold")
+        _line(figure, 1 - 0.34 / height, self.source, size=8, color="0.3")
 
-    @property
-    def lines(self) -> str:
-        """Both lines, for figures that arrange themselves."""
-        first = f"{self.machine}: {self.what}" if self.what else self.machine
-        return "\n".join(part for part in (first, self.source) if part)
+
+def _line(figure: Figure, y: float, text: str, **style: Any) -> None:
+    """A line in the middle, shortened until it fits."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    room = (figure.get_size_inches()[0] - 2 * _MARGIN) * figure.dpi
+    line = figure.text(0.5, y, text, ha="center", va="top", **style)
+    while (width := line.get_window_extent(renderer).width) > room and len(text) > _LEAST:
+        text = shortened(text, min(len(text) - 1, len(text) * room / width))
+        line.set_text(text)
 
 
 def titles(machine: str, what: str, files: Sequence[str]) -> Titles:
@@ -69,6 +73,6 @@ def plain(text: str) -> str:
 
 def shortened(text: str, most: float) -> str:
     """A text of so many characters at most, without its middle where it is longer."""
-    most = max(int(most), 8)
+    most = max(int(most), _LEAST)
     half = (most - 1) // 2
     return text if len(text) <= most else f"{text[:half]}\N{HORIZONTAL ELLIPSIS}{text[len(text) - half :]}"

@@ -117,7 +117,7 @@ class ComparisonReport:
         one, found = self.compared.alone, self.compared.named(self.alpha)
         if self.unchanged or not self.compared.test.dof or one is None or (found and one.name not in found):
             return
-        unit = self._unit(one.name)
+        unit = self.unit(one.name)
         size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)
         per = f" per {self.compared.unit}" if self.compared.trend else ""
         if not self._explains(one):
@@ -127,13 +127,14 @@ class ComparisonReport:
         others = f"; as well: {', '.join(one.rivals[:_LISTED])}" if one.rivals else ""
         to.say(f"explained by one parameter alone: {one.name} by {size}{per}{others}")
 
-    def _unit(self, name: str) -> Unit:
+    def unit(self, name: str) -> Unit:
+        """Display unit of a parameter."""
         return next(k.parameters[name].unit for k in self.known if name in k.parameters)
 
     def _parameter_rows(self) -> list[tuple[str, ...]]:
         found, rows, named = self.compared.changes, list[tuple[str, ...]](), self.compared.named(self.alpha)
         for k, name in enumerate(found.names):
-            unit = self._unit(name)
+            unit = self.unit(name)
             values = [f"{unit.from_si(f.parameters[name].value):.8g}" for f in self.known]
             size = uncertain(float(found.values[k]) / unit.scale, float(found.std[k]) / unit.scale, unit.text)
             known = bool(found.determined[k])
@@ -199,7 +200,7 @@ class ComparisonReport:
         }
 
     def _alone_json(self, one: Alone) -> dict[str, Any]:
-        unit = self._unit(one.name)
+        unit = self.unit(one.name)
         return {
             "name": one.name,
             "change": one.value / unit.scale,
@@ -213,7 +214,7 @@ class ComparisonReport:
     def _parameter_json(self, k: int) -> dict[str, Any]:
         found = self.compared.changes
         name = found.names[k]
-        unit = self._unit(name)
+        unit = self.unit(name)
         return {
             "name": name,
             "values": [unit.from_si(f.parameters[name].value) for f in self.known],

@@ -24,6 +24,8 @@ from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.pictures.analysis_pictures import observability_picture, sensitivity_picture
+from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.prediction import Prediction, Rows
 from pkmcal_cli.report.analysis_report import (
     UNSTRAINED,
@@ -40,6 +42,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
 from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_measured, selection
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.shift_table import write_shifts
 from pkmcal_cli.workflow.stated_sizes import stated_sizes
@@ -56,8 +59,10 @@ class AnalysisRequest:
     parameters: str | None = None
     select: str | None = None  # every parameter
     offset: tuple[str, ...] | None = None
+    plot: str | None = None
     as_json: bool = False
     quiet: bool = False
+    force: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +73,6 @@ class SensitivityRequest(AnalysisRequest):
     channel: str | None = None
     method: str = "exact"
     output: str | None = None
-    force: bool = False
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,7 @@ def run_sensitivity(request: SensitivityRequest) -> int:
     """Show and emit sensitivities, write shifts by position; returns the exit code. Raises PkmcalError."""
     _check_sensitivity(request)
     to = Reporter(request.quiet)
+    _check_plot(request, request.output)
     s = _prepare(request, to)
     tool = required_tool_point(s.loaded)
     model, units = s.loaded.model, s.loaded.machine.file_units
@@ -164,11 +169,24 @@ def run_sensitivity(request: SensitivityRequest) -> int:
     s.show_loads(s.set)
     if request.output is not None and channel is not None:
         write_shifts(request.output, s.loaded, s.inputs, result, s.set, channel, force=request.force)
+    if request.plot is not None:
+        named = _titles(request, "sensitivity")
+        write_plot(sensitivity_picture(result, model, named, channel), request.plot, s.inputs, to, force=request.force)
     if request.as_json:
         head = {"tool_point": tool.name, **used.failed.json()}
         shown = head | sensitivity_json(model, units, result, channel)
         emit_json(enveloped("sensitivity", "complete", shown, provenance(s.inputs)))
     return 0
+
+
+def _check_plot(request: AnalysisRequest, output: str | None) -> None:
+    """Whether the picture can be written. Raises UsageError and OutputError."""
+    inputs = given(request.machine, request.poses, request.parameters)
+    check_plot(request.plot, inputs, output, force=request.force)
+
+
+def _titles(request: AnalysisRequest, command: str) -> Titles:
+    return titles(request.machine, command, given(request.parameters, request.poses))
 
 
 def _check_sensitivity(request: SensitivityRequest) -> None:
@@ -246,6 +264,7 @@ def _verdict(result: Observability) -> str:
 
 def run_observability(request: AnalysisRequest) -> int:
     """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
+    _check_plot(request, None)
     to = Reporter(request.quiet)
     found = observed(request, to)
     result = found.result
@@ -253,6 +272,9 @@ def run_observability(request: AnalysisRequest) -> int:
     if found.unstrained and result.undetermined:
         to.say(UNSTRAINED)
     found.loads.show(to)
+    if request.plot is not None:
+        picture = observability_picture(result, found.problem.model, _titles(request, "observability"))
+        write_plot(picture, request.plot, found.inputs, to, force=request.force)
     if request.as_json:
         emit_json(enveloped("observability", _verdict(result), found.json(), provenance(found.inputs)))
     if found.missed:

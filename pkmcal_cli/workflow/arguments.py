@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.loading.load_machine import NO_SENSORS, SENSOR
+from pkmcal_cli.loading.load_machine import NO_SENSORS, SENSOR, LoadedMachine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Method
 
@@ -25,6 +25,13 @@ def one_stdin(*inputs: str | None) -> None:
 def given(*texts: str | None) -> list[str]:
     """Those arguments that were given."""
     return [text for text in texts if text is not None]
+
+
+def require_forces(asked: bool, loaded: LoadedMachine) -> None:
+    """Forces are determined, where they are asked for. Raises UsageError."""
+    if asked and loaded.compiled.shared_by:
+        what = "--forces: nothing yields in this machine, so the forces of its drives are not determined"
+        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
 
 
 def require_measured(problem: Problem) -> None:

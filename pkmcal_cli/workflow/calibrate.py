@@ -8,6 +8,8 @@ from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.selection import named
+from pkmcal_cli.pictures.residual_picture import calibration_picture
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.units.unit_text import parse_unit
@@ -23,6 +25,7 @@ from pkmcal_cli.workflow.calibration import (
 )
 from pkmcal_cli.workflow.calibration_run import calibration_run
 from pkmcal_cli.workflow.gates import Gate, Judged, check_gates, gates, measured_kinds, missed_limits
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.result_figures import Result
 from pkmcal_cli.workflow.run_folder import check_run, keep_run
 
@@ -52,6 +55,10 @@ def _written(found: Calibrated, limits: Sequence[Gate], to: Reporter) -> int:
     if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
+    if request.plot is not None:
+        named = titles(s.loaded.model.name, "calibration", s.measured.files)
+        picture = calibration_picture(report, named, s.loaded.machine.file_units.length)
+        write_plot(picture, request.plot, s.inputs, to, force=request.force)
     judged = _judged(s, report, limits)
     verdict, code = _verdict(s, report, judged, to)
     result = enveloped("calibrate", verdict, found.json | {"gates": [each.json() for each in judged]}, head)
@@ -72,6 +79,7 @@ def _check_outputs(request: CalibrationRequest) -> None:
     check_run(request.run, request.machine, *request.measurements, request.parameters, request.holdout, prior)
     inputs = given(request.machine, *request.measurements, request.parameters, checked(request), prior)
     check_target(request.output, inputs, force=request.force)
+    check_plot(request.plot, inputs, request.output, force=request.force)
 
 
 def _verdict(

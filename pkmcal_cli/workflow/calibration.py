@@ -50,6 +50,7 @@ class CalibrationRequest:
     accept: bool = False
     fail_above: tuple[str, ...] | None = None
     run: str | None = None
+    plot: str | None = None
     as_json: bool = False
     quiet: bool = False
     style: str = "text"

@@ -17,14 +17,18 @@ from pkmcal_cli.calibration.comparison import Common, alone, changes, chosen_by_
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.loading.known_parameters import KnownParameters, known_parameters
 from pkmcal_cli.loading.plain_files import yaml_kind
+from pkmcal_cli.pictures.comparison_picture import comparison_picture, machines_picture
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.comparison import Compared, ComparisonReport, ToolChange
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.alpha import check_alpha
+from pkmcal_cli.workflow.arguments import given
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import PARAMETERS, RECORD, history, show_history
 from pkmcal_cli.workflow.tool_change import tool_change
 
@@ -37,9 +41,11 @@ class ComparisonRequest:
     machine: str | None
     alpha: float
     fail_above: tuple[str, ...] | None
+    plot: str | None
     as_json: bool
     quiet: bool
     style: str
+    force: bool
 
 
 def run_comparison(request: ComparisonRequest) -> int:
@@ -49,8 +55,11 @@ def run_comparison(request: ComparisonRequest) -> int:
     limits = gates(request.fail_above or ())
     if sum(is_stream(t) for t in request.things):
         raise UsageError("compare reads no stdin", hint="give files or folders of runs")
+    check_plot(request.plot, given(*request.things, request.machine), force=request.force)
     kinds = [_kind(t) for t in request.things]
     _check_limits(limits, kinds)
+    if kinds == ["runs"] and request.plot is not None:
+        raise UsageError("--plot: a list of runs has no picture", hint="compare runs: name folders in it")
     if kinds == ["runs"]:
         runs = history(request.things[0])
         show_history(to, runs)
@@ -107,6 +116,11 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
         raise UsageError("machine files are compared in pairs, on the rows of a table", hint=hint)
     report = compare_machines(machines[0], machines[1], tuple(tables), to)
     report.show(to)
+    if request.plot is not None:
+        named = titles(", ".join(os.path.basename(m) for m in machines), "comparison", tables)
+        both = (report.found.first, report.found.second)
+        picture = machines_picture(report.machines, both, report.unit, report.kind, named)
+        write_plot(picture, request.plot, request.things, to, force=request.force)
     rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.found.second, report.unit, report.kind)
     told, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
     if request.as_json:
@@ -139,6 +153,9 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     for text in _warnings(known):
         to.warn(text)
     report.show(to)
+    if request.plot is not None:
+        named = titles("calibrations", "comparison", files)
+        write_plot(comparison_picture(report, named), request.plot, files, to, force=request.force)
     told, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
     if request.as_json:
         result = report.json()

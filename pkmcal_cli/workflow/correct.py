@@ -25,13 +25,17 @@ from pkmcal_cli.loading.evidence import Evidence
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.targets import Targets, read_targets
 from pkmcal_cli.model.model import Model
+from pkmcal_cli.pictures.correction_picture import correction_picture
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance
+from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import given, one_stdin
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
 from pkmcal_cli.workflow.export import Export, exported, write_export
+from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 
 _COMMANDS = "commands.csv"
@@ -52,6 +56,7 @@ class CorrectionRequest:
     dwell: float = 2.0
     feed: float = 1000.0
     output: str | None = None
+    plot: str | None = None
     run: str | None = None
     as_json: bool = False
     quiet: bool = False
@@ -89,12 +94,20 @@ def run_correction(request: CorrectionRequest) -> int:
         more = {"export": written.json(write_export(export, written, inputs, head, to))}
     elif result is not None and len(result.correction.good):
         files = _write(request, made, head)
+    if request.plot is not None:
+        _draw(Plot(request.plot, inputs, request.force), request, report, loaded.machine.file_units.length, to)
     result_of = report.json() | {"output": request.output, "at": request.at} | more
     answer = enveloped("correct", "incomplete" if made.code else "complete", result_of, head)
     if request.as_json:
         emit_json(answer)
     keep_run(request.run, inputs, _run(request.machine, answer, files, made.code), to)
     return made.code
+
+
+def _draw(plot: Plot, request: CorrectionRequest, report: CorrectionReport, length: Unit, to: Reporter) -> None:
+    """The picture. Raises OutputError."""
+    named = titles(request.machine, "correction", given(request.parameters, request.targets))
+    plot.write(correction_picture(report.model, report.result, report.targets.held, named, length), to)
 
 
 @dataclass(frozen=True)
@@ -191,8 +204,10 @@ def _checked(request: CorrectionRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o COMMANDS.csv`")
     one_stdin(request.machine, request.targets, request.parameters)
+    inputs = given(request.machine, request.targets, request.parameters)
+    check_plot(request.plot, inputs, target, force=request.force)
     if request.as_format is None:
-        check_table(target, given(request.machine, request.targets, request.parameters), force=request.force)
+        check_table(target, inputs, force=request.force)
     return target
 
 

@@ -19,7 +19,9 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
+from pkmcal_cli.workflow.arguments import given
 from pkmcal_cli.workflow.fail_on import failing
+from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
 from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 from pkmcal_cli.workflow.unsolved_rows import unsolved
@@ -35,11 +37,13 @@ class DiagnosisRequest:
     alpha: float
     seed: int
     plots: str | None
+    plot: str | None
     fail_on: str | None
     run: str | None
     as_json: bool
     quiet: bool
     style: str
+    force: bool
 
 
 def run_diagnosis(request: DiagnosisRequest) -> int:
@@ -50,6 +54,8 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         raise UsageError("--plots - draws on the terminal, but -q suppresses it", hint="write files with `--plots DIR`")
     if request.plots is not None and not is_stream(request.plots):
         check_folder(request.plots)
+    named = given(request.case.machine, *request.case.measurements, request.case.parameters)
+    check_plot(request.plot, named, force=request.force)
     check_run(request.run, request.case.machine, *request.case.measurements, request.case.parameters)
     to = Reporter(request.quiet, request.style)
     case = prepare(request.case, to)
@@ -79,6 +85,12 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
 
 def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Reporter) -> None:
     """Pictures as files, or as text where they are asked for on the terminal. Raises UsageError, OutputError."""
+    from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures, write_pictures
+
+    length, named = case.loaded.machine.file_units.length, _titles(case)
+    if request.plot is not None:
+        picture = diagnosis_picture(diagnosis, named, length)
+        write_plot(picture, request.plot, case.inputs, to, force=request.force)
     if request.plots is None:
         return
     if is_stream(request.plots):
@@ -86,11 +98,7 @@ def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Repor
 
         to.say(text_pictures(diagnosis))
         return
-    from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_pictures, write_pictures
-
-    length = case.loaded.machine.file_units.length
-    pictures = list(diagnosis_pictures(diagnosis, _titles(case), length))
-    for file in write_pictures(request.plots, pictures, case.inputs):
+    for file in write_pictures(request.plots, list(diagnosis_pictures(diagnosis, named, length)), case.inputs):
         to.say(f"written: {file}")
 
 

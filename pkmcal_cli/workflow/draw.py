@@ -21,7 +21,7 @@ from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter, emit_json
 from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import given, one_stdin, require_forces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +57,7 @@ def run_drawing(request: DrawingRequest) -> int:
     _check(request)
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
-    if request.forces and loaded.compiled.shared_by:
-        what = "--forces: nothing yields in this machine, so its forces are not determined"
-        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
+    require_forces(request.forces, loaded)
     for fault in loaded.warnings:
         to.warn(fault)
     row = _row(request, loaded)
@@ -74,9 +72,8 @@ def run_drawing(request: DrawingRequest) -> int:
     if request.output is not None:
         inputs = loaded.inputs | start.inputs | row.inputs
         files = [f for f in (request.parameters, request.poses) if f is not None]
-        picture = machine_picture(
-            shape, titles(request.machine, str(row.place), files), scale=factor, forces=request.forces
-        )
+        named = titles(request.machine, _place_text(row.place), files)
+        picture = machine_picture(shape, named, scale=factor, forces=request.forces)
         write_picture(picture, request.output, inputs, force=request.force)
         to.say(f"written: {request.output}")
     if request.as_json:
@@ -146,6 +143,13 @@ def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row
         to.table("Axial forces of members (+ pulls)", ("member", "force"), members)
 
 
+def _place_text(place: Place) -> str:
+    """Where a row stands, in a title that names its file."""
+    if place.file is None:
+        return str(place).removeprefix("the ").removeprefix("--")
+    return f"line {place.line}" + (f" ({place.id})" if place.id else "")
+
+
 def _displaced(shape: MachineShape, factor: float) -> str:
     if not shape.largest[1]:
         return "nothing is displaced"
@@ -158,7 +162,7 @@ def _json(shape: MachineShape, factor: float, row: _Row) -> dict[str, Any]:
         "row": str(row.place),
         "scale": factor,
         "tool_point": shape.tool,
-        "points": [
+        "places": [
             {"name": n, "believed": _rounded(at), "displacement": _rounded(shape.displacement(n) / 1e-6)}
             for n, at in shape.reference.places.items()
         ],

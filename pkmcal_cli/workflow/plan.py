@@ -41,7 +41,9 @@ from pkmcal_cli.workflow.arguments import given, one_stdin, require_measured, se
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
+from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_form
@@ -69,6 +71,7 @@ class PlanRequest:
     power: int
     alpha: float
     output: str | None
+    plot: str | None
     as_form: str
     dwell: float
     feed: float
@@ -110,6 +113,8 @@ def run_plan(request: PlanRequest) -> int:
     bench, at_nominal = _bench(problem, values, selected), request.parameters is None
     report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
     report.show(to)
+    drawn = PlannedRows(values, problem.rows, None if added is None else added.points.rows)
+    draw_plan(_plot(request, inputs), plan, loaded, drawn, to)
     Loads.of(problem.model, values, problem.rows, used.poses.place).show(to)
     if ways is not None:
         rows = problem.rows if added is None else with_rows(problem, added.points).rows
@@ -118,6 +123,13 @@ def run_plan(request: PlanRequest) -> int:
         shown = {"tool_point": tool and tool.name, **report.json(), **used.failed.json()}
         emit_json(enveloped("plan", "complete", shown, provenance(inputs, seed=request.seed)))
     return 0
+
+
+def _plot(request: PlanRequest, inputs: Collection[str]) -> Plot | None:
+    """The picture that is wanted; None where there is none."""
+    if request.plot is None:
+        return None
+    return Plot(request.plot, inputs, request.force, given(request.parameters, request.poses))
 
 
 def _bench(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[BenchProposal, ...]:
@@ -133,6 +145,8 @@ def _run_next(request: PlanRequest, to: Reporter) -> int:
         aim=request.aim, budget=request.budget, seed=request.seed, to=to,
     )  # fmt: skip
     found.show(to)
+    drawn = PlannedRows(found.loaded.model.nominal, None, found.added.points.rows)
+    draw_plan(_plot(request, found.inputs), None, found.loaded, drawn, to)
     if len(found.added.points):
         _write(request, found.loaded, found.added.points.rows, found.ways, found.inputs, to)
     if request.as_json:
@@ -225,7 +239,9 @@ def _check(request: PlanRequest) -> None:
     check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
-    _check_output(request, given(request.machine, request.poses, request.parameters))
+    inputs = given(request.machine, request.poses, request.parameters)
+    _check_output(request, inputs)
+    check_plot(request.plot, inputs, request.output, force=request.force)
 
 
 def _check_output(request: PlanRequest, inputs: Collection[str]) -> None:

@@ -12,6 +12,7 @@ from pkmcal_cli.csv_files.writer import check_table, open_writer
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.plots import check_plot
 from pkmcal_cli.workflow.simulation import Simulation, SimulationRequest, checked, simulation
 
 
@@ -26,6 +27,7 @@ def run_simulation(request: SimulationRequest) -> int:
     with writing as writer, to.progress("row", _total(made, request)) as tick:
         made.run(writer, tick)
     made.tell(to)
+    made.kept.draw(made.loaded, made.inputs, to)
     if request.as_json:
         emit_json(enveloped("simulate", "incomplete" if made.code else "complete", made.json(), head))
     return made.code
@@ -48,5 +50,7 @@ def _target(request: SimulationRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
-    check_table(target, given(request.machine, request.poses, request.parameters), force=request.force)
+    inputs = given(request.machine, request.poses, request.parameters)
+    check_table(target, inputs, force=request.force)
+    check_plot(request.plot, inputs, target, force=request.force)
     return target

@@ -29,9 +29,10 @@ from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.loads import Loads, limited
 from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import checked_method
+from pkmcal_cli.workflow.arguments import checked_method, given, require_forces
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.simulated_noise import Noise
+from pkmcal_cli.workflow.simulated_plot import KeptRows
 from pkmcal_cli.workflow.simulated_rows import Tally
 from pkmcal_cli.workflow.table import SimulatedTable
 from pkmcal_cli.workflow.touched_poses import no_touch, readings_at_touch, touches_text
@@ -53,6 +54,7 @@ class SimulationRequest:
     forces: bool = False
     uncertainty: bool = False
     output: str | None = None
+    plot: str | None = None
     as_json: bool = False
     quiet: bool = False
     force: bool = False
@@ -69,9 +71,7 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
     """A simulation that is ready to run; `machine`: where it is loaded already. Raises PkmcalError."""
     checked(request)
     loaded = load_machine(request.machine) if machine is None else machine
-    if request.forces and loaded.compiled.shared_by:
-        what = "--forces: nothing yields in this machine, so the forces of its drives are not determined"
-        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
+    require_forces(request.forces, loaded)
     for fault in loaded.warnings:
         to.warn(fault)
     source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
@@ -96,7 +96,11 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
         ),
         errors=_error_map(request, loaded, model, start) if request.uncertainty else None,
         loads=Loads(model=model),
-    )
+        kept=KeptRows(
+            model=model, values=start.values, method=request.method, forces_asked=request.forces, plot=request.plot,
+            tables=given(request.parameters, request.poses), force=request.force,
+        ),
+    )  # fmt: skip
     if noise.silent:
         to.warn(f"warning: no `sigma` declared for {', '.join(noise.silent)}: no noise added there")
     return made
@@ -151,6 +155,7 @@ class Simulation:
     table: SimulatedTable
     errors: ErrorMap | None
     loads: Loads
+    kept: KeptRows
     tally: Tally = field(default_factory=Tally)
     skipped: list[str] = field(default_factory=list)  # points of a grid
 
@@ -215,8 +220,10 @@ class Simulation:
         tally.add(readings)
         ids = [block.place(int(k)).id or str(tally.seen + int(k) + 1) for k in rows]
         tally.seen += len(block)
-        cells = self.table.cells(ids, block.rows.take(rows), readings, _only(prediction, good))
-        writer.write([*cells, *self._uncertainties(block, rows, prediction.start.take(good))])
+        only, start = _only(prediction, good), prediction.start.take(good)
+        u = self._uncertainties(block, rows, start)
+        writer.write([*self.table.cells(ids, block.rows.take(rows), readings, only), *u])
+        self.kept.add(driven.take(rows), readings, only.forces, u, start)
 
     def _at_touch(self, block: Poses, shift: Array, disturbed: Array) -> tuple[Poses, Channels, dict[int, str]]:
         """The block at commands at which its probes touch, where they do (N, C), and why rows have no such commands.

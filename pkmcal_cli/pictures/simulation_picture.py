@@ -1,0 +1,122 @@
+"""What a simulation brings: where the tool point goes, what the other instruments read, forces, uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
+from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, OTHER, Picture
+from pkmcal_cli.pictures.scatter import Cloud, planes, scatter_part
+from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.units.unit_text import Unit, parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import SubFigure
+
+_SHOWN = 3000  # rows
+_LOOKS = ((AFTER, "o"), (BEFORE, "s"), (OTHER, "^"), ("#CC79A7", "v"), ("#56B4E9", "D"), (FITTED, "x"))
+_PER_PANEL = len(_LOOKS)
+_HEIGHT = 2.3  # inches, of a panel over the rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulated:
+    """Solved rows of a simulation: coordinates of the tool point (N, K), readings (N, C), forces (N, A) or None, SI.
+
+    uncertainty (N,): standard uncertainty of the position, m; None where it was not asked for.
+    """
+
+    model: Model
+    coordinates: tuple[str, ...]
+    tool: Array
+    readings: Array
+    forces: Array | None
+    uncertainty: Array | None
+
+
+@dataclass(frozen=True)
+class _Series:
+    name: str
+    values: Array
+    dimension: str
+    unit: str
+
+
+def simulation_picture(result: Simulated, titles: Titles, length: Unit) -> Picture:
+    """Forces where they were asked for, the map of uncertainties where it was, else the way and the readings."""
+    parts, told = _parts(result, length)
+    count = len(result.readings)
+    return composed("simulation", titles, f"{count} rows simulated: {', '.join(told) or 'nothing to draw'}.", parts)
+
+
+def _parts(result: Simulated, length: Unit) -> tuple[list[Part], list[str]]:
+    parts: list[Part] = []
+    told: list[str] = []
+    drawn = bool(planes(result.coordinates)) and len(result.tool) > 0
+    if result.uncertainty is not None and drawn:
+        unit = shown_unit("length", float(np.nanmax(result.uncertainty)))
+        name = "standard uncertainty of the position"
+        parts.append(scatter_part([Cloud(name, result.tool, result.uncertainty, unit)], result.coordinates, length))
+        told.append(name)
+    if result.forces is not None:
+        model = result.model
+        turning = [not model.topology.moves_length(d) for d in model.topology.drives]
+        series = [
+            _Series(a.name, result.forces[:, k], "torque" if turning[k] else "force", "N m" if turning[k] else "N")
+            for k, a in enumerate(model.actuators)
+        ]
+        parts += _over_rows("force of drives", series)
+        told.append("forces of drives")
+    if not parts:
+        if drawn:
+            parts.append(scatter_part([Cloud("", result.tool, path=True)], result.coordinates, length))
+            told.append("positions of the tool point")
+        parts += _over_rows("reading", _others(result))
+        told += ["readings of other channels"] if _others(result) else []
+    return parts, told
+
+
+def _others(result: Simulated) -> list[_Series]:
+    """Readings of what is no coordinate of a point."""
+    out = []
+    for k, channel in enumerate(result.model.channels):
+        if channel.measurand.label != "position":
+            out.append(_Series(channel.name, result.readings[:, k], channel.dimension, channel.unit))
+    return out
+
+
+def _over_rows(what: str, series: Sequence[_Series]) -> list[Part]:
+    """Panels over the rows, one for each unit, of a few series each."""
+    out = []
+    for unit in dict.fromkeys(s.unit for s in series):
+        alike = [s for s in series if s.unit == unit and np.isfinite(s.values).any()]
+        for first in range(0, len(alike), _PER_PANEL):
+            out.append(_panel(what, alike[first : first + _PER_PANEL], unit))
+    return out
+
+
+def _panel(what: str, series: Sequence[_Series], unit: str) -> Part:
+    own = parse_unit(unit)
+    largest = max(float(np.nanmax(np.abs(s.values))) for s in series)
+    shown = shown_unit(series[0].dimension, largest, own) if own.text in ("N", "kN", "N m") else own
+
+    def draw(figure: SubFigure) -> None:
+        ax = figure.add_subplot()
+        for (colour, marker), one in zip(_LOOKS, series, strict=False):
+            rows = thinned(len(one.values), _SHOWN)
+            dots(ax, rows + 1, (one.values[rows] - shown.offset) / shown.scale, colour, marker, plain(one.name))
+        ax.set_xlabel("row")
+        ax.set_ylabel(f"{what} [{shown.text}]")
+        ax.margins(0.04, 0.1)
+        from matplotlib.ticker import MaxNLocator
+
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+        ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+
+    return Part(_HEIGHT, draw)
