@@ -83,7 +83,7 @@ class Observability(Result):
     def _picture(self) -> Picture:
         table = self.parameters
         parts = dict(zip(table.index.astype(str), (table["std"] / table["range"]).tolist(), strict=True))
-        return shares(f"Expected uncertainty, {self.machine.file}", parts)
+        return shares(f"Expected uncertainty, {self.machine.name}", parts)
 
 
 def observe(

@@ -82,7 +82,7 @@ class Simulation(Result):
             name, _, unit = str(label).partition(" [")
             if name in names and table[label].dtype.kind == "f":
                 panels.append(Panel(name, unit.rstrip("]"), {"reading": table[label].to_numpy()}))
-        return by_row(f"Readings, {self.machine.file}", "reading", panels)
+        return by_row(f"Readings, {self.machine.name}", "reading", panels)
 
 
 def simulate(
