@@ -78,11 +78,11 @@ def parameters_of(given: Parameters | None) -> str | None:
         return file_of(given)
     if isinstance(given, Mapping):
         values = {str(k): v if isinstance(v, str) else float(v) for k, v in given.items()}
-        return AtHand.of("parameters", json.dumps({"parameters": values}, ensure_ascii=False))
+        return AtHand.of("parameters.yaml", json.dumps({"parameters": values}, ensure_ascii=False))
     if not hasattr(given, "parameter_text"):
         hint = 'give a file, a calibration, or values by name such as {"l1": "300.02 mm"}'
         raise UsageError(f"no parameters: {type(given).__name__}", hint=hint)
-    return AtHand.of("calibration", given.parameter_text())
+    return AtHand.of("calibration.params.yaml", given.parameter_text())
 
 
 def _frame(arrays: Mapping[str, WithUnit], name: str) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError, did_you_mean
-from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.files import AtHand, is_stream
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum
@@ -192,6 +192,8 @@ def _determined(s: CalibrationSetting, to: Listener) -> CalibrationSetting:
 
 def _file_of(scheme: str | None) -> str | None:
     """The file that --holdout names, None where it names none. Raises UsageError for a word that is nothing."""
+    if isinstance(scheme, AtHand):
+        return scheme
     if scheme is None or scheme in _SCHEMES or _NUMBER.fullmatch(scheme):
         return None
     if not is_stream(scheme) and not os.path.splitext(scheme)[1] and not os.path.exists(scheme):
