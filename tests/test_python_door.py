@@ -187,11 +187,18 @@ def test_functions_print_nothing(capfd: pytest.CaptureFixture[str], machine: pkm
         (lambda: pkmcal.calibrate("triglide", pd.DataFrame()), "no table"),
         (lambda: pkmcal.calibrate("triglide", {"q1": ([1.0], "mm"), "x": ([1.0, 2.0], "mm")}), "differ in length"),
         (lambda: pkmcal.calibrate("triglide", {"q1": (1.0, "mm")}), "no list of values"),
+        (lambda: pkmcal.load(None), "no file: NoneType"),  # type: ignore[arg-type]
+        (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, starts=-1), "--starts: -1"),
+        (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, seed=1.5), "--seed: 1.5"),  # type: ignore[arg-type]
+        (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, holdout=True), "--holdout: True"),
+        (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, select=3), "--select"),  # type: ignore[arg-type]
+        (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, parameters={"l1": None}), "`l1`"),  # type: ignore[dict-item]
+        (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, parameters={"l1": "3 kg"}), "give `l1` in mm"),
         (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, select="l9"), "--select"),
         (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, method="exakt"), "did you mean `exact`"),
         (lambda: pkmcal.calibrate("triglide", TRIGLIDE_DATA, parameters=3), "no parameters"),  # type: ignore[arg-type]
         (lambda: pkmcal.simulate("triglide"), "either a table of poses or --grid"),
-        (lambda: pkmcal.simulate("triglide", grid=GRID, seed=-1), "negative"),
+        (lambda: pkmcal.simulate("triglide", grid=GRID, seed=-1), "--seed: -1"),
         (lambda: pkmcal.correct("triglide", grid=GRID, redundant="none"), "--redundant"),
         (lambda: pkmcal.diagnose("triglide", TRIGLIDE_DATA, alpha=2.0), "alpha"),
         (lambda: pkmcal.shipped("nothing.csv"), "no shipped file"),
@@ -213,6 +220,21 @@ def test_faults_of_a_table_have_their_cells() -> None:
     assert places == {("table", 4), ("table", 7)}
     with pytest.raises(pkmcal.BadInput, match="duplicate column"):
         pkmcal.calibrate("triglide", pd.concat([table, table], axis=1))
+
+
+def test_odd_tables_are_read_as_they_are_meant() -> None:
+    """Lines in texts, numbers that may be absent, an index with the name of a column, names in a list."""
+    raw = pd.read_csv(TRIGLIDE_DATA, comment="#")
+    plain = pkmcal.calibrate("triglide", raw, select="l1,l2", holdout="none").parameters
+    odd = (
+        raw.assign(id=[f'p"{k}",\n{k}' for k in range(len(raw))]),
+        raw.convert_dtypes(),
+        raw.set_index("id", drop=False),
+        raw.assign(time=pd.date_range("2026-05-04", periods=len(raw), freq="min", tz="Europe/Berlin")),
+    )
+    for table in odd:
+        again = pkmcal.calibrate("triglide", table, select=["l1", "l2"], holdout="none").parameters
+        assert again.value.equals(plain.value)
 
 
 def test_a_result_that_cannot_be_used_warns() -> None:

@@ -20,6 +20,7 @@ from pkmcal_cli.workflow.simulation import SimulationRequest, simulation
 
 from .computing import computing
 from .machine import Machine, load
+from .options import whole
 from .result import Result, told
 from .tables import Parameters, Table, frame_of, parameters_of, source_of
 
@@ -101,7 +102,7 @@ def simulate(
     known = load(machine)
     request = SimulationRequest(
         machine=known.file, poses=None if poses is None else source_of(poses, "poses"), grid=grid,
-        parameters=parameters_of(parameters), method=method, noise=noise, seed=seed, forces=forces,
+        parameters=parameters_of(parameters), method=method, noise=noise, seed=whole("seed", seed), forces=forces,
         uncertainty=uncertainty,
     )  # fmt: skip
     record, rows = Record(), _Rows()
