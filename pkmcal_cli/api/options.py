@@ -22,7 +22,8 @@ def names_of(select: Names) -> str:
 
 def whole(option: str, value: object, most: int | None = None) -> int:
     """A whole number from 0. Raises UsageError for anything else."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < 0 or (most is not None and value > most):
+    number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else -1
+    if number < 0 or (most is not None and number > most):
         end = "" if most is None else f" to {most}"
         raise UsageError(f"--{option}: {value!r} is not a whole number from 0{end}")
-    return int(value)
+    return number
