@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.resources import files
 from pathlib import Path
 
@@ -43,9 +44,10 @@ def shipped_file(name: str) -> Path:
 
 def machine_file(text: str) -> str:
     """The file of a shipped machine that is called by its name alone, `scissors`; any other text as it is."""
-    if Path(text).suffix in _YAML or Path(text).name != text or text == "-" or Path(text).exists():
+    bare = Path(text).suffix not in _YAML and Path(text).name == text
+    if not bare or os.path.exists(text) or text not in shipped_machines():
         return text
-    return str(shipped_file(f"{text}.yaml")) if text in shipped_machines() else text
+    return str(shipped_file(f"{text}.yaml"))
 
 
 def shipped_hint(name: str) -> str | None:
@@ -54,4 +56,4 @@ def shipped_hint(name: str) -> str | None:
         file = shipped_folder() / Path(name).name
     except BadInput:
         return None
-    return f"pkmcal brings one of this name: `{file}`" if file.is_file() else None
+    return f"pkmcal brings one of this name: `{file}`" if os.path.isfile(file) else None
