@@ -154,6 +154,7 @@ def test_a_file_that_is_not_there_may_be_shipped(tmp_path: Path, monkeypatch: py
     done = clean(run("calibrate", "triglide", "machines/triglide.csv"))
     assert done.code == 3 and str(MACHINES / "triglide.csv") in done.err
     assert "help" not in clean(run("check", "nothing.yaml")).err
+    assert "did you mean `scissors`" in clean(run("check", "scissor")).err
 
 
 def test_several_machines_are_checked_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import os
 from importlib.resources import files
 from pathlib import Path
 
-from pkmcal_cli.base.errors import BadInput, Location, did_you_mean
+from pkmcal_cli.base.errors import BadInput, Location, did_you_mean, nearest
 
 PACKAGE = "pkmcal_machines"
 _MARK = "machine.schema.json"  # tells the folder from others of its name
@@ -51,9 +51,12 @@ def machine_file(text: str) -> str:
 
 
 def shipped_hint(name: str) -> str | None:
-    """Where a file that is not there is shipped, as `machines/NAME` in the documentation."""
+    """Where a file that is not there is shipped, as `machines/NAME` in the documentation; whose name is meant."""
     try:
         file = shipped_folder() / Path(name).name
     except BadInput:
         return None
-    return f"pkmcal brings one of this name: `{file}`" if os.path.isfile(file) else None
+    if os.path.isfile(file):
+        return f"pkmcal brings one of this name: `{file}`"
+    meant = nearest(name, shipped_machines()) if name and not Path(name).suffix else None
+    return None if meant is None else f"did you mean `{meant}`, which is shipped?"
