@@ -26,7 +26,7 @@ COMMANDS: dict[str, tuple[list[str], set[str]]] = {
     "improve": (["improve", "m.yaml", "a.csv", "--validation", "h.csv"], MACHINE | {"a.csv", "h.csv"}),
 }
 PAIRS = [(command, file) for command, (_, files) in COMMANDS.items() for file in sorted(files)]
-WORK = ("calibrate.calibrated", "plan.plan_of", "improve.improve", "simulate.predict")
+WORK = ("calibration.calibrated", "plan.plan_of", "improve.improve", "simulation.predict")
 
 
 @pytest.fixture(scope="module")
@@ -173,15 +173,15 @@ def test_pipes_and_devices_are_no_files() -> None:
 def test_a_target_that_is_linked_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is looked at again before anything is written."""
     before = files()
-    from pkmcal_cli.workflow import calibrate
+    from pkmcal_cli.workflow import calibration
 
-    plain = calibrate.calibrated
+    plain = calibration.calibrated
 
     def slow(*arguments: Any, **named: Any) -> Any:
         os.link("h.csv", "new.yaml")
         return plain(*arguments, **named)
 
-    monkeypatch.setattr(calibrate, "calibrated", slow)
+    monkeypatch.setattr(calibration, "calibrated", slow)
     done = run("calibrate", "m.yaml", "a.csv", "--holdout", "h.csv", "-o", "new.yaml", "--force", "-q")
     assert done.code == 4 and "input of the command, `h.csv`" in done.err
     assert files() == before | {"new.yaml": before["h.csv"]}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +22,11 @@ from pkmcal_cli.workflow.calibration import Calibrated, CalibrationRequest, cali
 
 from .computing import computing
 from .machine import Machine, load, number
+from .options import Names, names_of, whole
 from .result import Result, residual_frame, residual_picture, told
 from .tables import Parameters, Table, measured_frame, parameters_of, source_of, sources_of
+
+_STARTS = 200
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -145,7 +148,7 @@ def calibrate(
     machine: str | os.PathLike[str] | Machine,
     measurements: Table | Sequence[Table],
     *,
-    select: str = "auto",
+    select: Names = "auto",
     holdout: int | str | Table | None = None,
     parameters: Parameters | None = None,
     method: str = "exact",
@@ -163,10 +166,11 @@ def calibrate(
     """
     known = load(machine)
     options = FitOptions(
-        loss=loss, prior=_prior(prior), uncertainty=uncertainty, seed=seed, starts=starts
-    )
+        loss=loss, prior=_prior(prior), uncertainty=uncertainty, seed=whole("seed", seed),
+        starts=whole("starts", starts, _STARTS),
+    )  # fmt: skip
     request = CalibrationRequest(
-        machine=known.file, measurements=sources_of(measurements), select=select, holdout=_apart(holdout),
+        machine=known.file, measurements=sources_of(measurements), select=names_of(select), holdout=_apart(holdout),
         parameters=parameters_of(parameters), method=method, fit_options=options, loosen=loosen,
     )  # fmt: skip
     record = Record()
@@ -187,4 +191,6 @@ def _apart(holdout: int | str | Table | None) -> str | None:
     """What is held out: a number or word, or a table."""
     if holdout is None or isinstance(holdout, str):
         return holdout
-    return str(holdout) if isinstance(holdout, int) else source_of(holdout, "holdout")
+    if isinstance(holdout, os.PathLike | pd.DataFrame | Mapping):
+        return source_of(holdout, "holdout")
+    return str(whole("holdout", holdout))

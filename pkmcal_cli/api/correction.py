@@ -73,7 +73,7 @@ class Correction(Result):
             after = table[label.replace("before.", "after.", 1)]
             series = {"before": table[label].to_numpy(), "after": after.to_numpy()}
             panels.append(Panel(name, unit.rstrip("]"), series))
-        return by_row(f"Error of the tool point, {self.machine.file}", "error", panels)
+        return by_row(f"Error of the tool point, {self.machine.name}", "error", panels)
 
 
 def correct(

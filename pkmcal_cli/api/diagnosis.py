@@ -22,6 +22,7 @@ from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 
 from .computing import computing
 from .machine import Machine, load, number
+from .options import Names, names_of, whole
 from .result import Result, residual_frame, residual_picture, told
 from .tables import Parameters, Table, measured_frame, parameters_of, sources_of
 
@@ -98,7 +99,7 @@ def diagnose(
     machine: str | os.PathLike[str] | Machine,
     measurements: Table | Sequence[Table],
     *,
-    select: str = "auto",
+    select: Names = "auto",
     parameters: Parameters | None = None,
     loss: str = "squares",
     prior: str = "none",
@@ -112,13 +113,13 @@ def diagnose(
     """
     known = load(machine)
     request = CaseRequest(
-        machine=known.file, measurements=sources_of(measurements), select=select,
+        machine=known.file, measurements=sources_of(measurements), select=names_of(select),
         parameters=parameters_of(parameters), loss=loss, prior=prior,
     )  # fmt: skip
     record = Record(observer)
     with computing():
         case = prepare(request, record, machine=known.receptive)
-        found = diagnosed(case, alpha, seed, record)
+        found = diagnosed(case, alpha, whole("seed", seed), record)
         report = DiagnosisReport(case.loaded.machine, case.measured, found)
         Loads.of_fit(found.search.problem, found.search.fit, partial(place_of, case.measured)).show(record)
     return Diagnosis(machine=known, case=case, report=report, **told(record))

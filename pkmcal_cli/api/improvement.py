@@ -27,6 +27,7 @@ from pkmcal_cli.workflow.search_case import CaseRequest
 from .calibration import error_frame
 from .computing import computing
 from .machine import Machine, load, number
+from .options import Names, names_of, whole
 from .result import Result, residual_frame, residual_picture, told
 from .tables import Parameters, Table, measured_frame, parameters_of, source_of, sources_of
 
@@ -148,7 +149,7 @@ def improve(
     measurements: Table | Sequence[Table],
     *,
     validation: Table | None = None,
-    select: str = "auto",
+    select: Names = "auto",
     parameters: Parameters | None = None,
     loss: str = "squares",
     prior: str = "none",
@@ -164,11 +165,11 @@ def improve(
     """
     known = load(machine)
     case = CaseRequest(
-        machine=known.file, measurements=sources_of(measurements), select=select,
+        machine=known.file, measurements=sources_of(measurements), select=names_of(select),
         parameters=parameters_of(parameters), loss=loss, prior=prior,
     )  # fmt: skip
     apart = None if validation is None else source_of(validation, "validation")
-    request = ImproveRequest(case=case, validation=apart, only=only, alpha=alpha, seed=seed)
+    request = ImproveRequest(case=case, validation=apart, only=only, alpha=alpha, seed=whole("seed", seed))
     record = Record(observer)
     with computing():
         prepared, rows = setting(request, record, known.receptive)

@@ -31,6 +31,11 @@ class Machine:
     loaded: LoadedMachine = field(repr=False)  # not stable
 
     @property
+    def name(self) -> str:
+        """Its file without folder and ending."""
+        return Path(self.file).stem
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the file."""
         return tuple(fault.text() for fault in self.loaded.warnings)

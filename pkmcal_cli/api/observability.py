@@ -18,6 +18,7 @@ from pkmcal_cli.workflow.analysis import AnalysisRequest, Observed, observed
 
 from .computing import computing
 from .machine import Machine, load
+from .options import Names, names_of
 from .result import Result, told
 from .tables import Parameters, Table, frame_of, parameters_of, source_of
 
@@ -83,7 +84,7 @@ class Observability(Result):
     def _picture(self) -> Picture:
         table = self.parameters
         parts = dict(zip(table.index.astype(str), (table["std"] / table["range"]).tolist(), strict=True))
-        return shares(f"Expected uncertainty, {self.machine.file}", parts)
+        return shares(f"Expected uncertainty, {self.machine.name}", parts)
 
 
 def observe(
@@ -92,7 +93,7 @@ def observe(
     *,
     grid: str | None = None,
     parameters: Parameters | None = None,
-    select: str = "auto",
+    select: Names = "auto",
     offset: Mapping[str, str] | None = None,
 ) -> Observability:
     """What will these positions determine, how well, what can they not separate? As `pkmcal observability`.
@@ -103,7 +104,7 @@ def observe(
     moved = None if offset is None else tuple(f"{name}={amount}" for name, amount in offset.items())
     request = AnalysisRequest(
         machine=known.file, poses=None if poses is None else source_of(poses, "poses"), grid=grid,
-        parameters=parameters_of(parameters), select=select, offset=moved,
+        parameters=parameters_of(parameters), select=names_of(select), offset=moved,
     )  # fmt: skip
     record = Record()
     with computing():

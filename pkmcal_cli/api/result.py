@@ -69,7 +69,7 @@ class Result(ABC):
         return f"<pre>{html.escape(repr(self))}</pre>"
 
     def __repr__(self) -> str:
-        lines = [f"{type(self).__name__} of {self.machine.file}: {self.verdict}"]
+        lines = [f"{type(self).__name__} of {self.machine.name}: {self.verdict}"]
         lines += [f"warning: {text}" for text in self.warnings[:_SHOWN]]
         if (more := len(self.warnings) - _SHOWN) > 0:
             lines.append(f"... and {more} more warnings")
@@ -109,4 +109,4 @@ def residual_panels(problem: Problem, before: Evaluation, after: Evaluation) -> 
 
 def residual_picture(machine: Machine, problem: Problem, before: Evaluation, after: Evaluation) -> Picture:
     """Residuals by row."""
-    return by_row(f"Residuals, {machine.file}", "measured minus predicted", residual_panels(problem, before, after))
+    return by_row(f"Residuals, {machine.name}", "measured minus predicted", residual_panels(problem, before, after))

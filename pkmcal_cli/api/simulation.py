@@ -20,6 +20,7 @@ from pkmcal_cli.workflow.simulation import SimulationRequest, simulation
 
 from .computing import computing
 from .machine import Machine, load
+from .options import whole
 from .result import Result, told
 from .tables import Parameters, Table, frame_of, parameters_of, source_of
 
@@ -81,7 +82,7 @@ class Simulation(Result):
             name, _, unit = str(label).partition(" [")
             if name in names and table[label].dtype.kind == "f":
                 panels.append(Panel(name, unit.rstrip("]"), {"reading": table[label].to_numpy()}))
-        return by_row(f"Readings, {self.machine.file}", "reading", panels)
+        return by_row(f"Readings, {self.machine.name}", "reading", panels)
 
 
 def simulate(
@@ -100,7 +101,7 @@ def simulate(
     known = load(machine)
     request = SimulationRequest(
         machine=known.file, poses=None if poses is None else source_of(poses, "poses"), grid=grid,
-        parameters=parameters_of(parameters), method=method, noise=noise, seed=seed, forces=forces,
+        parameters=parameters_of(parameters), method=method, noise=noise, seed=whole("seed", seed), forces=forces,
         uncertainty=uncertainty,
     )  # fmt: skip
     record, rows = Record(), _Rows()

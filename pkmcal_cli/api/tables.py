@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -43,6 +44,8 @@ Parameters = str | os.PathLike[str] | Mapping[str, float | str] | HasParameters
 
 def file_of(path: str | os.PathLike[str]) -> str:
     """The name of a file. Raises UsageError for stdin, which a program has not."""
+    if not isinstance(path, str | os.PathLike):
+        raise UsageError(f"no file: {type(path).__name__}", hint="give the path of a file")
     name = os.fspath(path)
     if is_stream(name):
         raise UsageError("`-` is stdin, which only the command line reads", hint="give the path of a file")
@@ -56,9 +59,22 @@ def source_of(table: Table, name: str = "table") -> str:
     frame = table if isinstance(table, pd.DataFrame) else _frame(table, name)
     if frame.columns.nlevels > 1:
         raise UsageError(f"{name}: column names have several levels", hint='name columns as in files: "x [mm]"')
-    if frame.index.name is not None:
+    if frame.index.name is not None and frame.index.name not in frame.columns:
         frame = frame.reset_index()
+    frame = frame.assign(**{c: frame[c].map(_one_line) for c in frame.columns[_texts(frame)]})
     return AtHand.of(name, frame.to_csv(index=False, lineterminator="\n"))
+
+
+def _texts(frame: pd.DataFrame) -> list[bool]:
+    """Which columns may have texts, and have a name of their own."""
+    alone = ~frame.columns.duplicated(keep=False)
+    texts = ("object", "str", "string")
+    return [bool(one) and str(kind) in texts for one, kind in zip(alone, frame.dtypes, strict=True)]
+
+
+def _one_line(value: Any) -> Any:
+    """A text without line breaks, which no cell of a table has."""
+    return " ".join(value.splitlines()) if isinstance(value, str) else value
 
 
 def sources_of(tables: Table | Sequence[Table]) -> tuple[str, ...]:
@@ -77,12 +93,15 @@ def parameters_of(given: Parameters | None) -> str | None:
     if isinstance(given, str | os.PathLike):
         return file_of(given)
     if isinstance(given, Mapping):
+        if wrong := [k for k, v in given.items() if not isinstance(v, str | Real)]:
+            what = f"parameter `{wrong[0]}`: no value: {given[wrong[0]]!r}"
+            raise UsageError(what, hint='give 300.02, or "300.02 mm"')
         values = {str(k): v if isinstance(v, str) else float(v) for k, v in given.items()}
-        return AtHand.of("parameters", json.dumps({"parameters": values}, ensure_ascii=False))
+        return AtHand.of("parameters.yaml", json.dumps({"parameters": values}, ensure_ascii=False))
     if not hasattr(given, "parameter_text"):
         hint = 'give a file, a calibration, or values by name such as {"l1": "300.02 mm"}'
         raise UsageError(f"no parameters: {type(given).__name__}", hint=hint)
-    return AtHand.of("calibration", given.parameter_text())
+    return AtHand.of("calibration.params.yaml", given.parameter_text())
 
 
 def _frame(arrays: Mapping[str, WithUnit], name: str) -> pd.DataFrame:

@@ -78,7 +78,8 @@ def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:
         path = Path(source)
         with contextlib.suppress(OSError):
             near = did_you_mean(path.name, (p.name for p in path.parent.iterdir()), otherwise="")
-            hint = near or shipped_hint(str(source))
+            hint = near or None
+        hint = hint or shipped_hint(str(source))
         return BadInput.single("the file does not exist", Location(str(source), 1), hint, "file")
     if isinstance(error, IsADirectoryError):
         hint = "give a file in this folder"

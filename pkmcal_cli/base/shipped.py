@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from importlib.resources import files
 from pathlib import Path
 
-from pkmcal_cli.base.errors import BadInput, Location, did_you_mean
+from pkmcal_cli.base.errors import BadInput, Location, did_you_mean, nearest
 
 PACKAGE = "pkmcal_machines"
 _MARK = "machine.schema.json"  # tells the folder from others of its name
@@ -43,15 +44,19 @@ def shipped_file(name: str) -> Path:
 
 def machine_file(text: str) -> str:
     """The file of a shipped machine that is called by its name alone, `scissors`; any other text as it is."""
-    if Path(text).suffix in _YAML or Path(text).name != text or text == "-" or Path(text).exists():
+    bare = Path(text).suffix not in _YAML and Path(text).name == text
+    if not bare or os.path.exists(text) or text not in shipped_machines():
         return text
-    return str(shipped_file(f"{text}.yaml")) if text in shipped_machines() else text
+    return str(shipped_file(f"{text}.yaml"))
 
 
 def shipped_hint(name: str) -> str | None:
-    """Where a file that is not there is shipped, as `machines/NAME` in the documentation."""
+    """Where a file that is not there is shipped, as `machines/NAME` in the documentation; whose name is meant."""
     try:
         file = shipped_folder() / Path(name).name
     except BadInput:
         return None
-    return f"pkmcal brings one of this name: `{file}`" if file.is_file() else None
+    if os.path.isfile(file):
+        return f"pkmcal brings one of this name: `{file}`"
+    meant = nearest(name, shipped_machines()) if name and not Path(name).suffix else None
+    return None if meant is None else f"did you mean `{meant}`, which is shipped?"

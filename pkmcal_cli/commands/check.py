@@ -11,7 +11,9 @@ from pkmcal_cli.commands._options import Json, MachineFile, Parameters, Quiet, S
 
 def check(
     machine: MachineFile,
-    measurements: Annotated[list[str] | None, typer.Argument(metavar="MEAS.csv", help="Tables to check.")] = None,
+    measurements: Annotated[
+        list[str] | None, typer.Argument(metavar="MEAS.csv", help="Tables to check; or more machines, each by itself.")
+    ] = None,
     parameters: Parameters = None,
     tolerance: Annotated[
         str | None,

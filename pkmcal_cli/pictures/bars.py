@@ -40,5 +40,5 @@ def _draw(figure: Figure, title: str, shown: Mapping[str, float]) -> None:
     ax.set_xscale("log")
     ax.set_xlim(least, max([*known.values(), 1.0]) * 1.5)
     ax.set_yticks(range(len(shown)), list(shown))
-    ax.invert_yaxis()
+    ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.set_xlabel("standard uncertainty / range (dashed: what the range tells by itself)")

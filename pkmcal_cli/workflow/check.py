@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,11 @@ class CheckRequest:
         """Tables to check."""
         return self.measurements or ()
 
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Further machines, which stand where tables do."""
+        return tuple(name for name in self.tables if name.lower().endswith((".yaml", ".yml")))
+
     def require_both(self) -> None:
         """Raises UsageError for half of what it needs to compare a table with parameters."""
         if self.parameters is None and self.tolerance is not None:
@@ -60,6 +65,8 @@ def run_check(request: CheckRequest) -> int:
     parameters. Raises BadInput for unreadable files, and UsageError.
     """
     as_json = request.as_json
+    if request.others:
+        return _run_several(request)
     one_stdin(request.machine, *request.tables, request.parameters)
     request.require_both()
     tolerance = _tolerance(request.tolerance)
@@ -97,6 +104,17 @@ def _named_files(request: CheckRequest) -> dict[str, str]:
     """Files on the command line with their sha256, where there is no more to go by."""
     names = (request.machine, *request.tables, request.parameters)
     return {name: sha256(Path(name)) for name in names if name is not None and os.path.isfile(name)}
+
+
+def _run_several(request: CheckRequest) -> int:
+    """Check machines one after the other; 1 with a fault in any. Raises UsageError and BadInput."""
+    more = [name for name in request.tables if name not in request.others]
+    if more or request.parameters is not None or request.as_json:
+        what = f"`{more[0]}`" if more else "--json" if request.as_json else "-p"
+        hint = "check one machine with tables, -p or --json; several machines by themselves"
+        raise UsageError(f"{what} goes with one machine, but `{request.others[0]}` is another", hint=hint)
+    files = (request.machine, *request.others)
+    return max(run_check(replace(request, machine=file, measurements=None)) for file in files)
 
 
 def _tolerance(text: str | None) -> tuple[float, Unit] | None:

@@ -7,7 +7,7 @@ import re
 from functools import partial
 
 from pkmcal_cli.base.errors import UsageError, did_you_mean
-from pkmcal_cli.base.files import is_stream
+from pkmcal_cli.base.files import AtHand, is_stream
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import FitOptions, refit
@@ -64,6 +64,8 @@ def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurem
 
 def holdout_file(scheme: str | None) -> str | None:
     """The file that --holdout names, None where it names none. Raises UsageError for a word that is nothing."""
+    if isinstance(scheme, AtHand):
+        return scheme
     if scheme is None or scheme in _SCHEMES or _NUMBER.fullmatch(scheme):
         return None
     if not is_stream(scheme) and not os.path.splitext(scheme)[1] and not os.path.exists(scheme):
