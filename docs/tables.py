@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import yaml
 
-from docs import model_tables
+from docs import message_table, model_tables
 from docs.model_tables import table
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler import compile_machine
@@ -31,6 +31,7 @@ PAGES = (
     ROOT / "docs" / "machine-language.md",
     MACHINES / "README.md",
     ROOT / "docs" / "effects.md",
+    ROOT / "docs" / "messages.md",
 )
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -184,6 +185,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "units": model_tables.unit_table,
     "functions": model_tables.function_table,
     "joints": model_tables.joint_table,
+    "machine_messages": message_table.machine_messages,
+    "table_messages": message_table.table_messages,
+    "result_messages": message_table.result_messages,
+    "message_texts": message_table.message_texts,
 }
 
 
