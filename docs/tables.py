@@ -26,13 +26,9 @@ from pkmcal_cli.sensors import sensor_kinds
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINES = ROOT / "machines"
-PAGES = (
-    ROOT / "README.md",
-    ROOT / "docs" / "machine-language.md",
-    MACHINES / "README.md",
-    ROOT / "docs" / "effects.md",
-    ROOT / "docs" / "messages.md",
-)
+_ALL = (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), MACHINES / "README.md")
+PAGES = tuple(sorted(page for page in _ALL if "<!-- table: " in page.read_text(encoding="utf-8")))
+"""Pages with tables that are made."""
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -192,8 +188,18 @@ TABLES: dict[str, Callable[[], str]] = {
 }
 
 
+def rows_of(name: str) -> str:
+    """The first rows of a shipped table, `-` of its name written `_`; where rows have partners, one that has."""
+    file = next(f for f in MACHINES.glob("*.csv") if f.stem.replace("-", "_") == name)
+    head, *rows = (line.split(",") for line in file.read_text(encoding="utf-8").splitlines())
+    partners = [row for row in rows if "to" in head and row[head.index("to")]]
+    return table(tuple(head), [tuple(row) for row in (*rows[:3], *partners[:1])])
+
+
 def made(name: str) -> str:
-    """The table of this name; a model's name stands for its keys."""
+    """The table of this name; a model's name stands for its keys, `rows_FILE` for the first rows of a shipped table."""
+    if name.startswith("rows_"):
+        return rows_of(name.removeprefix("rows_"))
     return TABLES[name]() if name in TABLES else model_tables.model_table(model_tables.models()[name])
 
 

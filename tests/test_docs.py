@@ -16,7 +16,7 @@ from tests.command import MACHINES, ROOT, run
 from tests.pages import SHOWING, Shown, all_files, commands, done, fits, output, write
 
 README, LANGUAGE = ROOT / "README.md", ROOT / "docs" / "machine-language.md"
-ALL_PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), MACHINES / "README.md"]
+ALL_PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), MACHINES / "README.md"]
 COMMANDS = [(page, shown) for page in SHOWING for shown in commands(page.read_text(encoding="utf-8"))]
 LONG = "improve machines/hangprinter.yaml"
 SHOWN = [pytest.param(page, shown, marks=[pytest.mark.slow] if LONG in shown.line else []) for page, shown in COMMANDS]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import brentq, fsolve, least_squares
 from scipy.spatial.transform import Rotation
 
@@ -48,32 +48,41 @@ def rrr(pose: Array, p: Parameters) -> Array:
     return (np.array(q) + 180) % 360 - 180
 
 
+_COLUMNS = tuple(np.radians(120 * k) for k in range(3))
+
+
+def _delta_gaps(pose: Array, turn: Array, travel: Array, p: Parameters) -> Array:
+    """By how much the six rods (6,) are too short; pose (3,) mm, turn of the platform (3,) rad, readings (3,) mm."""
+    missing = []
+    for k, angle in enumerate(_COLUMNS):
+        i = k + 1
+        radial, tangent = _flat(angle + np.radians(p[f"turn{i}"]))
+        rail = p[f"tilt{i}"] * radial + p[f"lean{i}"] * tangent + [0, 0, 1]
+        foot = p[f"R{i}"] * radial + (travel[k] + p[f"stop{i}"]) * rail / np.linalg.norm(rail)
+        out, side = _flat(angle)
+        for s in (1, -1):
+            end = pose + Rotation.from_rotvec(turn).apply(p["r"] * out + s * p["w"] * side)
+            missing.append(np.linalg.norm(end - foot - s * p["w"] * tangent) - p[f"rod{i}"])
+    return np.array(missing)
+
+
 def delta(pose: Array, p: Parameters) -> Array:
     """Six rods of given lengths: three travels and the small turn of the platform, which is not wanted; pose (3,)."""
-    columns = [np.radians(120 * k) for k in range(3)]
-
-    def ends(turn: ArrayLike) -> Array:
-        """Joints of the platform (3, 2, 3)."""
-        own = [[p["r"] * r + s * p["w"] * t for s in (1, -1)] for r, t in map(_flat, columns)]
-        moved: Array = pose[:3] + Rotation.from_rotvec(turn).apply(np.reshape(own, (6, 3))).reshape(3, 2, 3)
-        return moved
-
-    def gaps(u: Array) -> Array:
-        missing = []
-        for k, angle in enumerate(columns):
-            i = k + 1
-            radial, tangent = _flat(angle + np.radians(p[f"turn{i}"]))
-            rail = p[f"tilt{i}"] * radial + p[f"lean{i}"] * tangent + [0, 0, 1]
-            foot = p[f"R{i}"] * radial + (u[k] + p[f"stop{i}"]) * rail / np.linalg.norm(rail)
-            for side, end in zip((1, -1), ends(u[3:] / 1000)[k], strict=True):
-                missing.append(np.linalg.norm(end - foot - side * p["w"] * tangent) - p[f"rod{i}"])
-        return np.array(missing)
-
     guess = []
-    for k, angle in enumerate(columns):
+    for k, angle in enumerate(_COLUMNS):
         flat = pose[:2] - (p[f"R{k + 1}"] - p["r"]) * _flat(angle)[0, :2]
         guess.append(pose[2] + np.sqrt(p[f"rod{k + 1}"] ** 2 - flat @ flat))
+    gaps = lambda u: _delta_gaps(pose, u[3:] / p["rod1"], u[:3], p)  # noqa: E731
     found: Array = fsolve(gaps, [*guess, 0, 0, 0], xtol=1e-14)
+    assert np.abs(gaps(found)).max() < 1e-9 * p["rod1"]
+    return found[:3]
+
+
+def delta_pose(travel: Array, p: Parameters) -> Array:
+    """The place (3,) of the platform at readings (3,), mm: the same rods, solved the other way round."""
+    gaps = lambda u: _delta_gaps(u[:3], u[3:] / p["rod1"], travel, p)  # noqa: E731
+    drop = np.sqrt(p["rod1"] ** 2 - (p["R1"] - p["r"]) ** 2)
+    found: Array = fsolve(gaps, [0, 0, travel.mean() - drop, 0, 0, 0], xtol=1e-14)
     assert np.abs(gaps(found)).max() < 1e-9 * p["rod1"]
     return found[:3]
 
