@@ -1,8 +1,8 @@
 """`python -m tests.first_campaign`: the files of docs/first-campaign.md.
 
 The machine file and the plan come from `pkmcal`. The measurements come from the closed forms of
-`tests/truth/templates_true.py`, which share no code with it: a delta with wrong dimensions and a backlash that its machine
-file does not declare.
+`tests/truth/templates_true.py`, which share no code with it: a delta with wrong dimensions, and a backlash that its
+machine file does not declare.
 """
 
 from __future__ import annotations

@@ -77,8 +77,18 @@ def workspace_faults(machine: Machine, model: Model) -> list[Fault]:
     faults += _empty(machine, model, workspace, {str(path[2]) for path in inverted})
     if not faults and not workspace.holds(model.tool.reference[None], model.reference_readings[None])[0]:
         hint = "correct the limits or their units, or the reference configuration"
-        faults = [source.fault("workspace", _WARNED, ("workspace",), hint, at_key=True, warning=True)]
+        what = f"{_WARNED}: the tool point is at {_place(machine, model)}"
+        faults = [source.fault("workspace", what, ("workspace",), hint, at_key=True, warning=True)]
     return faults
+
+
+def _place(machine: Machine, model: Model) -> str:
+    """Coordinates of the tool point in the reference configuration that a box or cylinder may limit, in words."""
+    names = [str(path[2]) for path, _ in _limits(machine) if path[1] == "box"]
+    shown = dict.fromkeys([*names, *(DIRECTIONS[:3] if machine.space == "spatial" else DIRECTIONS[:2])])
+    unit_of = lambda name: machine.file_units.angle if name.startswith("r") else machine.file_units.length  # noqa: E731
+    values = dict(zip(DIRECTIONS, model.tool.reference, strict=True))
+    return ", ".join(f"{n} = {unit_of(n).format(float(values[n]) + 0.0, 4)}" for n in DIRECTIONS if n in shown)
 
 
 def _lacking(machine: Machine, model: Model) -> list[Fault]:
