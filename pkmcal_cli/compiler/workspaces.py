@@ -16,6 +16,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Actuator
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.model.workspace import Cylinder, Workspace
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.yaml_source.tree import Path
 
@@ -84,11 +85,14 @@ def workspace_faults(machine: Machine, model: Model) -> list[Fault]:
 
 def _place(machine: Machine, model: Model) -> str:
     """Coordinates of the tool point in the reference configuration that a box or cylinder may limit, in words."""
-    names = [str(path[2]) for path, _ in _limits(machine) if path[1] == "box"]
-    shown = dict.fromkeys([*names, *(DIRECTIONS[:3] if machine.space == "spatial" else DIRECTIONS[:2])])
-    unit_of = lambda name: machine.file_units.angle if name.startswith("r") else machine.file_units.length  # noqa: E731
-    values = dict(zip(DIRECTIONS, model.tool.reference, strict=True))
-    return ", ".join(f"{n} = {unit_of(n).format(float(values[n]) + 0.0, 4)}" for n in DIRECTIONS if n in shown)
+    names = {str(path[2]) for path, _ in _limits(machine) if path[1] == "box"}
+    names |= {"x", "y", "z"} if machine.space == "spatial" else {"x", "y"}
+    units = machine.file_units
+    shown = []
+    for name, value in zip(DIRECTIONS, model.tool.reference, strict=True):
+        if name in names:
+            shown.append(f"{name} = {units.unit(ANGLE if name.startswith('r') else LENGTH).format(float(value) + 0.0, 4)}")
+    return ", ".join(shown)
 
 
 def _lacking(machine: Machine, model: Model) -> list[Fault]:
