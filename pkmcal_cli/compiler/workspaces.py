@@ -87,11 +87,11 @@ def _place(machine: Machine, model: Model) -> str:
     """Coordinates of the tool point in the reference configuration that a box or cylinder may limit, in words."""
     names = {str(path[2]) for path, _ in _limits(machine) if path[1] == "box"}
     names |= {"x", "y", "z"} if machine.space == "spatial" else {"x", "y"}
-    units = machine.file_units
-    shown = []
+    units, shown = machine.file_units, []
     for name, value in zip(DIRECTIONS, model.tool.reference, strict=True):
         if name in names:
-            shown.append(f"{name} = {units.unit(ANGLE if name.startswith('r') else LENGTH).format(float(value) + 0.0, 4)}")
+            unit = units.unit(ANGLE if name.startswith("r") else LENGTH)
+            shown.append(f"{name} = {unit.format(float(value) + 0.0, 4)}")
     return ", ".join(shown)
 
 
