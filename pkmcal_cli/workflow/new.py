@@ -89,9 +89,13 @@ def _from_template(request: NewRequest, kind: str) -> int:
 
 def _span(text: str) -> float:
     """A length in m. Raises UsageError."""
-    value, unit = amount("--span", text, fitting=(LENGTH,))
+    hint = 'state a number and a unit, for example "2 m" or "400 mm"'
+    try:
+        value, unit = amount("--span", text, fitting=(LENGTH,))
+    except UsageError as error:
+        raise UsageError(error.what, hint=hint) from None
     if unit.dimension != LENGTH:
-        raise UsageError(f"--span: `{text}` is not a length", hint='state a unit, for example "2 m" or "400 mm"')
+        raise UsageError(f"--span: `{text}` is not a length", hint=hint)
     if not SPANS[0] <= value <= SPANS[1]:
         raise UsageError(f"--span: `{text}` is no size of a machine", hint="use a length from 10 mm to 100 m")
     return value
