@@ -52,3 +52,9 @@ def test_what_was_planted_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     error = np.linalg.norm(positions(q, sides) - wanted, axis=1)
     assert np.sqrt((error**2).mean()) < SIGMA
     assert yaml.safe_load(Path("p.yaml").read_text())["parameters"]
+
+
+def test_a_plan_that_is_filled_in_raises_no_questions() -> None:
+    """Where approaches begin is for the control: no note that columns are not used."""
+    done = run("check", FOLDER / "delta.yaml", FOLDER / "measured.csv")
+    assert done.code == 0 and "approach" not in done.err and "79 rows" in done.err
