@@ -16,7 +16,7 @@ from tests.truth import templates_true as truth
 from tests.truth.templates_true import Array
 
 KINDS = ("cable", "delta", "gantry", "hexapod", "rrr", "scissors")
-SPANS = {"100 mm": 0.1, "1 m": 1.0, "2345.6 mm": 2.3456, "10 m": 10.0}
+SPANS = {"10 mm": 0.01, "100 mm": 0.1, "1 m": 1.0, "2345.6 mm": 2.3456, "10 m": 10.0, "30 m": 30.0}
 POSES = {  # in the workspace, of a span of 1 m; mm, deg
     "cable": [[120, -60, 350], [-150, 100, 500], [0, 190, 690]],
     "delta": [[300, -250, -1450], [-100, 420, -1120], [0, -490, -1300]],

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[1] / "templates"
-SPANS = (0.01, 100.0)
+SPANS = (0.01, 30.0)
 """Smallest and largest span, m."""
 
 _SCALED = re.compile(r"<(-?\d+(?:\.\d+)?)(?:\^(\d))?>")

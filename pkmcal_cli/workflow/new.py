@@ -97,7 +97,7 @@ def _span(text: str) -> float:
     if unit.dimension != LENGTH:
         raise UsageError(f"--span: `{text}` is not a length", hint=hint)
     if not SPANS[0] <= value <= SPANS[1]:
-        raise UsageError(f"--span: `{text}` is no size of a machine", hint="use a length from 10 mm to 100 m")
+        raise UsageError(f"--span: `{text}` is no size of a machine", hint="use a length from 10 mm to 30 m")
     return value
 
 
