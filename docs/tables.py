@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 import yaml
 
-from docs import model_tables
+from docs import message_table, model_tables
 from docs.model_tables import table
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.compiler import compile_machine
@@ -28,13 +28,9 @@ from pkmcal_cli.sensors import sensor_kinds
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINES = ROOT / "machines"
-PAGES = (
-    ROOT / "README.md",
-    ROOT / "docs" / "machine-language.md",
-    MACHINES / "README.md",
-    ROOT / "docs" / "effects.md",
-    ROOT / "docs" / "json.md",
-)
+_ALL = (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), MACHINES / "README.md")
+PAGES = tuple(sorted(page for page in _ALL if "<!-- table: " in page.read_text(encoding="utf-8")))
+"""Pages with tables that are made."""
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -187,6 +183,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "units": model_tables.unit_table,
     "functions": model_tables.function_table,
     "joints": model_tables.joint_table,
+    "machine_messages": message_table.machine_messages,
+    "table_messages": message_table.table_messages,
+    "result_messages": message_table.result_messages,
+    "message_texts": message_table.message_texts,
 }
 
 
@@ -197,10 +197,22 @@ def json_keys(name: str) -> str:
     return table(("key", "meaning"), [(f"`{key.path}`", key.meaning) for key in keys])
 
 
+def rows_of(name: str) -> str:
+    """The first rows of a shipped table, `-` of its name written `_`; where rows have partners, one that has."""
+    file = next(f for f in MACHINES.glob("*.csv") if f.stem.replace("-", "_") == name)
+    head, *rows = (line.split(",") for line in file.read_text(encoding="utf-8").splitlines())
+    partners = [row for row in rows if "to" in head and row[head.index("to")]]
+    return table(tuple(head), [tuple(row) for row in (*rows[:3], *partners[:1])])
+
+
 def made(name: str) -> str:
-    """The table of this name; a model's name stands for its keys, `json_COMMAND` for those of an output."""
+    """The table of this name; a model's name stands for its keys, `json_COMMAND` for those of an output, `rows_FILE`
+    for the first rows of a shipped table.
+    """
     if name.startswith("json_"):
         return json_keys(name.removeprefix("json_"))
+    if name.startswith("rows_"):
+        return rows_of(name.removeprefix("rows_"))
     return TABLES[name]() if name in TABLES else model_tables.model_table(model_tables.models()[name])
 
 

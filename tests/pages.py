@@ -11,7 +11,7 @@ from pathlib import Path
 from tests.command import ROOT, Done
 from tests.computed_once import run_once
 
-_DOCS = sorted((ROOT / "docs").glob("*.md"))
+_DOCS = sorted((ROOT / "docs").rglob("*.md"))
 SHOWING = (ROOT / "README.md", *(page for page in _DOCS if "```console" in page.read_text(encoding="utf-8")))
 """Pages with commands and what they print."""
 

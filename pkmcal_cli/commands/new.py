@@ -10,6 +10,13 @@ from pkmcal_cli.commands._options import Force, Json, Quiet, as_request
 
 
 def new(
+    kind: Annotated[
+        str | None,
+        typer.Argument(metavar="[KIND]", help="gantry, delta, hexapod, rrr (planar 3-RRR), cable or scissors."),
+    ] = None,
+    span: Annotated[
+        str | None, typer.Option("--span", metavar='"2 m"', help="Size of the machine of this kind; default: 1 m.")
+    ] = None,
     source: Annotated[
         str | None, typer.Option("--from", metavar="FILE", help="printer.cfg (Klipper) or config.g (RepRapFirmware).")
     ] = None,
@@ -22,9 +29,11 @@ def new(
 ) -> None:
     """Which machine file describes what I have?
 
-    From the constants of a printer's firmware: a linear delta, or a machine of lines. Each becomes a parameter.
+    A commented machine file of a usual kind, to be edited: its head says where. Or one from the constants of a
+    printer's firmware (a linear delta, or a machine of lines); each becomes a parameter.
 
     Examples:
+        pkmcal new gantry --span "2 m" -o my.yaml
         pkmcal new --from machines/printer.cfg -o printer.yaml
         cat machines/printer.cfg | pkmcal new --from - -o printer.yaml --json
     """

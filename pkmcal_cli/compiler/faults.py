@@ -207,14 +207,18 @@ def _worst_gaps(gaps: tuple[Gap, ...]) -> list[Gap]:
     return list(seen.values())[:10]
 
 
+_BAR_GAP = "correct `at:` of the nodes and bodies that it connects, or its length"
+_JOINT_GAP = "correct `at:` and `turn:` of the bodies that it connects, or its axis; all are drawn in base axes"
+
+
 def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
     path = path_of(machine, gap.element)
     lengthwise = gap.lengthwise
     size = machine.file_units.length.format(gap.value) if lengthwise else f"{gap.value:.3g} rad"
     large = abs(gap.value) > GAP * (length if lengthwise else 1.0)
     what = f"the reference configuration does not close: gap of {size} at `{gap.element}` ({gap.strain})"
-    hint = "correct `at:` of the nodes and bodies that it connects, or its length" if large else None
-    return machine.source.fault("drawing", what, path, hint, at_key=True, warning=not large)
+    hint = _BAR_GAP if gap.element not in machine.joints else _JOINT_GAP
+    return machine.source.fault("drawing", what, path, hint if large else None, at_key=True, warning=not large)
 
 
 def _mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:

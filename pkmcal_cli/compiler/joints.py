@@ -12,7 +12,7 @@ from pkmcal_cli.compiler.axes import CONSTANT, Turns, carried, cosine, joint_tur
 from pkmcal_cli.compiler.coefficient_values import combined, number, triad_about, triad_along, unit
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.elements import JOINTS, JointElement
-from pkmcal_cli.language.machine import End, Joint, Stiffness
+from pkmcal_cli.language.machine import Actuator, End, Joint, Stiffness
 from pkmcal_cli.mechanism.connection_points import ConnectionPoint, Number, Point
 from pkmcal_cli.mechanism.topology import GROUND, RotationKind
 
@@ -30,7 +30,8 @@ def add_joints(structure: Structure) -> None:
         rows += free_springs(joint.stiffness, joint.type, structure.planar)
         driven = [a for a in structure.machine.actuators.values() if a.drives == name]
         extra: dict[str, Number] = {}
-        if driven and name not in structure.carriage_travel and "x" not in rows:
+        held = bool(driven) and name not in structure.carriage_travel
+        if held and "x" not in rows:
             rows += ("x",)
             if driven[0].stiffness is not None:
                 extra = {"x": number(driven[0].stiffness)}
@@ -50,10 +51,18 @@ def add_joints(structure: Structure) -> None:
                 connections=connections,
                 triad=triad,
                 stiffness=joint.stiffness,
-                rest=rest_of(structure, joint),
+                rest=rest_of(structure, joint) | (_travel_at_zero(driven[0], triad, chord) if held else {}),
                 extra=extra,
                 turns=turns_of(structure, joint),
             )
+
+
+def _travel_at_zero(actuator: Actuator, triad: Array, chord: Array) -> dict[str, Number]:
+    """How far a sliding joint is out at reading 0, along its x; `chord`: between its points as drawn."""
+    base = float(triad[:, 0] @ chord) if actuator.zero == "home" else number(actuator.zero)  # type: ignore[arg-type]
+    if actuator.offset is not None:
+        base = combined(lambda z, o: z + o, base, number(actuator.offset))
+    return {"x": base}
 
 
 def add_fixed_rotations(structure: Structure) -> None:

@@ -16,6 +16,7 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.parts import Actuator
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.model.workspace import Cylinder, Workspace
+from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.yaml_source.tree import Path
 
@@ -77,8 +78,21 @@ def workspace_faults(machine: Machine, model: Model) -> list[Fault]:
     faults += _empty(machine, model, workspace, {str(path[2]) for path in inverted})
     if not faults and not workspace.holds(model.tool.reference[None], model.reference_readings[None])[0]:
         hint = "correct the limits or their units, or the reference configuration"
-        faults = [source.fault("workspace", _WARNED, ("workspace",), hint, at_key=True, warning=True)]
+        what = f"{_WARNED}: the tool point is at {_place(machine, model)}"
+        faults = [source.fault("workspace", what, ("workspace",), hint, at_key=True, warning=True)]
     return faults
+
+
+def _place(machine: Machine, model: Model) -> str:
+    """Coordinates of the tool point in the reference configuration that a box or cylinder may limit, in words."""
+    names = {str(path[2]) for path, _ in _limits(machine) if path[1] == "box"}
+    names |= {"x", "y", "z"} if machine.space == "spatial" else {"x", "y"}
+    units, shown = machine.file_units, []
+    for name, value in zip(DIRECTIONS, model.tool.reference, strict=True):
+        if name in names:
+            unit = units.unit(ANGLE if name.startswith("r") else LENGTH)
+            shown.append(f"{name} = {unit.format(float(value) + 0.0, 4)}")
+    return ", ".join(shown)
 
 
 def _lacking(machine: Machine, model: Model) -> list[Fault]:

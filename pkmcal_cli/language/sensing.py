@@ -106,7 +106,7 @@ FRAMES = Literal["machine", "fitted", "fitted per session"]
 
 
 class Sensor(Entity, Generic[V]):
-    """An instrument; `sigma` is its stated standard uncertainty. The keys of each kind are in README.md."""
+    """An instrument; `sigma` is its stated standard uncertainty. The keys of each kind are in docs/instruments.md."""
 
     noun: ClassVar[str] = "sensor"
     in_own_unit: ClassVar[tuple[str, ...]] = ("sigma", "reading")

@@ -15,7 +15,7 @@ from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
 from pkmcal_cli.csv_files.reader import TableReader, check_header
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.tables.column_needs import Bound, Needs, Require
-from pkmcal_cli.tables.columns import Column, Role, columns_of, temperature_column
+from pkmcal_cli.tables.columns import APPROACH, Column, Role, columns_of, temperature_column
 from pkmcal_cli.units.file_units import Unit, UnitError, parse_unit
 
 _POSITIVE = Rule(lambda values: values > 0, "a sigma must be positive")
@@ -136,9 +136,14 @@ def _rules(bound: Sequence[Bound]) -> dict[int, Rule]:
 
 
 def _unused(spare: Mapping[int, HeaderCell], free: Sequence[str]) -> str:
-    """The columns that nothing is made of, each with the one of the free headers that may be meant."""
+    """The columns that nothing is made of, each with the one of the free headers that may be meant.
+
+    Those in which a plan says where approaches begin are for the control, and are left alone.
+    """
     texts = []
     for index, cell in spare.items():
+        if cell.name.startswith(APPROACH):
+            continue
         near = _likely(cell.name, free)
         name = f"`{cell.text}`" if cell.text else f"column {index + 1} without a name"
         texts.append(name + (f" (did you mean `{near}`?)" if near else ""))

@@ -29,6 +29,8 @@ from pkmcal_cli.units.file_units import (
 Role = Literal["actuator", "force", "channel", "target", "sigma", "covariate", "label"]
 LABELS = ("id", "session", "tool", "part", "to")
 """Columns of text that every measurement table can have."""
+APPROACH = "approach."
+"""Before the name of a drive: where a plan has its approach begin."""
 
 _PART = re.compile(r"T\.[A-Za-z][A-Za-z0-9_]*")
 _DIMENSIONS: dict[str, Dimension] = {

@@ -13,6 +13,7 @@ from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
+from pkmcal_cli.tables.columns import APPROACH
 from pkmcal_cli.units.unit_text import parse_unit
 
 _LINEAR, _ROTARY = "XYZUVW", "ABC"
@@ -45,7 +46,7 @@ def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> No
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in s.partners]]
     headers += [(column, unit) for _, column, unit in s.drives]
     headers += [(f"dir.{name}", None) for name, _, _ in s.drives]
-    headers += [(f"approach.{name}", unit) for name, _, unit in s.drives]
+    headers += [(f"{APPROACH}{name}", unit) for name, _, unit in s.drives]
     columns: list[Values] = [s.ids, *s.partners, *s.there.T, *s.side.T, *s.begin.T]
     blank, origin = np.full(len(s.ids), np.nan), None if is_stream(target) else s.origin
     with open_writer(target, [*headers, *s.readings], inputs, origin=origin, digits=9, force=force) as writer:
