@@ -140,8 +140,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
             ["ropes.yaml", "lengths.csv", "-o", "slack.csv"], [TRIGLIDE, "far.csv", "--method", "rigid", "-o", "1.csv"],
         ],
-        "draw": [[TRIGLIDE, "far.csv"]],
-        "new": [["--from", str(MACHINES / "printer.cfg"), "-o", "new.yaml"], ["delta", "-o", "delta.yaml"]],
+        "draw": [[TRIGLIDE, "far.csv"]], "new": [
+            ["--from", str(MACHINES / "printer.cfg"), "-o", "new.yaml"], ["delta", "-o", "delta.yaml"]],
         "correct": [
             [TRIGLIDE, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],
             ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],

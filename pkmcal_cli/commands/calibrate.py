@@ -62,15 +62,13 @@ def calibrate(
 
     Examples:
         pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
-        pkmcal calibrate machines/hangprinter.yaml machines/hangprinter_2021-12-16.csv \
-            machines/hangprinter_2022-04-12.csv --holdout session
-        pkmcal simulate machines/biglide.yaml machines/biglide.csv --noise declared \
-            | pkmcal calibrate machines/biglide.yaml - --json
+        pkmcal calibrate machines/hangprinter.yaml machines/hangprinter_*.csv --holdout session
+        pkmcal simulate biglide machines/biglide.csv --noise declared | pkmcal calibrate biglide - --json
     """
     options = locals()
     from pkmcal_cli.calibration.complete_fit import FitOptions
     from pkmcal_cli.workflow.calibrate import run_calibration
     from pkmcal_cli.workflow.calibration import CalibrationRequest
 
-    fit_options = as_request(FitOptions, options)
-    raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, fit_options=fit_options)))
+    fit = {"fit_options": as_request(FitOptions, options)}
+    raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, **fit)))

@@ -54,8 +54,7 @@ def correct(
 ) -> None:
     """Which set values bring the TCP to these targets?
 
-    Those of the identified geometric and elastic model, under the stated circumstances. Redundant drives carry least
-    force, hold least strain energy, keep the preload, or stay at the set values of the nominal machine.
+    Redundant drives carry least force, hold least strain energy, keep the preload, or stay at nominal set values.
 
     Examples:
         pkmcal correct machines/gantry.yaml --grid "x=200:1300:4,y=200:1500:4" -o commands.csv

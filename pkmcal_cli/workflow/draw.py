@@ -18,8 +18,9 @@ from pkmcal_cli.pictures.picture import check_picture, write_picture
 from pkmcal_cli.pictures.text_machine import BELIEVED, LEGEND, text_machine
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows
-from pkmcal_cli.report.console import Reporter, emit_json
+from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.number_format import finite, handy
+from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.arguments import given, one_stdin, require_forces
 
@@ -77,7 +78,8 @@ def run_drawing(request: DrawingRequest) -> int:
         write_picture(picture, request.output, inputs, force=request.force)
         to.say(f"written: {request.output}")
     if request.as_json:
-        emit_json(_json(shape, factor, row))
+        inputs = loaded.inputs | start.inputs | row.inputs
+        emit_json(enveloped("draw", "complete", _json(shape, factor, row), provenance(inputs)))
     return 0
 
 

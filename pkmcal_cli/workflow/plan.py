@@ -24,7 +24,7 @@ from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.power import Campaigns
 from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import with_directions
-from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_parameters
+from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import planned_channels
 from pkmcal_cli.loading.tool_coordinates import required_tool_point, tool_motion
 from pkmcal_cli.model.model import Model
@@ -90,11 +90,7 @@ def run_plan(request: PlanRequest) -> int:
     loaded, poses = _read(request, to)
     selected = selection(loaded.model, request.select)
     start = load_parameters(loaded.model, request.parameters)
-    for text in start.warnings:
-        to.warn(text)
-    poses = touching_poses(to, loaded, start.values, poses)
-    inputs = loaded.inputs | start.inputs | poses.inputs
-    _check_output(request, inputs)
+    poses, inputs = _prepared(request, loaded, start, poses, to)
     rows, used, ways = _approached(loaded, start.values, poses, request, to)
     candidates = candidates_of(loaded.model, selected, rows)
     values = np.append(start.values, _nulls(candidates, loaded.model))
@@ -123,6 +119,18 @@ def run_plan(request: PlanRequest) -> int:
         shown = {"tool_point": tool and tool.name, **report.json(), **used.failed.json()}
         emit_json(enveloped("plan", "complete", shown, provenance(inputs, seed=request.seed)))
     return 0
+
+
+def _prepared(
+    request: PlanRequest, loaded: LoadedMachine, start: Start, poses: PoseSet, to: Reporter
+) -> tuple[PoseSet, dict[str, str]]:
+    """Poses where probes touch; sha256 by name of all that was read. Raises OutputError."""
+    for text in start.warnings:
+        to.warn(text)
+    poses = touching_poses(to, loaded, start.values, poses)
+    inputs = loaded.inputs | start.inputs | poses.inputs
+    _check_output(request, inputs)
+    return poses, inputs
 
 
 def _plot(request: PlanRequest, inputs: Collection[str]) -> Plot | None:
