@@ -145,7 +145,8 @@ def test_narrow_terminals_show_names_and_sizes_whole(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("pkmcal_cli.report.console._WIDTH", 80)
     shown = clean(run_once("diagnose", SCISSORS, SHOPFLOOR)).err
     causes = shown.partition("Causes")[2].partition("bad row")[0]
-    assert "thermal_strut  all" in causes and "um/(m*K)" in causes and "\u2026" not in causes
+    assert "thermal growth  all" in causes and "um/(m*K)" in causes and "\u2026" not in causes
+    assert "not shown in 80 columns: share, evidence" in causes
     assert "unequal_backlash" in run("effects", SCISSORS).err
 
 
