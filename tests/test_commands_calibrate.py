@@ -80,7 +80,7 @@ def test_without_names_what_is_undetermined_is_no_failure() -> None:
     assert done.code == 0 and [p["std"] for p in result["parameters"]] == [None, None]
     assert result["heldout"]["rms_after"] is None
     assert result["heldout"]["reason"] == "2 measured values for 2 parameters: fewer than 3 values per parameter"
-    assert "held-out error: not available (1 row for 2 parameters" in done.err
+    assert "held-out error: not available (2 measured values for 2 parameters" in done.err
 
 
 def test_fewer_equations_than_unknowns_are_refused_before_the_fit() -> None:
@@ -101,7 +101,7 @@ def test_nothing_identifiable() -> None:
 def test_a_fit_that_does_not_converge_is_a_negative_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     from pkmcal_cli.calibration.identify import identify
 
-    def hurried(problem: Problem, selected: tuple[str, ...], start: Array, iterations: int = 1) -> Fit:
+    def hurried(problem: Problem, selected: tuple[str, ...], start: Array, iterations: int = 1, **_: Any) -> Fit:
         return identify(problem, selected, start, min(iterations, 1))
 
     monkeypatch.setattr("pkmcal_cli.calibration.starts.identify", hurried)
