@@ -149,8 +149,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             ["shims.yaml", "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "adjust", "-o", "shims.txt"],
             [TRIGLIDE, "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "linuxcnc", "-o", "t.comp"],
         ],
-        "sensitivity": [[TRIGLIDE, *partly], [TRIGLIDE, "--grid", GRID, "--channel", "x"]],
-        "observability": [[TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
+        "sensitivity": [[TRIGLIDE, *partly], [TRIGLIDE, "--grid", GRID, "--channel", "x"]], "observability": [
+            [TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
         "calibrate": [
             [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
             [TRIGLIDE, "one.csv", "--select", "l1", "--method", "linear"], accepted,
@@ -159,8 +159,8 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         ],
         "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"],
             [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA]],
-        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]],
-        "plan": [[SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
+        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "plan": [
+            [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
             "--aim", "scale@q1", "--points", "1", "--power", "1"]],

@@ -62,7 +62,7 @@ def calibrate(
 
     Examples:
         pkmcal calibrate machines/triglide.yaml machines/triglide.csv -o triglide.params.yaml
-        pkmcal calibrate machines/hangprinter.yaml machines/hangprinter_*.csv --holdout session
+        pkmcal calibrate hangprinter machines/hangprinter_2021-12-16.csv machines/hangprinter_2022-04-12.csv
         pkmcal simulate biglide machines/biglide.csv --noise declared | pkmcal calibrate biglide - --json
     """
     options = locals()
@@ -70,5 +70,5 @@ def calibrate(
     from pkmcal_cli.workflow.calibrate import run_calibration
     from pkmcal_cli.workflow.calibration import CalibrationRequest
 
-    fit = {"fit_options": as_request(FitOptions, options)}
-    raise typer.Exit(run_calibration(as_request(CalibrationRequest, options, **fit)))
+    request = as_request(CalibrationRequest, options, fit_options=as_request(FitOptions, options))
+    raise typer.Exit(run_calibration(request))

@@ -35,7 +35,10 @@ def draw(
     The reference configuration, or one row of a table. Where the control believes the machine to be is grey: nominal
     parameters, no effects, redundant drives following. Where it is by `-p` and its file is black, exaggerated.
 
-    Example: pkmcal draw machines/triglide.yaml
+    Examples:
+        pkmcal draw machines/triglide.yaml
+        pkmcal draw machines/hexapod7.yaml machines/hexapod7.csv --row 3 --scale 200 -o hexapod.svg
+        cat machines/triglide.csv | pkmcal draw machines/triglide.yaml - --row 5 --json
     """
     options = locals()
     from pkmcal_cli.workflow.draw import DrawingRequest, run_drawing

@@ -51,7 +51,9 @@ def report(
 ) -> None:
     """Is the machine within its tolerance, what is wrong with it, and how sure is that? One page to hand over.
 
-    Example: pkmcal report machines/scissors.yaml machines/scissors-shopfloor.csv --tolerance "5 um"
+    Examples:
+        pkmcal report machines/triglide.yaml machines/triglide.csv --tolerance "100 um" -o triglide.html
+        pkmcal report machines/biglide.yaml machines/biglide.csv -o biglide.html --json
     """
     options = locals()
     from pkmcal_cli.workflow.report import ReportRequest, run_report
