@@ -39,6 +39,8 @@ NAMED = {
     "effects[].far_off": "NAME", "effects[].worst.direction": "NAME", "detectable[].worst.direction": "NAME",
     "invisible[].worst.direction": "NAME", "undetermined[].parameters": "NAME",
     "undetermined[].determined[].coefficients": "NAME", "tool_point.at": "AXIS",
+    "errors.as_built": "KIND", "errors.calibrated": "KIND", "errors.held_out": "KIND", "errors.with_causes": "KIND",
+    "acceptance.axes[].at": "AXIS", "acceptance.poses[].at": "AXIS", "acceptance.predicted[].at": "AXIS",
 }  # fmt: skip
 
 

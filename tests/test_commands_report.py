@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, clean, run
+from tests.json_schemas import faults_of
+from tests.test_commands_json import covers, documented, paths
 
 TARGETS = (200.0, 300.0, 400.0, 500.0, 600.0)
 HEIGHT = 250.0
@@ -93,7 +95,7 @@ def shopfloor(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any],
 def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, Any], str, int]) -> None:
     """Planted: struts that grow, backlash of q3; noise 0.5 um, so that U is 1 um."""
     result, page, code = shopfloor
-    assert (code, result["verdict"]) == (1, "fail")
+    assert (code, result["verdict"]) == (1, "fail") and faults_of("report", result) == []
     found = re.fullmatch(
         r"(\S+) um > 5 um; two causes found; with both corrected (\S+) um expected", str(result["headline"])
     )
@@ -130,6 +132,7 @@ def test_iso_230_2_of_repeats(tmp_path: Path) -> None:
     text, planted = repeats(3)
     (tmp_path / "m.csv").write_text(text, encoding="utf-8")
     done = run("report", MACHINES / "triglide.yaml", tmp_path / "m.csv", "-o", tmp_path / "s.html", "--json", "-q")
+    assert faults_of("report", done.json) == []
     found = done.json["acceptance"]
     (axis,) = found["axes"]
     assert (found["state"], found["unit"], axis["axis"], axis["targets"]) == ("as built", "um", "x", 5)
@@ -184,3 +187,85 @@ def test_names_do_not_become_markup(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     page = Page((tmp_path / "s.html").read_text(encoding="utf-8"))
     assert not any("onload" in a for _, a in page.tags) and any(name in w for w in page.words)
     assert any("Causes were not searched" in line for line in done.json["lines"])
+
+
+def circle(radius: float) -> str:
+    """A circle about (400, 250) measured after correction, radii 2 um too large, mm."""
+    lines = ["q1 [mm],q2 [mm],q3 [mm],x [mm],y [mm]"]
+    for angle in np.arange(24) * np.pi / 12:
+        x, y = 400 + radius * np.cos(angle), 250 + radius * np.sin(angle)
+        far = 0.002 * np.array([np.cos(angle), np.sin(angle)])
+        q = ",".join(f"{v:.9f}" for v in readings(x, y))
+        lines.append(f"{q},{x + far[0]:.6f},{y + far[1]:.6f}")
+    return "\n".join(lines) + "\n"
+
+
+def perfect(seed: int) -> str:
+    """A table of the Triglide as its file says it, with noise of 10 um, mm."""
+    rng, lines = np.random.default_rng(seed), ["q1 [mm],q2 [mm],q3 [mm],x [mm],y [mm]"]
+    for x in np.linspace(220, 580, 6):
+        for y in (200.0, 260.0, 320.0):
+            q = ",".join(f"{v:.9f}" for v in readings(x, y))
+            lines.append(f"{q},{x + rng.normal(0, 0.01):.6f},{y + rng.normal(0, 0.01):.6f}")
+    return "\n".join(lines) + "\n"
+
+
+def test_a_second_table_is_judged_and_its_circle_measured(tmp_path: Path) -> None:
+    """Fewer than 20 rows: calibrated, not searched. The circle is 2 um too large, less what was identified."""
+    (tmp_path / "m.csv").write_text(perfect(1), encoding="utf-8")
+    (tmp_path / "after.csv").write_text(circle(50.0), encoding="utf-8")
+    asked = (MACHINES / "triglide.yaml", tmp_path / "m.csv", "--after", tmp_path / "after.csv", "--tolerance", "60 um")
+    done = clean(run("report", *asked, "-o", tmp_path / "s.html", "--circle-feed", "1000", "--json", "-q"))
+    found = done.json
+    assert faults_of("report", found) == [] and (done.code, found["verdict"]) == (0, "pass")
+    assert found["tolerance"]["n_pass"] == 24 and found["after"]["tolerance"]["n_pass"] == 24
+    ring = found["acceptance"]["circle"]
+    assert found["acceptance"]["state"] == "after correction" and ring["feed"] == 1000
+    assert ring["radius"] == pytest.approx(50, abs=0.05) and 0 <= ring["circular"] < 40
+    page = (tmp_path / "s.html").read_text(encoding="utf-8")
+    assert "ISO 230-4, radius" in page and "feed 1000 mm/min" in page and "Measured after correction" in page
+
+
+def test_rows_that_were_calibrated_judge_nothing(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text(perfect(2), encoding="utf-8")
+    asked = (MACHINES / "triglide.yaml", tmp_path / "m.csv", "--after", tmp_path / "m.csv")
+    done = clean(run("report", *asked, "-o", tmp_path / "s.html"))
+    assert done.code == 2 and "calibrated" in done.err and not (tmp_path / "s.html").exists()
+
+
+def test_a_kept_run_is_reported(tmp_path: Path) -> None:
+    """The same verdict as of its files, and clear words for what is no run, or one without measurements."""
+    (tmp_path / "m.csv").write_text(perfect(3), encoding="utf-8")
+    machine = MACHINES / "triglide.yaml"
+    clean(run("calibrate", machine, tmp_path / "m.csv", "--select", "l1", "--run", tmp_path / "runs", "-q"))
+    (kept,) = (tmp_path / "runs").iterdir()
+    whole = clean(run("report", kept, "-o", tmp_path / "a.html", "--json", "-q"))
+    files = (machine, tmp_path / "m.csv", "--select", "l1")
+    plain = clean(run("report", *files, "-o", tmp_path / "b.html", "--json", "-q"))
+    assert whole.json["errors"] == plain.json["errors"] and whole.code == plain.code == 0
+    for folder, code in ((tmp_path / "runs", 3), (tmp_path, 3)):
+        done = clean(run("report", folder, "-o", tmp_path / "c.html"))
+        assert done.code == code and "run" in done.err
+    done = clean(run("report", kept, tmp_path / "m.csv", tmp_path / "m.csv", "-o", tmp_path / "c.html"))
+    assert done.code == 2 and "at most one" in done.err
+    done = clean(run("report", machine, "-o", tmp_path / "c.html"))
+    assert done.code == 2 and "measurements" in done.err
+
+
+@pytest.mark.slow
+def test_the_documented_keys_are_those_that_are_there(
+    tmp_path: Path, shopfloor: tuple[dict[str, Any], str, int]
+) -> None:
+    text, _ = repeats(5, approaches=30)
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "few.csv").write_text(perfect(1), encoding="utf-8")
+    (tmp_path / "after.csv").write_text(circle(50.0).replace("450.", "450.9"), encoding="utf-8")
+    triglide, page = MACHINES / "triglide.yaml", ("-o", tmp_path / "s.html", "--force", "--json", "-q")
+    whole = run("report", triglide, tmp_path / "m.csv", *page)
+    after = run(
+        "report", triglide, tmp_path / "few.csv", "--after", tmp_path / "after.csv", "--tolerance", "60 um", *page
+    )
+    found = {p for result in (shopfloor[0], whole.json, after.json) for p in paths(result)}
+    known = documented()["report"]
+    assert {p for p in found if not covers(p, known)} == set()
+    assert known - found <= {k for k in known if k.startswith("after.failed")}
