@@ -100,7 +100,10 @@ def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, Any
         r"(\S+) um > 5 um; two causes found; with both corrected (\S+) um expected", str(result["headline"])
     )
     assert found is not None and 10 < float(found[1]) < 30 and float(found[2]) < 2.5
-    assert "U = 1 um (k = 2), 20 % of the tolerance" in str(result["lines"])
+    judged, share = result["lines"][:2]
+    assert "U = 1 um (k = 2), 20 % of the tolerance: a point passes up to 4 um, fails beyond 6 um." in share
+    worst = re.search(r"as calibrated, its causes not corrected, largest at scissors-shopfloor.csv:(\d+)", judged)
+    assert worst is not None and 2 <= int(worst[1]) <= 81 and "As built (nominal dimensions): 155 um" in judged
     assert {(c["effect"], c["at"]) for c in result["causes"]} == {("thermal_strut", "all"), ("backlash", "q3")}
     assert all(c["accepted"] and not c["provisional"] for c in result["causes"])
     words = " ".join(" ".join(Page(page).words).split())

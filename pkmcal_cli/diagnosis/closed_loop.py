@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
@@ -36,6 +37,7 @@ from pkmcal_cli.prediction import frozen
 ROTATIONS = 5
 FEWEST_TO_SPLIT = 20  # rows of which whole cells can be kept apart; of fewer, each pose in turn
 FAILURES = "missing", "not_confirmed", "sigma_too_small"
+_Part = tuple[Problem, Problem, NDArray[np.intp]]
 _FAILS = "its calibration did not converge"
 
 
@@ -210,29 +212,29 @@ def _refused(progress: _Progress, trial: Sequence[OuterFold], chosen: int, error
     return "" if all(t.fit.usable for t in trial) else _FAILS
 
 
-def _parts(problem: Problem, validation: Problem | None) -> list[tuple[Problem, Problem]]:
-    """Rows that fit and choose, and rows that report, by rotation."""
+def _parts(problem: Problem, validation: Problem | None) -> list[_Part]:
+    """Rows that fit and choose, and rows that report, by rotation, and which those are of their table."""
     if validation is not None:
-        return [(problem, validation)]
+        return [(problem, validation, np.arange(len(validation)))]
     labels = cells(problem, ROTATIONS) if len(problem) >= FEWEST_TO_SPLIT else single_poses(problem)
     pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in range(int(labels.max()) + 1)]
-    parts = [(problem.take(train), problem.take(report)) for train, report in pairs if len(report)]
-    return [(train, report) for train, report in parts if report.count]
+    parts = [(problem.take(train), problem.take(report), report) for train, report in pairs if len(report)]
+    return [part for part in parts if part[1].count]
 
 
 def _rotations(
     candidates: Candidates,
-    parts: Sequence[tuple[Problem, Problem]],
+    parts: Sequence[_Part],
     selected: tuple[str, ...],
     options: SearchOptions,
 ) -> tuple[OuterFold, ...]:
     out = []
-    for k, (train, report) in enumerate(parts):
+    for k, (train, report, rows) in enumerate(parts):
         start = replace(candidates, model=train.model, start=None).begin()
         start[: len(candidates.model.names)] = candidates.begin()
         told = within(options.observe, Stage("rotation", k, len(parts)))
         sets = named(candidates, replace(train, model=candidates.model), selected, replace(options, observe=told))
-        out.append(OuterFold(train, report, sets, identify(train, selected, start), start))
+        out.append(OuterFold(train, report, rows, sets, identify(train, selected, start), start))
     return tuple(out)
 
 

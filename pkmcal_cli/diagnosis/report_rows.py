@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,10 +50,13 @@ class Errors:
 
 @dataclass(frozen=True)
 class OuterFold:
-    """Rows that fit and choose, rows that report, what the former name (`sets`); their effects and fit so far."""
+    """Rows that fit and choose, rows that report and their numbers in the table (n,), what the former name (`sets`);
+    their effects and fit so far.
+    """
 
     train: Problem
     report: Problem
+    rows: NDArray[np.intp]
     sets: tuple[tuple[Hypothesis, ...], ...]
     fit: Fit
     start: Array  # (P,), where its fits begin
@@ -79,7 +82,8 @@ def errors_of(folds: Sequence[OuterFold]) -> Errors:
         part, there = _predicted(t.report, there)
         report.append(error_figures(part, there))
         channels.append(channel_figures(part, there))
-        points.append(point_errors(part, there.residual, part.measured))
+        own = point_errors(part, there.residual, part.measured)
+        points.append(replace(own, rows=t.rows[own.rows]))
         squares += float((weighted_residual(part, there) ** 2).sum())
         values += part.count
     return Errors(

@@ -26,6 +26,11 @@ def causes(results: Results) -> Section | None:
     blocks += recorder.blocks
     for finding in report.diagnosis.findings:
         blocks += [Text(line) for line in report.sentence(finding).splitlines()]
+    alone = [f.hypothesis.name for f in report.diagnosis.findings if not f.ambiguous]
+    if alone:
+        others = "every other effect of the catalogue at every place, and every parameter that was held"
+        text = f"Tried instead of {', '.join(alone)}: {others}; none explains the data as well."
+        blocks.append(Text(text, "note"))
     blocks += effects(results)
     for shape in report.diagnosis.shapes:
         blocks.append(Text(ShapeText(report.machine, report.shaped_model, shape, report.error_unit).sentence()))

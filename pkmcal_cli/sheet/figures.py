@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pkmcal_cli.pictures.diagnosis_pictures import driver_part, effect_panels, panel_in_words, waterfall_part
@@ -11,8 +13,11 @@ from pkmcal_cli.pictures.machine_shape import machine_shape
 from pkmcal_cli.pictures.parameter_picture import parameter_picture
 from pkmcal_cli.pictures.parts import composed
 from pkmcal_cli.pictures.titles import Titles, titles
+from pkmcal_cli.report.improvement import ImprovementReport
+from pkmcal_cli.report.parameters import ParameterRow
 from pkmcal_cli.sheet.content import Figure, Section, section
 from pkmcal_cli.sheet.results import Results
+from pkmcal_cli.units.unit_text import parse_unit
 
 _TRIED = 5  # rows that might be drawn, if one cannot be solved
 
@@ -31,7 +36,7 @@ def drawing(results: Results) -> Section | None:
     for row in order[:_TRIED]:
         shape = machine_shape(loaded, fit.values, problem.rows, int(row))
         if not isinstance(shape, str):
-            place = results.measured.place(int(row))
+            place = results.row_text(int(row))
             picture = machine_picture(shape, _titles(results, f"identified, {place}"))
             caption = f"The machine at {place}: grey as the control believes, black as identified, exaggerated."
             return section("machine", "The machine", [Figure(picture, caption)])
@@ -51,7 +56,8 @@ def maps(results: Results) -> Figure | None:
     if not places:
         return None
     picture = error_map(places, _titles(results, "errors of positions"), results.machine.file_units.length)
-    return Figure(picture, "Measured minus predicted, on the fitted rows; each row of panels has one scale.")
+    scale = "Arrows of a row of panels have one scale, but where a panel says otherwise."
+    return Figure(picture, f"Measured minus predicted, on the fitted rows. {scale}")
 
 
 def effects(results: Results) -> list[Figure]:
@@ -78,9 +84,21 @@ def steps(results: Results) -> Figure | None:
 
 
 def identified(results: Results) -> Figure | None:
-    """Identified parameters as shares of their ranges."""
+    """Identified parameters as shares of their ranges; together with the causes where there are some."""
     rows = [r for r in results.calibrated.rows if r.name in results.calibrated.fit.selected]
     if not rows:
         return None
-    picture = parameter_picture(rows, _titles(results, "identified parameters, calibrated alone"))
+    what, improved = "identified parameters", results.improved
+    if improved is not None and improved.improvement.accepted:
+        what += ", together with the causes"
+        rows = [_as_improved(row, improved) for row in rows]
+    picture = parameter_picture(rows, _titles(results, what))
     return Figure(picture, "Offsets from nominal as shares of the ranges (grey band), with 95 % intervals.")
+
+
+def _as_improved(row: ParameterRow, improved: ImprovementReport) -> ParameterRow:
+    """A parameter as it was identified together with the causes."""
+    value, std = improved.estimate(row.name)
+    unit = parse_unit(row.unit)
+    scaled = None if std is None else std / unit.scale
+    return replace(row, value=unit.from_si(value), std=scaled, by_data=None, by_held=None, interval=None)

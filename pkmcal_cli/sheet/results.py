@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -69,6 +70,17 @@ class Results:
         if self.verified is not None:
             return self.verified.judged
         return Judged(self.before[0], self.tolerance[0])
+
+    def place(self, row: int) -> str:
+        """A row of the table that is judged, in short."""
+        if self.verified is not None:
+            there = self.verified.place(row)
+            return f"line {there.line}" + (f" ({there.id})" if there.id else "")
+        return self.row_text(row)
+
+    def row_text(self, row: int) -> str:
+        """A row of the measurements, without the folder of its file."""
+        return os.path.basename(self.measured.place(row))
 
     @property
     def length_unit(self) -> Unit:

@@ -34,13 +34,14 @@ def sheet(results: Results, figures: Acceptance | None) -> Sheet:
         None if figures is None else figures.section(),
         not_seen(results),
         next_steps(results),
+        alone(results),
         provenance(results),
     ]
-    files = ", ".join(results.measured.files)
+    files = ", ".join(os.path.basename(f) for f in results.measured.files)
     created = str(results.head["created"])[:10]
     return Sheet(
         machine=_name(results),
-        subtitle=f"Machine file {results.machine.files[0][0]}; measurements {files}; sheet of {created}",
+        subtitle=f"Machine file {_name(results)}; measurements {files}; sheet of {created}",
         verdict=verdict(results),
         sections=tuple(part for part in parts if part is not None),
         footer=f"{results.head['program']}, {results.head['created']}. Standard uncertainties in brackets apply to "
@@ -57,14 +58,19 @@ def errors(results: Results) -> Section | None:
     report = results.calibrated
     rows = [*_figures(results, "as built (nominal parameters)", "fitted rows", report.before)]
     rows += _figures(results, "calibrated", "fitted rows", report.after)
-    if not isinstance(report.held_out, str):
-        rows += _figures(results, "calibrated", "held out", report.held_out.after)
-    if results.improved is not None and results.improved.improvement.accepted:
-        names = ", ".join(h.name for h in results.improved.improvement.accepted)
-        rows += _figures(results, f"with {names}", "held out", results.improved.improvement.after.report)
-    table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
     held = report.held_out
     remark = f"Held-out error: not available ({held})." if isinstance(held, str) else f"Held out: {held.scheme}."
+    if results.improved is not None:
+        improvement = results.improved.improvement
+        rows += _figures(results, "calibrated", "held out", improvement.before.report)
+        if improvement.accepted:
+            names = ", ".join(h.name for h in improvement.accepted)
+            rows += _figures(results, f"calibrated with {names}", "held out", improvement.after.report)
+        remark = f"Held out: {improvement.rotations} parts of the table in turn, each predicted by a calibration and a "
+        remark += "search for causes in the other rows. Position errors are distances in space, or in the plane."
+    elif not isinstance(held, str):
+        rows += _figures(results, "calibrated", "held out", held.after)
+    table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
     return section("errors", "Errors before and after", [table, Text(remark, "note"), maps(results), steps(results)])
 
 
@@ -78,15 +84,27 @@ def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorF
 
 
 def parameters(results: Results) -> Section | None:
-    """What was identified together with the causes; then what `calibrate` shows, but for its table of errors."""
-    recorder, blocks = Recorder(), list[Block | None]()
-    if (together := _with_causes(results)) is not None:
-        text = "The calibration without the causes takes up part of them; these values are those of the machine."
-        blocks += [together, Text(text, "note")]
-    blocks.append(identified(results))
+    """What was identified, together with the causes where there are some."""
+    together = _with_causes(results)
+    blocks: list[Block | None] = [together, identified(results), *([] if together else _calibrated(results))]
+    note = "Range: what was known of a dimension before, two standard deviations about nominal. Numbers in brackets: "
+    note += "standard uncertainty of the last digits; twice that for 95 %."
+    return section("parameters", "Identified parameters", [*blocks, Text(note, "note")])
+
+
+def alone(results: Results) -> Section | None:
+    """The calibration without the causes, where it is not that of the machine."""
+    if _with_causes(results) is None:
+        return None
+    text = "Not for use: without the causes, the parameters take up part of them."
+    return section("alone", "Appendix: calibration without the causes", [Text(text, "warning"), *_calibrated(results)])
+
+
+def _calibrated(results: Results) -> list[Block]:
+    """What `calibrate` shows, but for its table of errors."""
+    recorder = Recorder()
     results.calibrated.show(recorder)
-    blocks += [b for b in recorder.blocks if not (isinstance(b, Table) and b.title == _ERROR)]
-    return section("parameters", "Identified parameters", blocks)
+    return [b for b in recorder.blocks if not (isinstance(b, Table) and b.title == _ERROR)]
 
 
 def _with_causes(results: Results) -> Table | None:
@@ -130,13 +148,17 @@ def next_steps(results: Results) -> Section | None:
     """What to correct, and what to measure next."""
     report, blocks = results.diagnosis, list[Block]()
     machine, table = results.machine.files[0][0], results.measured.files
+    if report is not None and report.diagnosis.bad_rows:
+        again = ", ".join(results.row_text(row) for row in report.diagnosis.bad_rows)
+        blocks.append(Text(f"Measure again: {again} (off by itself, by more than any cause explains; not used)."))
     if report is not None and report.diagnosis.findings:
         rows = []
         for f in report.diagnosis.findings:
             h = f.hypothesis
             rows.append((h.name, report.size(f), _action(h, report.size(f))))
         blocks.append(Table("Corrections", ("cause", "size", "action"), tuple(rows), words=("action",)))
-        blocks += [Text("Write the machine with these causes, and set values that account for them:")]
+        text = "Repair a cause, or let set values account for it, not both; after a repair, measure again. Set values:"
+        blocks += [Text(text)]
         blocks += [Text(command("improve", machine, *table, "-o", "improved.yaml"), "command")]
         blocks += [Text("pkmcal correct improved.yaml TARGETS.csv -p improved.params.yaml -o commands.csv", "command")]
     else:
@@ -167,7 +189,8 @@ def _next_measurement(results: Results) -> list[Block]:
         return [Text(text), Text(command("plan", machine, table, "--aim", f"separate:{names}"), "command")]
     if results.verified is None:
         text = "After correction, measure again and hand over the sheet with both tables:"
-        after = command("report", machine, *results.measured.files, "--after", "AFTER.csv")
+        limit = () if results.tolerance is None else ("--tolerance", f"{results.length_text(results.tolerance[0])}")
+        after = command("report", machine, *results.measured.files, "--after", "AFTER.csv", *limit)
         return [Text(text), Text(after, "command")]
     text = "To find out later whether the machine has changed, measure some of these points again:"
     return [Text(text), Text(command("plan", machine, table, "--next", "--budget", "6"), "command")]

@@ -24,7 +24,7 @@ def verdict(results: Results) -> Verdict:
     if judged is None:
         return Verdict(_found(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
     worst = _worst(results, judged)
-    lines = [_share(results, judged), *_lines(results)]
+    lines = [_what(results, judged), _share(results, judged), *_lines(results)]
     return Verdict(_BY_TOLERANCE[judged.verdict], "; ".join([worst, *_causes(results)]), tuple(lines))
 
 
@@ -95,16 +95,29 @@ def _expected(results: Results, n: int) -> str:
 
 def _share(results: Results, judged: Judged) -> str:
     """Of how many points, on which rows, and what part of the verdict is the instrument's."""
-    unit, points = results.length_unit, judged.points
+    unit, points, limit = results.length_unit, judged.points, judged.tolerance
     parts = [(judged.passed, "pass"), (judged.failed, "fail"), (judged.undecided, "undecided")]
     sums = ", ".join(f"{int(part.sum())} {word}" for part, word in parts)
     which = "the table measured after correction" if results.verified is not None else results.before[1]
     u = unit.from_si(float(np.max(points.expanded, initial=0.0)))
-    share = 100 * u / unit.from_si(judged.tolerance)
+    share = 100 * u / unit.from_si(limit)
     return (
         f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}. "
-        f"Instrument: U = {u:.2g} {unit.text} (k = 2), {share:.2g} % of the tolerance."
+        f"Instrument: U = {u:.2g} {unit.text} (k = 2), {share:.2g} % of the tolerance: a point passes up to "
+        f"{unit.from_si(limit) - u:.3g} {unit.text}, fails beyond {unit.from_si(limit) + u:.3g} {unit.text}."
     )
+
+
+def _what(results: Results, judged: Judged) -> str:
+    """What the error is an error of, and where it is largest."""
+    state = "the machine after correction" if results.verified is not None else "the machine as calibrated"
+    if results.diagnosis is not None and results.diagnosis.diagnosis.findings and results.verified is None:
+        state += ", its causes not corrected"
+    k = judged.points.worst
+    where = "" if k is None else f", largest at {results.place(int(judged.points.rows[k]))}"
+    built = results.calibrated.before.get("position")
+    old = "" if built is None else f" As built (nominal dimensions): {results.length_text(built.largest)}."
+    return f"Judged: position errors of {state}{where}.{old}"
 
 
 def _lines(results: Results) -> list[str]:
