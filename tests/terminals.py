@@ -33,7 +33,7 @@ def on_terminal(width: int, *commands: Sequence[str], **more: str) -> list[tuple
     process = subprocess.Popen(
         [sys.executable, "-c", _DRIVER, json.dumps([list(c) for c in commands])],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=theirs, cwd=ROOT,
-        env=environment(TERM="xterm") | more, close_fds=True,
+        env=_unsized(environment(TERM="xterm") | more), close_fds=True,
     )  # fmt: skip
     os.close(theirs)
     shown = b""
@@ -43,6 +43,11 @@ def on_terminal(width: int, *commands: Sequence[str], **more: str) -> list[tuple
     process.wait(timeout=60)
     parts = re.split(r"\r?\n@@@ (\d+)\r?\n", shown.decode("utf-8").replace("\r\n", "\n"))
     return [(int(code), text) for text, code in zip(parts[::2], parts[1::2], strict=False)]
+
+
+def _unsized(variables: dict[str, str]) -> dict[str, str]:
+    """Without what would say how large the terminal is."""
+    return {name: value for name, value in variables.items() if name not in ("COLUMNS", "LINES")}
 
 
 def plain(text: str) -> str:

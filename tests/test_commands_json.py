@@ -126,6 +126,9 @@ def write_all(folder: Path) -> None:
         assert run("calibrate", folder / f"{name}.yaml", TRIGLIDE_DATA, *options).code == 0
 
 
+APART = "apart.params.yaml"
+
+
 def commands(folder: Path) -> dict[str, list[list[str]]]:
     """Runs that together show every key."""
     write_all(folder)
@@ -134,8 +137,7 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
     return {
         "check": [
             ["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"], ["blind.yaml"],
-            [TRIGLIDE, "lost.csv", "-p", "p.yaml", "--tolerance", "20 um"],
-            ["apart.yaml", TRIGLIDE_DATA, "-p", "apart.params.yaml"],
+            [TRIGLIDE, "lost.csv", "-p", "p.yaml", "--tolerance", "20 um"], ["apart.yaml", TRIGLIDE_DATA, "-p", APART],
         ],
         "simulate": [
             [TRIGLIDE, "far.csv", "-o", "out.csv"],

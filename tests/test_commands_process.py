@@ -77,7 +77,7 @@ def test_a_reader_that_leaves_is_no_traceback() -> None:
     simulate = f'{COMMAND} simulate {TRIGLIDE} --grid "x=200:700:300,y=200:350:300" -q'
     done = shell(f"{simulate} | head -1; exit ${{PIPESTATUS[0]}}")
     assert (done.code, done.err) == (4, "")
-    assert done.out.startswith("# simulated by pkmcal")
+    assert done.out.startswith("# simulated: no measurements")
 
 
 @pytest.mark.parametrize("arguments", ["--help", f"check {TRIGLIDE} -q --json", "schema", "--version"])
@@ -139,15 +139,16 @@ def _on_a_terminal(*arguments: str, **more: str) -> str:
 def test_colours_only_on_a_terminal_and_not_with_no_color() -> None:
     assert "\x1b[" in _on_a_terminal("check", TRIGLIDE)
     plain = _on_a_terminal("check", TRIGLIDE, NO_COLOR="1")
-    assert "\x1b[3" not in plain and "\x1b[9" not in plain, "no colour, though bold may stay"
+    assert not re.search(r"\x1b\[(3|9)\d", plain), "no colour, though bold and italics may stay"
     assert "\x1b" not in process("check", TRIGLIDE).err
 
 
 def test_progress_only_on_a_terminal() -> None:
-    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:150,y=200:350:150")
+    """Only where the work takes more than a second."""
+    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:600,y=200:350:600")
     shown = _on_a_terminal(*arguments)
-    assert "rows" in shown.replace("rows simulated", "") and "22500 rows simulated" in shown
-    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n22500 rows simulated\n"
+    assert "row " in shown and " of 360000" in shown and "360000 rows simulated" in shown
+    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n360000 rows simulated\n"
     assert _on_a_terminal(*arguments, "-q") == ""
 
 
@@ -155,7 +156,7 @@ def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
     """The rotation and the step in it; how long the rest takes, once a rotation is over; the line is taken away."""
     arguments = ("improve", SCISSORS, SHOPFLOOR)
     shown = _on_a_terminal(*arguments)
-    assert "all rows, search" in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
+    assert "all rows, " in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
     assert re.search(r"rotation 5 of 5.* about \d+ s left", shown)
     assert "s left" not in shown.partition("rotation 1 of 5")[2].partition("rotation 2 of 5")[0]
     assert shown.count("\x1b[?25l") == shown.count("\x1b[?25h") == 1, "the cursor is hidden, and shown again"

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
-from pkmcal_cli.calibration.verification import Judged, Known, judged, verified
+from pkmcal_cli.calibration.point_errors import Judged, PointErrors
+from pkmcal_cli.calibration.verification import Known, judged, verified
 from tests.campaign_tables import MM, true_values, write_table
 from tests.campaigns import shipped
 from tests.command import MACHINES, run
@@ -80,11 +81,13 @@ def test_an_instrument_may_stand_elsewhere(tmp_path: Path) -> None:
 def test_iso_14253() -> None:
     """|e| + U within the tolerance passes, |e| - U beyond it fails."""
     rows = np.arange(4)
-    found = Judged(rows, np.array([10.0, 17.0, 23.0, 27.0]), np.full(4, 4.0), 22.0)
+    points = PointErrors(rows, np.array([10.0, 17.0, 23.0, 27.0]), np.full(4, 4.0))
+    found = Judged(points, 22.0)
     assert found.passed.tolist() == [True, True, False, False] and found.failed.tolist() == [False, False, False, True]
     assert found.verdict == "fail"
-    assert Judged(rows[:3], found.errors[:3], found.expanded[:3], 22.0).verdict == "undecided"
-    assert Judged(rows[:2], found.errors[:2], found.expanded[:2], 22.0).verdict == "pass"
+    for number, verdict in ((3, "undecided"), (2, "pass"), (0, "undecided")):
+        some = PointErrors(rows[:number], points.errors[:number], points.expanded[:number])
+        assert Judged(some, 22.0).verdict == verdict
 
 
 @pytest.mark.parametrize(("tolerance", "verdict", "code"), [("0.2 mm", "pass", 0), ("30 um", "undecided", 1)])
@@ -113,7 +116,7 @@ def test_only_what_was_measured_counts(calibration: str, tmp_path: Path) -> None
     problem = replace(plan, positions=plan.positions[:5]).problem(readings + np.array([0.0, 5e-6]))
     problem = replace(problem, measured=np.array([[False, True]] * 5))
     nothing = Known((), np.zeros((0, 0)), {})
-    found = judged(verified(problem, plan.model.nominal, nothing), 1e-3)
+    found = judged(verified(problem, plan.model.nominal, nothing), 1e-3).points
     assert found.errors == pytest.approx(5e-6, rel=1e-2) and found.expanded == pytest.approx(2e-5)
 
 

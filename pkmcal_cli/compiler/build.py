@@ -106,7 +106,8 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
         )
         model = replace(model, sites=sites, fitted_frames=fitted, effect_groups=effect_groups(machine, sites))
         model = model.with_effects(*declared_effects(machine, model))
-    return Compiled(model, mobility, tuple(gaps), doubts, layout_of(made.structure))
+    vectors = len(topology.offset_vectors.offset_coefficients)
+    return Compiled(model, mobility, tuple(gaps), doubts, layout_of(made.structure, vectors))
 
 
 def _raise_errors(faults: list[Fault]) -> tuple[Fault, ...]:

@@ -9,8 +9,10 @@ from pkmcal_cli.mechanism.connection_points import Member
 from pkmcal_cli.model.layout import Layout, Piece
 
 
-def layout_of(structure: Structure) -> Layout:
-    """The layout of a structure whose members are linked."""
+def layout_of(structure: Structure, vectors: int) -> Layout:
+    """The layout of a structure whose members are linked; points that nothing uses, beyond its offset vectors, are
+    left out.
+    """
     machine = structure.machine
     names = [*machine.nodes, *machine.bodies, *machine.ground, *structure.owner]
     pieces: dict[str, list[Piece]] = {name: [] for name in members(machine)}
@@ -20,7 +22,9 @@ def layout_of(structure: Structure) -> Layout:
             bends = any(s.startswith("bend") for s in member.element.strains)
             pieces[own].append(Piece(member.name, member.links[0], bends))
     whole = {name: tuple(found) for name, found in pieces.items()}
-    return Layout({n: structure.point(n) for n in names}, dict(structure.rails.guides), whole)
+    points = {n: structure.point(n) for n in names}
+    used = {n: p for n, p in points.items() if all(offset < vectors for _, _, offset in p.offsets)}
+    return Layout(used, dict(structure.rails.guides), whole)
 
 
 def members(machine: Machine[Quantity, float]) -> dict[str, tuple[str, ...]]:

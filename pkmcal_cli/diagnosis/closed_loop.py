@@ -1,9 +1,9 @@
 """The closed loop: fit, diagnose, add, fit again; reported by points that neither fitted nor chose.
 
-What is tried is what the diagnosis of all rows names, no more and no less. The table is cut into blocks. In each
-rotation one block only reports: the rest fits the parameters and chooses the effects; an effect changes the errors on
-a rotation's report rows only if that rotation's other rows chose it, or one of its set. Over all rotations every row
-reports once. With a validation table there is one rotation, and that table reports.
+What is tried is what the diagnosis of all rows names, The table is cut into blocks. In each rotation one block only
+reports: the rest fits the parameters and chooses the effects; an effect changes the errors on a rotation's report rows
+only if that rotation's other rows chose it, or one of its set. Over all rotations every row reports once. With a
+validation table there is one rotation, and that table reports.
 """
 
 from __future__ import annotations
@@ -217,9 +217,8 @@ def _parts(problem: Problem, validation: Problem | None) -> list[_Part]:
     if validation is not None:
         return [(problem, validation, np.arange(len(validation)))]
     labels = cells(problem, ROTATIONS) if len(problem) >= FEWEST_TO_SPLIT else single_poses(problem)
-    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in range(int(labels.max()) + 1)]
-    parts = [(problem.take(train), problem.take(report), report) for train, report in pairs if len(report)]
-    return [part for part in parts if part[1].count]
+    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in np.unique(labels)]
+    return [p for p in ((problem.take(a), problem.take(b), b) for a, b in pairs) if p[1].count]
 
 
 def _rotations(
@@ -234,7 +233,8 @@ def _rotations(
         start[: len(candidates.model.names)] = candidates.begin()
         told = within(options.observe, Stage("rotation", k, len(parts)))
         sets = named(candidates, replace(train, model=candidates.model), selected, replace(options, observe=told))
-        out.append(OuterFold(train, report, rows, sets, identify(train, selected, start), start))
+        fit = identify(train, selected, start)
+        out.append(OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=start))
     return tuple(out)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +44,11 @@ class Errors:
     report: dict[str, ErrorFigures]
     channels: dict[str, ErrorFigures]  # by channel, on the report rows
     chi2: float  # mean square whitened residual on the report rows
-    points: PointErrors  # of positions on the report rows
+    points: PointErrors = field(compare=False)  # of positions on the report rows
     failed: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OuterFold:
     """Rows that fit and choose, rows that report and their numbers in the table (n,), what the former name (`sets`);
     their effects and fit so far.

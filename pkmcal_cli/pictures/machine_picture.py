@@ -175,8 +175,8 @@ class _Drawing:
             (list(_ends(self.shape)), {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4}),
         ]
         for names, mark in kinds:
-            if names:
-                at = self._on_page(np.array([places[n] for n in names]))
+            if there := [places[n] for n in names if n in places]:
+                at = self._on_page(np.array(there))
                 ax.plot(*at.T, ls="none", mew=0.8, zorder=5, **mark)
         for name in self.shape.readings:
             at = self._on_page(self.shape.at_drive(name, self.shown))
