@@ -1,9 +1,8 @@
 """The closed loop: fit, diagnose, add, fit again; reported by points that neither fitted nor chose.
 
-What is tried is what the diagnosis of all rows names, The table is cut into blocks. In each rotation one block only
-reports: the rest fits the parameters and chooses the effects; an effect changes the errors on a rotation's report rows
-only if that rotation's other rows chose it, or one of its set. Over all rotations every row reports once. With a
-validation table there is one rotation, and that table reports.
+What is tried is what the diagnosis of all rows names. The table is cut into blocks. In each rotation one block only
+reports: the rest fits and chooses; an effect changes the errors on a rotation's report rows only if its other rows
+chose it, or one of its set. So every row reports once. A validation table reports in one rotation.
 """
 
 from __future__ import annotations
