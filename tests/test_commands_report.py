@@ -217,7 +217,7 @@ def test_a_second_table_is_judged_and_its_circle_measured(tmp_path: Path) -> Non
     """Fewer than 20 rows: calibrated, not searched. The circle is 2 um too large, less what was identified."""
     (tmp_path / "m.csv").write_text(perfect(1), encoding="utf-8")
     (tmp_path / "after.csv").write_text(circle(50.0), encoding="utf-8")
-    asked = (MACHINES / "triglide.yaml", tmp_path / "m.csv", "--after", tmp_path / "after.csv", "--tolerance", "60 um")
+    asked = ("triglide", tmp_path / "m.csv", "--after", tmp_path / "after.csv", "--tolerance", "60 um")
     done = clean(run("report", *asked, "-o", tmp_path / "s.html", "--circle-feed", "1000", "--json", "-q"))
     found = done.json
     assert faults_of("report", found) == [] and (done.code, found["verdict"]) == (0, "pass")

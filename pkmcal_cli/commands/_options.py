@@ -32,6 +32,14 @@ MachineFile = Annotated[
         metavar="MACHINE.yaml", help="Machine file, or the name of a shipped one; - is stdin.", callback=_machine
     ),
 ]
+MachineOrRun = Annotated[
+    str,
+    typer.Argument(
+        metavar="M.yaml|RUN",
+        help="Machine file or name, or a folder kept by `--run` (then no MEAS.csv).",
+        callback=_machine,
+    ),
+]
 PosesFile = Annotated[
     str | None, typer.Argument(metavar="POSES.csv", help="Actuator positions or TCP coordinates; - is stdin.")
 ]

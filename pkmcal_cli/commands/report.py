@@ -11,6 +11,7 @@ from pkmcal_cli.commands._options import (
     Force,
     Json,
     Loss,
+    MachineOrRun,
     Parameters,
     Prior,
     Quiet,
@@ -21,9 +22,7 @@ from pkmcal_cli.commands._options import (
 
 
 def report(
-    machine: Annotated[
-        str, typer.Argument(metavar="M.yaml|RUN", help="Machine file, or a folder kept by `--run` (then no MEAS.csv).")
-    ],
+    machine: MachineOrRun,
     measurements: Annotated[
         list[str] | None,
         typer.Argument(metavar="[MEAS.csv]...", help="Measured rows, each file a session; after RUN: AFTER.csv."),
