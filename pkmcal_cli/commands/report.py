@@ -25,7 +25,7 @@ def report(
     machine: MachineOrRun,
     measurements: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[MEAS.csv]...", help="Measured rows, each file a session; after RUN: AFTER.csv."),
+        typer.Argument(metavar="MEAS.csv", help="Measured rows, each file a session; after RUN: AFTER.csv."),
     ] = None,
     after: Annotated[
         str | None, typer.Option("--after", metavar="AFTER.csv", help="Rows measured after correction; judged instead.")
