@@ -126,7 +126,9 @@ def next_points(
     if wanted is None or wanted.limit is None:
         raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
     try:
-        fit = calibrated(problem, selected, start.values, FitOptions(), np.asarray(measured.session))
+        session = np.asarray(measured.session)
+        with to.stages() as observe:
+            fit = calibrated(problem, selected, start.values, FitOptions(), session, observe=observe)
     except RowsFailed as failure:
         raise unsolved(measured, failure.evaluation.prediction) from None
     done = np.nonzero(problem.measured.any(axis=1))[0]
@@ -139,7 +141,8 @@ def next_points(
         noise=float(fit.budget.scales.typical_noise.max()) ** 0.5,
     )
     inputs = loaded.inputs | start.inputs | measured.inputs
-    return replace(_proposed(loaded, now, wanted, budget, seed), inputs=inputs)
+    with to.step("points to measure next"):
+        return replace(_proposed(loaded, now, wanted, budget, seed), inputs=inputs)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -50,7 +50,8 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     candidates = candidates_of(model, selected, with_directions(poses.every.rows, [a.name for a in model.actuators]))
     values = np.append(start.values, candidates.model.nominal[len(model.parameters) :])
     problem, still, poses = _predicted(to, loaded.machine.file_units, candidates.model, values, poses)
-    simulated = simulated_effects(candidates, problem, values, selected, still)
+    with to.step("what each effect does"):
+        simulated = simulated_effects(candidates, problem, values, selected, still)
     report = EffectsReport(problem.model, len(problem), simulated, _absent(loaded, model, candidates))
     report.show(to)
     Loads.of(problem.model, values, problem.rows, poses.poses.place, still.start).show(to)
