@@ -43,21 +43,19 @@ def drawing(results: Results) -> Section | None:
     return None
 
 
-def maps(results: Results) -> Figure | None:
-    """Errors of positions as arrows: before and after calibration, then with the causes; None without positions."""
+def maps(results: Results) -> list[Figure]:
+    """Errors of positions as arrows: before and after calibration, then with the causes; none without positions."""
     report, improved = results.calibrated, results.improved
     problem, calibrated = report.problem.without(report.slipped), ("calibrated", report.fit.after.residual)
     before = [] if report.started else [("as built", report.fit.before.residual)]
-    rows = [places_of(problem, [*before, calibrated])]
+    pairs = [("errors before and after calibration", places_of(problem, [*before, calibrated]))]
     if improved is not None and improved.improvement.accepted:
         with_causes = ("with causes", improved.improvement.fit.after.residual)
-        rows.append(places_of(improved.improvement.problem, [calibrated, with_causes]))
-    places = [p for row in rows for p in row]
-    if not places:
-        return None
-    picture = error_map(places, _titles(results, "errors of positions"), results.machine.file_units.length)
-    scale = "Arrows of a row of panels have one scale, but where a panel says otherwise."
-    return Figure(picture, f"Measured minus predicted, on the fitted rows. {scale}")
+        pairs.append(("errors with the causes", places_of(improved.improvement.problem, [calibrated, with_causes])))
+    unit, caption = results.machine.file_units.length, "Measured minus predicted, on the fitted rows. Arrows of a row "
+    caption += "of panels have one scale, but where a panel says otherwise."
+    drawn = [error_map(places, _titles(results, what), unit) for what, places in pairs if places]
+    return [Figure(picture, caption) for picture in drawn]
 
 
 def effects(results: Results) -> list[Figure]:

@@ -71,7 +71,7 @@ def errors(results: Results) -> Section | None:
     elif not isinstance(held, str):
         rows += _figures(results, "calibrated", "held out", held.after)
     table = Table("", ("state", "on", "error", "rms", "largest"), tuple(rows), left=3)
-    return section("errors", "Errors before and after", [table, Text(remark, "note"), maps(results), steps(results)])
+    return section("errors", "Errors before and after", [table, Text(remark, "note"), *maps(results), steps(results)])
 
 
 def _figures(results: Results, state: str, on: str, figures: Mapping[str, ErrorFigures]) -> list[tuple[str, ...]]:
