@@ -94,9 +94,19 @@ def installed(wheel: Path, folder: Path) -> Path:
     subprocess.run([*pip, "--disable-pip-version-check", str(wheel)], env=plain(), check=True, timeout=120)
     code = "import sysconfig; print(sysconfig.get_path('purelib'))"
     own = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True, timeout=60).stdout.strip()
-    others = [place for place in sys.path if Path(place).name == "site-packages"]
-    (Path(own) / "dependencies.pth").write_text("\n".join(others) + "\n", encoding="utf-8")
+    (Path(own) / "dependencies.pth").write_text(f"{dependencies(folder)}\n", encoding="utf-8")
     return python
+
+
+def dependencies(folder: Path) -> Path:
+    """A folder of links to the packages of the tests' environment, without the pkmcal that is installed there."""
+    links = folder / "dependencies"
+    links.mkdir()
+    places = [Path(place) for place in sys.path if Path(place).name == "site-packages"]
+    for entry in (e for place in places for e in place.iterdir()):
+        if "pkmcal" not in entry.name and not (links / entry.name).exists():
+            (links / entry.name).symlink_to(entry)
+    return links
 
 
 def asked(python: Path, *arguments: str, cwd: Path) -> list[str]:
