@@ -142,7 +142,7 @@ def _beside(path: Path) -> Iterator[TextIO]:
                 os.chmod(temporary, stat.S_IMODE(path.stat().st_mode))
             yield file
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
 
 
 def _aside(path: Path, kind: str) -> Path:
@@ -168,7 +168,13 @@ def _move_all(parts: Sequence[tuple[Path, Path]], force: bool) -> None:
             os.replace(old, path) if old.exists() else path.unlink()
             raise
     finally:
-        old.unlink(missing_ok=True)
+        _remove(old)
+
+
+def _remove(temporary: Path) -> None:
+    """A temporary file goes; where that fails the result, which is in place or not, stays as it is."""
+    with contextlib.suppress(OSError):
+        temporary.unlink()
 
 
 def _keep(path: Path, old: Path) -> None:

@@ -120,4 +120,10 @@ def open_with_origin(
     with write_together([beside(target), target], inputs, force=force) as (told, file):
         yield file
         file.flush()
-        told.write(origin.text(target, sha256(Path(file.name))))
+        told.write(origin.text(target, _checksum(file.name)))
+
+
+def _checksum(name: str) -> str:
+    """Of what was just written, hex. Raises OSError, which is an error of the output and not of an input."""
+    with open(name, "rb") as file:
+        return sha256(file)

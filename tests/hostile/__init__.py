@@ -1,0 +1,1 @@
+"""Attacks on the program and on its tests: mutants, failing file operations, damaged inputs."""

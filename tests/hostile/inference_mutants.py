@@ -1,0 +1,154 @@
+"""Mutants of calibration and diagnosis."""
+
+from __future__ import annotations
+
+from tests.hostile.mutant_kinds import Mutant
+
+_S = "tests/test_survivors.py::"
+_LINEAR = "tests/test_diagnosis_linear.py::"
+_SCORES = _LINEAR + "test_scores_are_those_of_least_squares"
+_ISO = "tests/test_positioning_accuracy.py"
+
+INFERENCE = (
+    Mutant(
+        "calibration/step.py",
+        "free & ((step < room_down - 1e-12) | (step > room_up + 1e-12))",
+        "free & (step < room_down - 1e12)",
+        "tests/test_identify.py",
+    ),
+    Mutant("calibration/identify.py", "2 * len(failed) >=", "0 * len(failed) >=", "tests/test_identify.py"),
+    Mutant(
+        "calibration/identify.py",
+        "+ near.known - max(moved, 0)",
+        "+ near.known + max(moved, 0)",
+        "tests/test_identify.py tests/test_intervals.py",
+    ),
+    Mutant(
+        "calibration/residual.py",
+        "measured - period * np.round(",
+        "measured + period * np.round(",
+        "tests/test_residual_turns.py",
+    ),
+    Mutant(
+        "calibration/residual.py",
+        "np.where(near[:, None], other, measured)",
+        "np.where(near[:, None], measured, other)",
+        "tests/test_residual_turns.py",
+    ),
+    Mutant(
+        "calibration/whitening.py",
+        "covariance = spread @ np.swapaxes(spread, 1, 2)",
+        "covariance = 0 * spread @ np.swapaxes(spread, 1, 2)",
+        "tests/test_identify.py",
+    ),
+    Mutant(
+        "calibration/identifiability.py",
+        "1.0 / self.singular_values**2)",
+        "1.0 / self.singular_values)",
+        "tests/test_identifiability.py",
+    ),
+    Mutant(
+        "calibration/identifiability.py",
+        "np.where(self.held, WEAK**-2",
+        "np.where(self.held, 0.0",
+        "tests/test_identifiability.py",
+    ),
+    Mutant(
+        "calibration/error_budget.py",
+        "squares.T + self.scales.noise @ noise",
+        "squares.T",
+        "tests/test_error_budget.py",
+    ),
+    Mutant(
+        "calibration/error_budget.py",
+        "by_held=gain @ whole[:p, p:] * own",
+        "by_held=0 * gain @ whole[:p, p:] * own",
+        "tests/test_error_budget.py",
+    ),
+    Mutant(
+        "calibration/holdout.py",
+        "np.nonzero(labels != fold)[0]",
+        "np.nonzero(labels == labels)[0]",
+        "tests/test_holdout.py::test_figures_are_those_of_fits_without_the_fold",
+    ),
+    Mutant(
+        "calibration/robust.py",
+        "_HUBER / size)",
+        "(_HUBER / size) ** 2)",
+        "tests/test_robust.py::test_weights_are_those_of_the_books",
+    ),
+    Mutant(
+        "calibration/prior.py",
+        "np.diag(2.0 / model.ranges[index])",
+        "np.diag(1.0 / model.ranges[index])",
+        "tests/test_robust.py::test_a_prior_is_half_the_range",
+    ),
+    Mutant(
+        "calibration/replicates.py",
+        "freedom = int(many.sum()) - int((size > 1).sum())",
+        "freedom = int(many.sum())",
+        "tests/test_replicates.py",
+    ),
+    Mutant("calibration/positioning_accuracy.py", "4 * s.max(axis=1))", "3 * s.max(axis=1))", _ISO),
+    Mutant("calibration/positioning_accuracy.py", "distance.mean() + 3 *", "distance.mean() + 2 *", _ISO),
+    Mutant(
+        "diagnosis/confirm.py",
+        "train, test = fold_of != fold, labels == fold",
+        "train, test = fold_of >= 0, labels == fold",
+        _S + "test_a_held_out_row_has_no_part_in_its_own_prediction",
+    ),
+    Mutant(
+        "diagnosis/confirm.py",
+        "return self.gain > self.error",
+        "return self.gain > 0",
+        _S + "test_a_gain_within_its_error_confirms_nothing",
+    ),
+    Mutant(
+        "diagnosis/linear.py",
+        "np.where(spectrum.held, 1.0, 0.0)",
+        "np.where(spectrum.held, 0.0, 0.0)",
+        _S + "test_what_is_held_moves_as_far_as_its_range_only",
+    ),
+    Mutant(
+        "diagnosis/linear.py",
+        "(1.0 + g) - m * np.log1p(g)",
+        "(1.0 + g) - np.log1p(g)",
+        _S + "test_evidence_is_the_integral_over_sizes",
+    ),
+    Mutant(
+        "diagnosis/linear.py",
+        "/ np.sqrt(1 - share**2)",
+        "/ (1 - share**2)",
+        _S + "test_noise_with_a_memory_is_white_afterwards",
+    ),
+    Mutant(
+        "diagnosis/linear.py",
+        "return x - a @ cho_solve(factor, a.T @ x)",
+        "return x + a @ cho_solve(factor, a.T @ x)",
+        _SCORES,
+    ),
+    Mutant(
+        "diagnosis/score.py", "(self.gradient**2 / self.information)", "(self.gradient**2 * self.information)", _SCORES
+    ),
+    Mutant("diagnosis/score.py", "np.sqrt(NONCENTRALITY / information)", "NONCENTRALITY / information", _SCORES),
+    Mutant("diagnosis/alpha.py", "0.6 * self.total", "3.0 * self.total", _S + "test_the_parts_of_alpha_are_the_whole"),
+    Mutant(
+        "diagnosis/search.py",
+        "critical_p(draws, options.parts.catalogue)",
+        "critical_p(draws, 5 * options.parts.catalogue)",
+        _S + "test_a_search_spends_the_catalogues_part_of_alpha",
+    ),
+    Mutant(
+        "diagnosis/threshold.py",
+        "np.quantile(smallest, alpha)",
+        "np.quantile(smallest, 1 - alpha)",
+        _LINEAR + "test_critical_p_lies_between_bonferroni_and_a_single_test",
+    ),
+    Mutant(
+        "diagnosis/outlying_rows.py",
+        "np.maximum(_heavy_p(statistic, count, f), normal_p)",
+        "normal_p",
+        _LINEAR + "test_tails_decide_how_far_off_a_row_must_be",
+    ),
+    Mutant("diagnosis/groups.py", "spread[name] > least", "spread[name] > 0", "tests/test_folds.py"),
+)

@@ -1,0 +1,128 @@
+"""What one-line mutants survived once: each by a closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.diagnosis import search as search_module
+from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.confirm import HeldOutGain, _held_out
+from pkmcal_cli.diagnosis.linear import Linear, Memory, log_evidence
+from pkmcal_cli.diagnosis.scoring import Search
+from pkmcal_cli.diagnosis.search import run_search
+from pkmcal_cli.diagnosis.search_options import SearchOptions
+from pkmcal_cli.elements import JointElement, LinkGeometry
+from pkmcal_cli.prediction import Request
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+from tests.benchmark.setting import Setting
+from tests.support import at, model
+
+
+def test_linear_is_one_step_without_geometric_stiffness() -> None:
+    """Three bars at one point: K = sum k n n^T at the rigid pose, without the tension over length across each bar."""
+    machine = model("biglide")
+    short = 2e-3  # m by which the leg is commanded shorter than the pose that the carriages hold
+    readings = drive_positions(machine, machine.tool.reference[None]).readings
+    rigid = at(machine, readings, Request("rigid")).values[0, :2]
+    base = np.array([[readings[0, 0], 0.1], [readings[0, 1], 0.1], [0.36, 0.65]])
+    chord = rigid - base
+    n, stiffness = chord / np.linalg.norm(chord, axis=1)[:, None], np.array([5e7, 5e7, 2e7])
+    step = np.linalg.solve((n.T * stiffness) @ n, -(n.T @ (stiffness * [0.0, 0.0, short])))
+    found = at(machine, readings - [0, 0, short], Request("linear")).values[0, :2]
+    np.testing.assert_allclose(found - rigid, step, rtol=1e-9, atol=1e-13)
+
+
+@cache
+def begun() -> Search:
+    """A search in a campaign with nothing planted."""
+    case = Setting.of("scissors", 11).ready
+    fit = identify(case.problem, case.selected)
+    return Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
+
+
+def test_a_held_out_row_has_no_part_in_its_own_prediction() -> None:
+    """Its reading off by d: its held-out residual is off by d, not by the share that a fit would leave."""
+    search, off = begun(), 1e-3
+    labels = np.arange(len(search.problem)) % 3
+    readings = search.problem.readings.copy()
+    readings[4, 0] += off
+    changed = replace(search, problem=replace(search.problem, readings=readings))
+    before, after = (_held_out(s, search.fit.values, search.selected, labels)[0] for s in (search, changed))
+    same = labels == labels[4]
+    assert after[4, 0] - before[4, 0] == pytest.approx(off, rel=1e-9)
+    rest = np.abs(after - before)[same]
+    assert np.sort(rest.ravel())[-2] < 1e-9 * off, "nor in that of others of its fold"
+    assert np.abs(after - before)[~same].max() > 1e-3 * off
+
+
+def test_a_gain_within_its_error_confirms_nothing() -> None:
+    within = HeldOutGain(with_it=1.0, without=1.0, gain=0.5, error=1.0, scheme="")
+    assert not within.confirmed and not within.contradicts
+    assert replace(within, gain=1.5).confirmed and replace(within, gain=-0.5).contradicts
+
+
+def linear(columns: Array, projected: int, residual: Array) -> Linear:
+    names = tuple(f"p{k}" for k in range(columns.shape[1]))
+    return Linear(
+        residual=residual, columns=columns, names=names, ranges=np.full(len(names), 2.0), projected=names[:projected],
+        used=len(residual), channels=1,
+    )  # fmt: skip
+
+
+def test_what_is_held_moves_as_far_as_its_range_only() -> None:
+    """A declared column a that noise hides: V = 1 + a a^T, so a like effect c keeps c^2 / (1 + a^2) of information."""
+    unit = np.ones(16) / 4
+    weak, effect = 0.3 * unit, 40.0 * unit
+    found = linear(np.column_stack([weak, effect]), 1, np.zeros(16))
+    assert found.spectrum.held.all()
+    assert found.score(effect[:, None]).alone[0] == pytest.approx(40.0**2 / (1 + 0.3**2), rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_evidence_is_the_integral_over_sizes(count: int) -> None:
+    """Of k sizes with a normal prior of variance g: (1 + g)^(-k / 2) exp(T g / (1 + g) / 2), g = T / k - 1."""
+    statistic = 30.0
+    g = statistic / count - 1
+    expected = -0.5 * count * np.log(1 + g) + 0.5 * statistic * g / (1 + g)
+    assert log_evidence(np.array([statistic]), np.array([count]))[0] == pytest.approx(expected)
+
+
+def test_noise_with_a_memory_is_white_afterwards() -> None:
+    """x_k = 0.8 x_(k-1) + 0.6 e_k has unit variance, and what is made of it is e."""
+    e = np.random.default_rng(3).normal(size=200)
+    x = e.copy()
+    for k in range(1, len(x)):
+        x[k] = 0.8 * x[k - 1] + 0.6 * e[k]
+    memory = Memory(np.arange(200), 0.8, np.ones((200, 1), dtype=bool))
+    np.testing.assert_allclose(linear(np.zeros((200, 1)), 1, x).prewhitened(memory).residual, e, atol=1e-12)
+
+
+@pytest.mark.parametrize("total", [0.005, 0.05])
+def test_the_parts_of_alpha_are_the_whole(total: float) -> None:
+    """Bonferroni: false alarms of the parts add up."""
+    parts = Alpha(total)
+    assert parts.catalogue + parts.groups + parts.rows == pytest.approx(total, rel=1e-12)
+
+
+def test_a_search_spends_the_catalogues_part_of_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of simulated smallest p values so many are below the critical one."""
+    draws = np.linspace(0.0, 1.0, 100_001)
+    monkeypatch.setattr(search_module, "smallest_p", lambda *_: draws)
+    monkeypatch.setattr(search_module, "_followed", lambda search, *_: search)
+    assert run_search(begun(), SearchOptions(alpha=0.05, seed=0)).critical == pytest.approx(0.03, rel=1e-9)
+
+
+@pytest.mark.parametrize("ahead", [-3.0, -0.1, 0.1, 3.0])
+def test_a_drive_may_be_a_little_behind_its_command(ahead: float) -> None:
+    """The strain of a drive that turns is the shorter way to its command, in both directions."""
+    element, triad = JointElement("revolute", ("angle",)), np.eye(3)[None, None]
+    link = LinkGeometry(np.zeros((1, 1, 3)), triad, triad, np.zeros((1, 1, 0)))
+    for turns in (0, 2):
+        e, _ = element.evaluate(link, np.full((1, 1, 1), 2 * np.pi * turns - ahead))
+        assert e[0, 0, 0] == pytest.approx(ahead)
