@@ -18,6 +18,7 @@ from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.elements import JointElement, LinkGeometry
+from pkmcal_cli.equilibrium.stability import stable
 from pkmcal_cli.prediction import Request
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.benchmark.setting import Setting
@@ -126,3 +127,10 @@ def test_a_drive_may_be_a_little_behind_its_command(ahead: float) -> None:
     for turns in (0, 2):
         e, _ = element.evaluate(link, np.full((1, 1, 1), 2 * np.pi * turns - ahead))
         assert e[0, 0, 0] == pytest.approx(ahead)
+
+
+def test_a_saddle_is_not_stable_whatever_rows_are_beside_it() -> None:
+    """Tangents of one constraint x = 0 beside a stiffness: only what is free of it decides."""
+    free = np.array([[-5.0, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.0]])  # unstable along x, which is held
+    saddle = np.array([[5.0, 0.0, 1.0], [0.0, -2.0, 0.0], [1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(stable(np.stack([free, saddle, free, saddle]), 2), [True, False, True, False])

@@ -63,8 +63,7 @@ def outcomes(mutants: Sequence[Mutant]) -> list[tuple[Mutant, str]]:
         copied(Path(name))
         for number, mutant in enumerate(mutants):
             out.append((mutant, _outcome(mutant, Path(name), number)))
-            if out[-1][1] != "killed":
-                print(f"{out[-1][1]}: {mutant.file}: {mutant.new!r} by {mutant.test}", flush=True)
+            print(f"{out[-1][1]}: {mutant.file}: {mutant.new!r} by {mutant.test}", flush=True)
     return out
 
 
