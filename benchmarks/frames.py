@@ -19,7 +19,6 @@ from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference_state
-from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
@@ -52,14 +51,14 @@ def elastic_step(system: System, coefficients: Array, state: State, curved: bool
     """Step of all unknowns (N, n + c): assembly and solution at a known pose, with the stress term or without."""
     now = balance(system, coefficients, state, typical_stiffness(system, coefficients), curved=curved)
     assert now.tangent is not None
-    return -solve_rows(now.tangent, now.residual[..., None])[..., 0]
+    return -now.tangent.solve(now.residual[..., None])[..., 0]
 
 
 def equations(system: System, coefficients: Array, state: State) -> tuple[Array, Array]:
     """Matrices and right sides of the same step."""
     now = balance(system, coefficients, state, typical_stiffness(system, coefficients))
     assert now.tangent is not None
-    return np.ascontiguousarray(now.tangent), now.residual[..., None]
+    return np.ascontiguousarray(now.tangent.dense()), now.residual[..., None]
 
 
 PLANAR = """

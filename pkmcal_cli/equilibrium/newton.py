@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed
-from pkmcal_cli.equilibrium.stability import stable
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
@@ -57,17 +56,6 @@ class Effort:
         """Count one step of `rows` rows."""
         self.steps += rows
         self.per_round.append(rows)
-
-
-def solve_rows(matrix: Array, right: Array) -> Array:
-    """Solve (N, n, n) x = (N, n, k); NaN in rows whose matrix is singular."""
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        if len(matrix) == 1:
-            return np.full(right.shape, np.nan, dtype=right.dtype)
-        half = len(matrix) // 2
-        return np.concatenate([solve_rows(matrix[:half], right[:half]), solve_rows(matrix[half:], right[half:])])
 
 
 def coefficients_of(coefficients: Array, rows: Index) -> Array:
@@ -115,7 +103,7 @@ class _Run:
         self.scale = typical_stiffness(system, self.numbers)
         self.previous = np.full(rows, np.inf)  # size of the last step
         self.before = np.zeros(rows)  # size of the one before
-        self.matrix: Array = np.zeros((rows, system.size**2))
+        self.entries: Array = np.zeros((rows, system.maps.width))
 
     def iterate(self, first: bool) -> None:
         """One step of all active rows; those that arrive or get lost leave."""
@@ -126,11 +114,11 @@ class _Run:
             self.scale,
             curved=self.options.curved,
             taut=self.options.taut and first,
-            matrix=self.matrix[: len(self.active)],
+            entries=self.entries[: len(self.active)],
         )
         assert balanced.tangent is not None
         changed = self._ropes_change(balanced.stresses)
-        step = -solve_rows(balanced.tangent, balanced.residual[..., None])[..., 0]
+        step = -balanced.tangent.solve(balanced.residual[..., None])[..., 0]
         size = step_size(self.system, step, self.length)
         finite = np.isfinite(size)
         step[~finite] = 0.0
@@ -142,7 +130,7 @@ class _Run:
         self.status[self.active[done]] = RowStatus.SOLVED
         if self.options.curved and done.any():
             saddle = done.copy()
-            saddle[done] = ~stable(balanced.tangent[done], self.system.unknowns)
+            saddle[done] = ~balanced.tangent.stable(np.nonzero(done)[0])
             self.status[self.active[saddle]] = RowStatus.UNSTABLE
         self.status[self.active[~finite]] = RowStatus.SINGULAR
         self.before = np.where(np.isfinite(self.previous), self.previous, 0.0)
