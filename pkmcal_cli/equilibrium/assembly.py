@@ -260,11 +260,11 @@ def _add_offset_curvature(context: _Context, index: int, force: Array, direction
     parts = (blocks.rotating, blocks.hinged, blocks.sliding_rotating, blocks.sliding_hinged)
     if context.tangents is None or not len(links.moving):
         return
-    rotating, hinged, mixed_rotating, mixed_hinged = (part.of(context.tangents) for part in parts)
     if not context.curved:
-        for part in (rotating, hinged, mixed_rotating, mixed_hinged):
-            part[...] = 0.0
+        for part in parts:
+            context.tangents[part.start : part.stop] = 0.0
         return
+    rotating, hinged, mixed_rotating, mixed_hinged = (part.of(context.tangents) for part in parts)
     pull = np.zeros((*force.shape[:2], 3), order="F")
     pull[..., : context.system.topology.width] = force[..., : context.system.topology.width]
     if len(links.rotating.link):
