@@ -41,10 +41,8 @@ class Frame:
     read: tuple[int, ...]
 
     def displacement(self, rows: slice) -> Array:
-        """Displacement of T, m and rad: one linear step."""
-        return elastic_step(self.model.exact, self.coefficients[rows], self.state.take(rows), curved=False)[
-            :, self.read
-        ]
+        """Displacement of T, m and rad: one step as a calibration takes it, with geometric stiffness."""
+        return elastic_step(self.model.exact, self.coefficients[rows], self.state.take(rows))[:, self.read]
 
 
 def elastic_step(system: System, coefficients: Array, state: State, curved: bool = True) -> Array:
@@ -107,7 +105,7 @@ def planar_frame(count: int) -> Frame:
     lengths = np.sqrt(((tops[:, None] - feet) ** 2).sum(-1))
     names = model.topology.travel_names
     coefficients = _coefficients(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
-    state = _unloaded(model, coefficients, count)
+    state = unloaded(model, coefficients, count)
     for axis, name in enumerate(("T.x", "T.y")):
         state.travel[:, names.index(name)] = tops[:, axis]
     read = tuple(int(model.exact.place[names.index(name)]) for name in ("T.x", "T.y"))
@@ -135,7 +133,7 @@ def spatial_frame(count: int) -> Frame:
     model = compiled(_spatial_text())
     sizes = spatial_sizes(count)
     coefficients = _coefficients(model, sizes[:, None])
-    state = _unloaded(model, coefficients, count)
+    state = unloaded(model, coefficients, count)
     state.travel[:] = sizes[:, None] * model.topology.travel_reference
     first = model.topology.travel_names.index("T.x")
     turn = int(model.topology.rotation_dofs[model.topology.rotations.names.index("T")])
@@ -148,7 +146,8 @@ def _coefficients(model: Model, values: Array) -> Array:
     return np.asfortranarray([model.topology.coefficients.values(model.by_name(row)) for row in values])
 
 
-def _unloaded(model: Model, coefficients: Array, count: int) -> State:
+def unloaded(model: Model, coefficients: Array, count: int) -> State:
+    """The reference configuration without stress, `count` rows."""
     system = model.exact
     state = reference_state(model.topology, coefficients, count, system.constraints)
     return place_prescribed(model.topology, coefficients, state, free=system.free)
