@@ -104,7 +104,7 @@ def planar_frame(count: int) -> Frame:
     feet, tops = planar_points(count)
     lengths = np.sqrt(((tops[:, None] - feet) ** 2).sum(-1))
     names = model.topology.travel_names
-    coefficients = _coefficients(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
+    coefficients = coefficients_at(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
     state = unloaded(model, coefficients, count)
     for axis, name in enumerate(("T.x", "T.y")):
         state.travel[:, names.index(name)] = tops[:, axis]
@@ -132,7 +132,7 @@ def spatial_frame(count: int) -> Frame:
     """The spatial frame in `count` sizes."""
     model = compiled(_spatial_text())
     sizes = spatial_sizes(count)
-    coefficients = _coefficients(model, sizes[:, None])
+    coefficients = coefficients_at(model, sizes[:, None])
     state = unloaded(model, coefficients, count)
     state.travel[:] = sizes[:, None] * model.topology.travel_reference
     first = model.topology.travel_names.index("T.x")
@@ -141,7 +141,7 @@ def spatial_frame(count: int) -> Frame:
     return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))
 
 
-def _coefficients(model: Model, values: Array) -> Array:
+def coefficients_at(model: Model, values: Array) -> Array:
     """Coefficients (N, S) at parameter values (N, P)."""
     return np.asfortranarray([model.topology.coefficients.values(model.by_name(row)) for row in values])
 

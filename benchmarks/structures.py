@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def _line(start: Array, end: Array, count: int, name: str) -> dict[str, Array]:
 
 
 def _joined(names: list[str]) -> list[tuple[str, str]]:
-    return list(zip(names[:-1], names[1:], strict=True))
+    return list(pairwise(names))
 
 
 def _chain(beams: int) -> _Parts:
