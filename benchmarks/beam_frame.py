@@ -79,6 +79,8 @@ def beams_elsewhere(
     order = ("T", "E1", "E2", "E3", "B1", "B2", "B3", "Q")
     places = (spatial_sizes(count)[:, None, None] * np.array([_place(name) for name in order])).tolist()
 
+    section, springs = (_AREA, 210e9, _SIDE**4 / 12), ("-mat", 1, 1, 2, "-dir", 1, 2, 6)
+
     def configuration(solver: str, row: int) -> list[float]:
         ops.wipe()
         ops.model("basic", "-ndm", 2, "-ndf", 3)
@@ -89,9 +91,9 @@ def beams_elsewhere(
         ops.uniaxialMaterial("Elastic", 3, _TIE)
         ops.geomTransf("Linear", 1)
         for k in range(3):
-            ops.element("elasticBeamColumn", 1 + k, 2 + k, 1, _AREA, 210e9, _SIDE**4 / 12, 1)
+            ops.element("elasticBeamColumn", 1 + k, 2 + k, 1, *section, 1)
             ops.fix(5 + k, 1, 1, 1)
-            ops.element("zeroLength", 4 + k, *(5 + k, 2 + k), "-mat", 1, 1, 2, "-dir", 1, 2, 6)
+            ops.element("zeroLength", 4 + k, 5 + k, 2 + k, *springs)
         ops.fix(8, 0, 0, 1)
         for k, name in enumerate(_TIES):
             ops.element("Truss", 7 + k, order.index(name) + 1, 8, 1.0, 3)

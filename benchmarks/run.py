@@ -55,13 +55,13 @@ def document(found: list[Line], grown: list[sweep.Growth], rounds: int) -> str:
 
 Written by `python -m benchmarks.run --write`; medians of {rounds} rounds. All cases of a line run in turn in one
 process on one thread ({versions}). Times are processor times, so other programs on a busy
-computer do not affect them. `a : b` is the time of a divided by that of b; for OpenSees this is the factor by which the
-engine is faster. A step is the assembly of the tangent and the solution at a known pose, with geometric stiffness as
-a calibration takes it, for all rows of a chunk together. `bare` is the faster of LAPACK's `posv` (with multipliers
-`sysv`) row by row and numpy's batched `gesv`, on the same matrices, already assembled. OpenSees rebuilds its model for every configuration, from coordinates prepared beforehand, with the fastest of
-its direct solvers; its displacements are compared with the engine's. Iterations per row count those of the rigid pose
-and of the elastic equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every parameter, a
-later one 1 um.
+computer do not affect them much. `a : b` is the time of a divided by that of b; for OpenSees this is the factor by
+which the engine is faster. A step is the assembly of the tangent and the solution at a known pose, with geometric
+stiffness as a calibration takes it, for all rows of a chunk together. `bare` is the faster of LAPACK's `posv` (with
+multipliers `sysv`) row by row and numpy's batched `gesv`, on the same matrices, already assembled. OpenSees rebuilds
+its model for every configuration, from coordinates prepared beforehand, with the fastest of its direct solvers; its
+displacements are compared with the engine's. Iterations per row count those of the rigid pose and of the elastic
+equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every parameter, a later one 1 um.
 
 {table(HEAD, found)}
 
