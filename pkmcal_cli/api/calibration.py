@@ -13,6 +13,7 @@ import pandas as pd
 from pkmcal_cli.base.errors import PkmcalWarning
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.outputs import write_text
+from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.complete_fit import FitOptions
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine as MachineFile
@@ -158,16 +159,17 @@ def calibrate(
     uncertainty: str = "linear",
     starts: int = 0,
     seed: int = 0,
+    jobs: int = 1,
 ) -> Calibration:
     """Which dimensions explain the measurements, and how uncertain are they? As `pkmcal calibrate`.
 
     measurements: one table or several, each of which is a session; holdout: a number of folds, `session`, `cells`,
-    `none`, or a table of its own. Warns with PkmcalWarning where the parameters cannot be used. Raises PkmcalError.
+    `none`, or a table of its own; jobs: processes, 0 for all cores. Warns with PkmcalWarning where the parameters cannot be used. Raises PkmcalError.
     """
     known = load(machine)
     options = FitOptions(
         loss=loss, prior=_prior(prior), uncertainty=uncertainty, seed=whole("seed", seed),
-        starts=whole("starts", starts, _STARTS),
+        starts=whole("starts", starts, _STARTS), workers=Workers.of(whole("jobs", jobs)),
     )  # fmt: skip
     request = CalibrationRequest(
         machine=known.file, measurements=sources_of(measurements), select=names_of(select), holdout=_apart(holdout),

@@ -82,4 +82,5 @@ def one_thread() -> AbstractContextManager[object]:
     """While a task runs, linear algebra has one thread, so that sums come out the same, whoever does it."""
     from threadpoolctl import threadpool_limits
 
-    return threadpool_limits(1)
+    limits: AbstractContextManager[object] = threadpool_limits(1)
+    return limits

@@ -11,6 +11,7 @@ from pkmcal_cli.commands._options import (
     FailAbove,
     Force,
     Holdout,
+    Jobs,
     Json,
     Loosen,
     Loss,
@@ -48,6 +49,7 @@ def calibrate(
     uncertainty: Uncertainty = "linear",
     starts: Starts = 0,
     seed: Seed = 0,
+    jobs: Jobs = 1,
     fail_above: FailAbove = None,
     max_rms: MaxRms = None,
     accept: Accept = False,
@@ -66,9 +68,11 @@ def calibrate(
         pkmcal simulate biglide machines/biglide.csv --noise declared | pkmcal calibrate biglide - --json
     """
     options = locals()
+    from pkmcal_cli.base.workers import Workers
     from pkmcal_cli.calibration.complete_fit import FitOptions
     from pkmcal_cli.workflow.calibrate import run_calibration
     from pkmcal_cli.workflow.calibration import CalibrationRequest
 
-    request = as_request(CalibrationRequest, options, fit_options=as_request(FitOptions, options))
+    fit_options = as_request(FitOptions, options, workers=Workers.of(jobs))
+    request = as_request(CalibrationRequest, options, fit_options=fit_options)
     raise typer.Exit(run_calibration(request))
