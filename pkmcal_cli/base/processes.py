@@ -135,7 +135,9 @@ def _settings(stack: ExitStack, cluster: str | None) -> dict[str, Any]:
         there = client.run(_version)
     except (OSError, ValueError, TimeoutError) as error:
         what = f"--cluster: no scheduler with workers answers at `{cluster}`"
-        raise UsageError(what, hint="start them: `dask scheduler`, and `dask worker ADDRESS` on every machine") from error
+        raise UsageError(
+            what, hint="start them: `dask scheduler`, and `dask worker ADDRESS` on every machine"
+        ) from error
     except ImportError as error:
         raise UsageError("--cluster: a worker has no pkmcal", hint=f"install pkmcal {__version__} there") from error
     if other := sorted({version for version in there.values() if version != _version()}):

@@ -64,9 +64,7 @@ class Workers:
             observe(Stage(name, min(count, len(numbers) - 1), len(numbers)))
             yield results
 
-    def results(
-        self, work: Work[Result], count: int, name: str, observe: Observer = unobserved
-    ) -> list[Result]:
+    def results(self, work: Work[Result], count: int, name: str, observe: Observer = unobserved) -> list[Result]:
         """Results of tasks 0 to `count` - 1, in this order. Raises as `done`."""
         found: dict[int, Result] = {}
         for some in self.done(work, range(count), name, observe):
