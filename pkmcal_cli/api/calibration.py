@@ -13,7 +13,6 @@ import pandas as pd
 from pkmcal_cli.base.errors import PkmcalWarning
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.outputs import write_text
-from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.complete_fit import FitOptions
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.language.machine import Machine as MachineFile
@@ -164,12 +163,13 @@ def calibrate(
     """Which dimensions explain the measurements, and how uncertain are they? As `pkmcal calibrate`.
 
     measurements: one table or several, each of which is a session; holdout: a number of folds, `session`, `cells`,
-    `none`, or a table of its own; jobs: processes, 0 for all cores. Warns with PkmcalWarning where the parameters cannot be used. Raises PkmcalError.
+    `none`, or a table of its own; jobs: processes, 0 for all cores. Warns with PkmcalWarning where the parameters
+    cannot be used. Raises PkmcalError.
     """
     known = load(machine)
     options = FitOptions(
         loss=loss, prior=_prior(prior), uncertainty=uncertainty, seed=whole("seed", seed),
-        starts=whole("starts", starts, _STARTS), workers=Workers.of(whole("jobs", jobs)),
+        starts=whole("starts", starts, _STARTS), jobs=whole("jobs", jobs),
     )  # fmt: skip
     request = CalibrationRequest(
         machine=known.file, measurements=sources_of(measurements), select=names_of(select), holdout=_apart(holdout),

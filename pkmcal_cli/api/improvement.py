@@ -161,8 +161,8 @@ def improve(
 ) -> Improvement:
     """Which effects does the machine file lack, and how much do they improve held-out points? As `pkmcal improve`.
 
-    validation: rows that only report; only: effects to look for; jobs: processes, 0 for all cores; observer: is told where the work has come to.
-    Raises PkmcalError.
+    validation: rows that only report; only: effects to look for; jobs: processes, 0 for all cores; observer: is told
+    where the work has come to. Raises PkmcalError.
     """
     known = load(machine)
     case = CaseRequest(

@@ -1,8 +1,8 @@
 """Tasks in several processes, by joblib: of this machine, or the workers of a dask cluster.
 
-A work is pickled once and opened once by every worker. Tasks go in batches of a second or two, for a cluster's scheduler
-takes some 20 ms for each; they become smaller towards the end, so that all workers end together. Batches of workers
-that were lost are done again by others.
+A work is pickled once and opened once by every worker. Tasks go in batches of a second or two, for a cluster's
+scheduler takes some 20 ms for each; they become smaller towards the end, so that all workers end together. Batches of
+workers that were lost are done again by others.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
-from pkmcal_cli.base.workers import ALONE, Workers
+from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
@@ -42,7 +42,7 @@ PRIORS = ("none", "ranges")
 class FitOptions:
     """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap.
 
-    starts: how many; 0 is one, and more where it fails. workers: who fits the starts and profiles.
+    starts: how many; 0 is one, and more where it fails. jobs: processes that share starts and profiles.
     """
 
     loss: str = "squares"
@@ -50,7 +50,12 @@ class FitOptions:
     uncertainty: str = "linear"
     seed: int = 0
     starts: int = 0
-    workers: Workers = ALONE
+    jobs: int = 1
+
+    @property
+    def workers(self) -> Workers:
+        """Who fits the starts and profiles."""
+        return Workers.of(self.jobs)
 
     @property
     def prior_file(self) -> str | None:

@@ -87,7 +87,7 @@ def profile_intervals(
 
 @dataclass(frozen=True)
 class _Profile:
-    """The ends of a parameter's interval, by its number among those that are identified; std, wider (p,), see `_cross`."""
+    """The ends of a parameter's interval, by its number among those identified; std, wider (p,), see `_cross`."""
 
     problem: Problem
     fit: Fit

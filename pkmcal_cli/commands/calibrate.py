@@ -68,11 +68,9 @@ def calibrate(
         pkmcal simulate biglide machines/biglide.csv --noise declared | pkmcal calibrate biglide - --json
     """
     options = locals()
-    from pkmcal_cli.base.workers import Workers
     from pkmcal_cli.calibration.complete_fit import FitOptions
     from pkmcal_cli.workflow.calibrate import run_calibration
     from pkmcal_cli.workflow.calibration import CalibrationRequest
 
-    fit_options = as_request(FitOptions, options, workers=Workers.of(jobs))
-    request = as_request(CalibrationRequest, options, fit_options=fit_options)
+    request = as_request(CalibrationRequest, options, fit_options=as_request(FitOptions, options))
     raise typer.Exit(run_calibration(request))

@@ -49,7 +49,7 @@ class Campaigns:
     seed: int
 
     def told(self, effect: Visibility | None, number: int) -> str:
-        """What becomes of a campaign with an effect of the size that is detected in 80 %, of either sign; None: none."""
+        """What becomes of a campaign with an effect of the size detected in 80 %, of either sign; None: none."""
         return _told(self._diagnosis(effect, _size(effect), number), effect)
 
     def _diagnosis(self, effect: Visibility | None, size: float, number: int) -> Diagnosis | None:

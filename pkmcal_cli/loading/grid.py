@@ -64,7 +64,10 @@ class Grid:
 
 
 def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid:
-    """A grid "x=0:950:3,...", that an option gives. Raises UsageError, and BadInput where the machine's tool point has no pose to ask for."""
+    """A grid "x=0:950:3,...", given by an option.
+
+    Raises UsageError, and BadInput where the machine's tool point has no pose to ask for.
+    """
     axes: list[Axis] = []
     for part in text.split(","):
         axis = _axis(loaded, part.strip(), option)

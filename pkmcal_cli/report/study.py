@@ -78,11 +78,9 @@ class StudyReport:
 
     def _reached(self, cases: list[CaseFigures]) -> str:
         """The tool point's error of a machine, with the fewest and the most points."""
-        first, last = cases[0], cases[-1]
-        most = f"{_shown(last.tool, self.tool_unit)} with {last.points} points"
-        if first is last:
-            return f"{first.machine}: mean error of the tool point {most}"
-        return f"{first.machine}: mean error of the tool point {_shown(first.tool, self.tool_unit)} with {first.points}, {most}"
+        ends = cases[:1] if len(cases) == 1 else [cases[0], cases[-1]]
+        told = [f"{_shown(c.tool, self.tool_unit)} with {c.points} points" for c in ends]
+        return f"{cases[0].machine}: mean error of the tool point {', '.join(told)}"
 
     def _compared(self) -> list[str]:
         """Differences with the most points."""

@@ -171,7 +171,7 @@ def _studied(name: str, loaded: LoadedMachine, request: StudyRequest, spread: tu
 
 
 def _sigma(model: Model, text: str) -> Array:
-    """Standard uncertainties (C,) that `--noise` states, nan where those of the machine file hold. Raises UsageError."""
+    """Standard uncertainties (C,) by `--noise`, nan where those of the machine file hold. Raises UsageError."""
     sigma = np.full(len(model.channels), np.nan)
     if text == DECLARED:
         return sigma

@@ -22,8 +22,8 @@ cases[].kinds[].kind text: dimension of parameters, as `length`
 cases[].kinds[].mean number?: mean absolute error of the machine's parameters of this kind, in `unit`; null if there is
     no calibration
 cases[].kinds[].std number?: standard uncertainty of this mean; null of fewer than two
-cases[].kinds[].common.mean~ number?: the same of those parameters that all machines have; absent without
-cases[].kinds[].common.std~ number?:
+cases[].kinds[].common~.mean number?: the same of those parameters that all machines have; absent without
+cases[].kinds[].common.std number?:
 cases[].kinds[].unit text: of these
 cases[].parameters[].name text: an identified parameter
 cases[].parameters[].mean number?: mean absolute error in `unit`
