@@ -83,7 +83,8 @@ def test_options_that_exclude_each_other() -> None:
 
 
 def test_one_job_needs_no_joblib() -> None:
-    code = "from pkmcal_cli.app import run; import sys; run(['study', 'scissors', '-q', '--points', '10', '--repeat', '2']);"
+    code = "from pkmcal_cli.app import run; import sys;"
+    code += "run(['study', 'scissors', '-q', '--points', '10', '--repeat', '2']);"
     code += "print([m for m in ('joblib', 'cloudpickle', 'distributed') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
