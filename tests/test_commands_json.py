@@ -163,6 +163,9 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
         ],
         "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"],
             [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA]],
+        "study": [[SCISSORS, "--points", "10", "--repeat", "2"],
+            [TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), "--within", "x=200:700,y=200:350", "--points", "8",
+            "--repeat", "2"]],
         "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "plan": [
             [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
@@ -212,6 +215,7 @@ SHOWN = [
     "effects",
     "improve",
     "plan",
+    "study",
 ]
 
 
