@@ -18,6 +18,8 @@ GIVE_UP = 1000
 """With so many faults reading is given up."""
 
 _MAX_LINE = 140
+_LIKE = 0.6  # similarity below which a name is not looked at
+_BEGINNING = 3  # letters that are enough of a name
 
 
 @dataclass(frozen=True, order=True)
@@ -210,14 +212,35 @@ def _sorted(faults: Iterable[Fault]) -> list[Fault]:
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:
-    """The valid name that is most like `name`, or None."""
-    candidates = list(names)
-    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
-    if close:
-        return close[0]
-    lower = {c.lower(): c for c in candidates}
-    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.6)
-    return lower[close[0]] if close else None
+    """The valid name that is most like `name`, if any is so near that a slip makes the one of the other."""
+    lower: dict[str, str] = {}
+    for candidate in names:
+        lower.setdefault(candidate.lower(), candidate)
+    close = difflib.get_close_matches(name.lower(), lower, n=3, cutoff=_LIKE)
+    return next((lower[c] for c in close if _slip(name.lower(), c)), None)
+
+
+def _slip(name: str, meant: str) -> bool:
+    """Whether one is the beginning of the other, or few letters differ: one of three, two of six, three of nine."""
+    short, long = sorted((name, meant), key=len)
+    if len(short) >= _BEGINNING and long.startswith(short):
+        return True
+    return edits(name, meant) <= max(1, len(long) // 3)
+
+
+def edits(a: str, b: str) -> int:
+    """How many letters are more, less or other, or exchanged with the next (optimal string alignment)."""
+    before: list[int] = []
+    row = list(range(len(b) + 1))
+    for i, c in enumerate(a, start=1):
+        last, row = row, [i]
+        for j, d in enumerate(b, start=1):
+            cost = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (c != d))
+            if i > 1 and j > 1 and c == b[j - 2] and d == a[i - 2]:
+                cost = min(cost, before[j - 2] + 1)
+            row.append(cost)
+        before = last
+    return row[-1]
 
 
 def did_you_mean(name: str, names: Iterable[str], otherwise: str | None = None) -> str | None:

@@ -58,10 +58,11 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Rule:
-    """What the numbers of a column must be: `allowed` maps values (n,) to booleans (n,), `what` says it."""
+    """What the numbers of a column must be: `allowed` maps values (n,) to booleans (n,), `what` says it; the remedy."""
 
     allowed: Callable[[FloatArray], NDArray[np.bool_]]
     what: str
+    hint: str
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,7 @@ class Parser:
         if rule is not None:
             for row in np.nonzero(~(rule.allowed(values) | np.isnan(values)))[0]:
                 what = f"`{cells[int(row)]}` in column `{self.names[index]}`: {rule.what}"
-                sources.add(Flaw("csv-value", what, None, int(sources.numbers[row]), index))
+                sources.add(Flaw("csv-value", what, rule.hint, int(sources.numbers[row]), index))
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,8 @@ _NUMBER = {
 }
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
+MAX_COLUMNS = 10_000
+"""More columns than any machine has: the table is turned, or its line ends are lost."""
 QUOTE_HINT = "close the quote on the same line"
 
 
@@ -243,6 +245,9 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
     trial = _choose(lines[number - 1], rows, separators)
     if trial is None:
         return Flaw("csv-quote", "a quote in the header is not closed", QUOTE_HINT, number)
+    if len(trial.header) > MAX_COLUMNS:
+        what = f"the header has {len(trial.header)} columns; a table can have {MAX_COLUMNS}"
+        return Flaw("csv-columns", what, "check the line ends; write one row per pose, one column per reading", number)
     if all(is_number(name, trial.decimal) for name in trial.header):
         hint = "name the columns in the first line, with units: `q1 [mm]`"
         return Flaw("csv-header", "the first line contains numbers instead of column names", hint, number)
