@@ -15,6 +15,7 @@ import typer
 
 from pkmcal_cli import __version__
 from pkmcal_cli.base.styles import styled, wants_styles
+from pkmcal_cli.base.visible import visible
 from pkmcal_cli.commands._group import Subcommands, names
 
 _STOPPED = 130
@@ -155,6 +156,7 @@ def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
 
 def _tell(text: str) -> None:
     """A message for people; a closed stderr is no reason for another error."""
+    text = visible(text)
     with suppress(OSError, ValueError):
         print(styled(text) if wants_styles(sys.stderr) else text, file=sys.stderr, flush=True)
 

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from pkmcal_cli.base.visible import in_line, visible
+
 MAX_FAULTS = 50
 """So many faults of a stage are told; the rest is counted."""
 
@@ -31,7 +33,8 @@ class Location:
     column: int = 0
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
+        file = in_line(self.file)
+        place = f"{file}:{self.line}" if self.line else file
         return f"{place}:{self.column}" if self.column else place
 
 
@@ -52,11 +55,11 @@ class Fault:
     def text(self) -> str:
         """The fault as it is shown: head line, source line, caret line, help."""
         head = f"{self.where}: " if self.where is not None else ""
-        lines = [f"{head}{self.severity}[{self.code}]: {self.what}"]
+        lines = [f"{head}{self.severity}[{self.code}]: {visible(self.what)}"]
         if self.where is not None and self.source is not None and self.where.column:
             lines += _excerpt(self.source, self.where.column)
         if self.hint:
-            lines.append(f"help: {self.hint}")
+            lines.append(f"help: {visible(self.hint)}")
         return "\n".join(lines)
 
     def __str__(self) -> str:
@@ -104,7 +107,7 @@ class PkmcalError(Exception):
         if isinstance(self.where, Location) or self.where is None:
             return Fault(self.code, self.what, self.where, self.hint).text()
         tail = f"\nhelp: {self.hint}" if self.hint else ""
-        return f"{self.where}: error[{self.code}]: {self.what}{tail}"
+        return visible(f"{in_line(self.where)}: error[{self.code}]: {self.what}{tail}")
 
     def __str__(self) -> str:
         return self.text()

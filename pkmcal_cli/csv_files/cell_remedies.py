@@ -149,4 +149,3 @@ def _unit(cell: str, column: str) -> Iterator[str]:
     except UnitError:
         return
     yield f"write the unit in the header: `{column} [{unit}]`"
-

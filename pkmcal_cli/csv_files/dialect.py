@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.csv_files.guarded import bare
 
 SPACE = " "  # stands for any run of spaces and tabs
 SEPARATORS = (",", ";", "\t", "|", SPACE)
@@ -255,7 +256,7 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
         return _misfit(trial, number, 1 + lines.index(rows[0], number))
     if trial.nameless not in (0, trial.trailing):
         return _header_end(trial, number)
-    header = tuple(split_header(name) for name in trial.header)
+    header = tuple(split_header(bare(name)) for name in trial.header)
     return Format(
         separator=trial.separator,
         decimal=trial.decimal,
