@@ -11,7 +11,8 @@ import numpy as np
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
-from .predictions import Task, hexapod, model, triglide
+from .frames import compiled
+from .predictions import MACHINES, Task, hexapod, triglide
 from .program import calibration_line
 from .timing import Effort, exponent, side_by_side
 
@@ -74,15 +75,11 @@ def _jacobian(task: Task, start: object, names: tuple[str, ...]) -> object:
 
 def _sessions(effort: Effort) -> Iterator[Growth]:
     """Jacobian of all parameters, those of each session's own among them; the rows are shared out."""
-    for name in ("triglide", "scissors", "five-bar", "delta4", "hexapod7"):
-        made = model(name)
-        own = [p.name for p in made.parameters if p.per_session]
-        if own:
-            break
-    else:
-        return
+    text = (MACHINES / "triglide.yaml").read_text(encoding="utf-8")
+    made = compiled(text.replace("frame: machine", "frame: fitted per session"))
+    own = [p.name for p in made.parameters if p.per_session]
     count = effort.rows(640, 16)
-    readings = np.tile(drive_positions(made, made.tool.reference[None]).readings, (count, 1))
+    readings = triglide(count).rows.readings
     sizes = (2, 4, 8, 16) if count < 64 else (2, 8, 32, 64)
     runs = []
     for size in sizes:
@@ -91,8 +88,8 @@ def _sessions(effort: Effort) -> Iterator[Growth]:
         several = made.for_sessions(names)
         rows = Rows(readings, np.full(readings.shape, np.nan), columns)
         runs.append(partial(predict, several, several.nominal, rows, Request(parameters=several.names)))
-    what = f"sessions: Jacobian of all parameters of {name}, {count} rows"
-    yield _measured(what, effort, sizes, runs, f"{len(own)} parameters of each session's own")
+    what = f"sessions: Jacobian of all parameters of the Triglide, {count} rows"
+    yield _measured(what, effort, sizes, runs, f"{len(own)} of them in each session")
 
 
 def _distance(effort: Effort) -> Growth:
