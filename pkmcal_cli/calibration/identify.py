@@ -29,7 +29,7 @@ from pkmcal_cli.calibration.step import Scaled, advance
 from pkmcal_cli.prediction import WarmStart
 
 _LEAD = 30  # steps of a fit of those rows that can be predicted
-_SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
+SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
 _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it may lie where that extrapolates far
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
@@ -51,16 +51,18 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
     states: WarmStart | None = None,
+    hopeless: float = np.inf,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
     Rows that cannot be predicted wherever fits of the others lead are left out: `Fit.failed`, less than half of all.
     So are those that can be predicted only where nothing is explained any more. Rows that failed on the way come back
     where the fit ends near them.
-    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start.
+    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start;
+    `hopeless`: chi-square above which a fit is given up that needs much damping.
     """
-    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states)
-    doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
+    fit = identified(problem, selected, start, iterations, progress, shift=shift, states=states, hopeless=hopeless)
+    doubt = reasons(problem, fit.before) if fit.chi2_per_dof > SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
         fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
     return _with_rows_back(problem, fit, iterations, progress) if fit.failed and fit.status == "converged" else fit
@@ -76,10 +78,10 @@ def _unspoilt(
 ) -> Fit:
     """The fit without rows in doubt, where these spoil it."""
     try:
-        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress)
+        without = identified(problem.without(doubt), fit.selected, start, iterations, progress)
     except RowsFailed:
         return fit
-    spoilt = without.status == "converged" and fit.chi2_per_dof > _SPOILT * max(without.chi2_per_dof, 1.0)
+    spoilt = without.status == "converged" and fit.chi2_per_dof > SPOILT * max(without.chi2_per_dof, 1.0)
     return replace(without, before=fit.before, failed={**doubt, **without.failed}) if spoilt else fit
 
 
@@ -94,24 +96,26 @@ def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Calla
         return fit
     try:
         part = problem.without(left_out)
-        whole = _identified(part, fit.selected, fit.values, iterations, progress)
+        whole = identified(part, fit.selected, fit.values, iterations, progress)
     except RowsFailed:
         return fit
     whole = replace(whole, before=fit.before, failed={**left_out, **whole.failed})
-    good = whole.status == "converged" and whole.chi2_per_dof <= _SPOILT * most and len(whole.failed) < len(fit.failed)
+    good = whole.status == "converged" and whole.chi2_per_dof <= SPOILT * most and len(whole.failed) < len(fit.failed)
     return whole if good else fit
 
 
-def _identified(
+def identified(
     problem: Problem,
     selected: tuple[str, ...],
     start: Array | None,
     iterations: int,
-    progress: Callable[[int, float], None] | None,
+    progress: Callable[[int, float], None] | None = None,
+    *,
     shift: Array | None = None,
     states: WarmStart | None = None,
+    hopeless: float = np.inf,
 ) -> Fit:
-    """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
+    """The fit of all rows that can be predicted where it leads; arguments as of `identify`. Raises RowsFailed."""
     first = evaluate(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
@@ -124,7 +128,7 @@ def _identified(
     while len(chi2) < iterations and not status:
         near = linearise(kept, evaluation)
         chi2.append(near.chi2)
-        evaluation, damping, status = advance(kept, scale, evaluation, near, damping)
+        evaluation, damping, status = advance(kept, scale, evaluation, near, damping, hopeless)
         if status and not (again := evaluate(kept, evaluation.values, None, evaluation.start, evaluation.shift)).solved:
             failed, status = failed | reasons(kept, again), ""  # a state that does not hold is none
             kept, evaluation = _kept(

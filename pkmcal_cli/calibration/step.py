@@ -20,6 +20,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-9  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
@@ -47,9 +48,17 @@ class Scaled:
 
 
 def advance(
-    problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, damping: float
+    problem: Problem,
+    scale: Scaled,
+    evaluation: Evaluation,
+    near: Linearised,
+    damping: float,
+    hopeless: float = np.inf,
 ) -> tuple[Evaluation, float, str]:
-    """One accepted step; returns the new evaluation, the damping for the next and the status, "" to go on."""
+    """One accepted step; returns the new evaluation, the damping for the next and the status, "" to go on.
+
+    `hopeless`: chi-square above which no step is sought that needs much damping.
+    """
     full = _step(scale, evaluation.values[scale.index], near, near, 0.0)
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges)
@@ -76,6 +85,8 @@ def advance(
                 eased = (0.1 if good else 1.0) * damping
                 return trial, (eased if eased >= 1.0 else 0.0), ""
         damping = max(10.0 * damping, 1.0)
+        if near.chi2 > hopeless and damping > _MUCH:
+            return evaluation, damping, "not_converged"
 
 
 def _blur(problem: Problem, chi2: float) -> float:
