@@ -285,7 +285,7 @@ def test_a_fold_that_cannot_begin_where_the_fit_began_begins_where_it_ended() ->
     fit, nominal = identify(problem, names), problem.model.nominal
     labels, words = fold_labels("5", problem, measured)
 
-    def unwilling(part: Problem, selected: tuple[str, ...], start: Array, *_: object) -> Fit:
+    def unwilling(part: Problem, selected: tuple[str, ...], start: Array, _: object) -> Fit:
         if len(part) < len(problem) - 60 or (start == nominal).all():
             raise RowsFailed(evaluate(part, start))
         return identify(part, selected, start)

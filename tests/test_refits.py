@@ -41,7 +41,6 @@ def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypat
         return replace(fit, status="not_converged", flat=flat) if any("@" in n for n in selected) else fit
 
     monkeypatch.setattr(scoring, "identify", wandering)
-    monkeypatch.setattr(scoring, "near_fit", lambda *_: None)
     d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
     assert [f.hypothesis.name for f in d.findings] == found
     assert d.verdict == ("found" if flat else "unknown") and (flat or d.unknown)
@@ -56,7 +55,6 @@ def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyP
         return replace(fit, failed={3: "out of reach"}) if any("@" in n for n in selected) else fit
 
     monkeypatch.setattr(scoring, "identify", leaving)
-    monkeypatch.setattr(scoring, "near_fit", lambda *_: None)
     d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
     assert d.findings == () and d.verdict == "unknown"
 

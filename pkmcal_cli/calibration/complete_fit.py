@@ -25,7 +25,6 @@ from pkmcal_cli.calibration.intervals import (
     profile_intervals,
     with_held,
 )
-from pkmcal_cli.calibration.near_fit import Near, identify_near
 from pkmcal_cli.calibration.prior import joined, prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
@@ -123,19 +122,11 @@ def _with_ranges(robust: RobustFit, start: Array, held: tuple[str, ...]) -> tupl
 
 
 def refit(
-    options: FitOptions,
-    problem: Problem,
-    selected: tuple[str, ...],
-    start: Array,
-    states: WarmStart | None = None,
-    near: Near | None = None,
+    options: FitOptions, problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None = None
 ) -> Fit:
-    """The same fit of other rows, from one start; `states`: near those there; `near`: a like fit. Raises RowsFailed."""
+    """The same fit of other rows, from one start; `states`: near those there. Raises RowsFailed."""
     problem = with_prior(problem, selected, options.prior)
-    if near is None:
-        first = identify(problem, selected, start, states=states)
-    else:
-        first = identify_near(problem, selected, start, near, states=states)
+    first = identify(problem, selected, start, states=states)
     robust, _ = _with_ranges(_with_loss(problem.without(first.failed), first, options), start, ())
     return robust.fit
 

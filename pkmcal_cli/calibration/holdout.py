@@ -13,7 +13,6 @@ from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
-from pkmcal_cli.calibration.near_fit import Near, identify_near
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part
 from pkmcal_cli.calibration.same_poses import loads_of, poses_alike
@@ -22,8 +21,8 @@ from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
 
-Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None, Near | None], Fit]
-"""A fit of some parameters from values (P,), states near those there, and where a like fit ended. Raises RowsFailed."""
+Refit = Callable[[Problem, tuple[str, ...], Array, WarmStart | None], Fit]
+"""A fit of some parameters from values (P,), and states near those there. Raises RowsFailed."""
 
 _SAME = 1e-3  # share of a drive's spread that readings of one pose may differ by
 _CELLS = 4  # cells along each axis of the workspace
@@ -89,11 +88,8 @@ def cross_validate(
     again: Refit | None = None,
     observe: Observer = unobserved,
 ) -> HeldOut:
-    """Refit without each fold, predict it, and gather all held-out residuals.
-
-    `again`: how, by default by least squares.
-    From where the fit ended; where a fold does not determine all, from where it began: what it does not determine must
-    not come from the held-out rows.
+    """Refit without each fold, from where the fit began (what a fold does not determine must not come from the
+    held-out rows), predict it, and gather all held-out residuals. `again`: how, by default by least squares.
     """
     before, after, failed, lost = [], [], 0, 0
     fitted_too: dict[str, None] = {}
@@ -129,21 +125,16 @@ def _states(evaluation: Evaluation, rows: NDArray[np.intp]) -> WarmStart:
     return evaluation.start.take(rows).renewed()
 
 
-def _by_least_squares(
-    problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None, near: Near | None
-) -> Fit:
-    if near is None:
-        return identify(problem, selected, start, states=states)
-    return identify_near(problem, selected, start, near, states=states)
+def _by_least_squares(problem: Problem, selected: tuple[str, ...], start: Array, states: WarmStart | None) -> Fit:
+    return identify(problem, selected, start, states=states)
 
 
 def _refitted(problem: Problem, fit: Fit, rows: NDArray[np.intp], again: Refit) -> Fit | None:
-    """The fit of some rows, from where it ended or began; where that leads nowhere, from where it ended."""
+    """The fit of some rows, from where it began; where that leads nowhere, from where it ended."""
     trained: Fit | None = None
-    begun = Near.of(fit, problem.model.names, fit.before.values, rows)
-    for begin, near in ((fit.before, begun), (fit.after, None)):
+    for begin in (fit.before, fit.after):
         try:
-            trained = again(problem, fit.selected, begin.values, _states(begin, rows), near)
+            trained = again(problem, fit.selected, begin.values, _states(begin, rows))
         except RowsFailed:
             continue
         if trained.status != "not_converged":

@@ -29,7 +29,7 @@ from pkmcal_cli.calibration.step import Scaled, advance
 from pkmcal_cli.prediction import WarmStart
 
 _LEAD = 30  # steps of a fit of those rows that can be predicted
-SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
+_SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
 _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it may lie where that extrapolates far
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
@@ -61,8 +61,8 @@ def identify(
     `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start;
     `hopeless`: chi-square above which a fit is given up that needs much damping.
     """
-    fit = identified(problem, selected, start, iterations, progress, shift=shift, states=states, hopeless=hopeless)
-    doubt = reasons(problem, fit.before) if fit.chi2_per_dof > SPOILT else {}
+    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states, hopeless=hopeless)
+    doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
         fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
     return _with_rows_back(problem, fit, iterations, progress) if fit.failed and fit.status == "converged" else fit
@@ -78,10 +78,10 @@ def _unspoilt(
 ) -> Fit:
     """The fit without rows in doubt, where these spoil it."""
     try:
-        without = identified(problem.without(doubt), fit.selected, start, iterations, progress)
+        without = _identified(problem.without(doubt), fit.selected, start, iterations, progress)
     except RowsFailed:
         return fit
-    spoilt = without.status == "converged" and fit.chi2_per_dof > SPOILT * max(without.chi2_per_dof, 1.0)
+    spoilt = without.status == "converged" and fit.chi2_per_dof > _SPOILT * max(without.chi2_per_dof, 1.0)
     return replace(without, before=fit.before, failed={**doubt, **without.failed}) if spoilt else fit
 
 
@@ -96,26 +96,25 @@ def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Calla
         return fit
     try:
         part = problem.without(left_out)
-        whole = identified(part, fit.selected, fit.values, iterations, progress)
+        whole = _identified(part, fit.selected, fit.values, iterations, progress)
     except RowsFailed:
         return fit
     whole = replace(whole, before=fit.before, failed={**left_out, **whole.failed})
-    good = whole.status == "converged" and whole.chi2_per_dof <= SPOILT * most and len(whole.failed) < len(fit.failed)
+    good = whole.status == "converged" and whole.chi2_per_dof <= _SPOILT * most and len(whole.failed) < len(fit.failed)
     return whole if good else fit
 
 
-def identified(
+def _identified(
     problem: Problem,
     selected: tuple[str, ...],
     start: Array | None,
     iterations: int,
-    progress: Callable[[int, float], None] | None = None,
-    *,
+    progress: Callable[[int, float], None] | None,
     shift: Array | None = None,
     states: WarmStart | None = None,
     hopeless: float = np.inf,
 ) -> Fit:
-    """The fit of all rows that can be predicted where it leads; arguments as of `identify`. Raises RowsFailed."""
+    """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())

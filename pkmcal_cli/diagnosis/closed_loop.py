@@ -20,7 +20,6 @@ from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
-from pkmcal_cli.calibration.near_fit import Near, identify_near
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
@@ -37,7 +36,7 @@ from pkmcal_cli.prediction import frozen
 ROTATIONS = 5
 FEWEST_TO_SPLIT = 20  # rows of which whole cells can be kept apart; of fewer, each pose in turn
 FAILURES = "missing", "not_confirmed", "sigma_too_small"
-_Part = tuple[Problem, Problem, NDArray[np.intp], NDArray[np.intp]]
+_Part = tuple[Problem, Problem, NDArray[np.intp]]
 _FAILS = "its calibration did not converge"
 
 
@@ -127,9 +126,8 @@ def improve(
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe)
-    fit = identify(clean, whole.search.declared, _start(clean, (), whole))
-    first = _rotations(candidates, _parts(clean, validation), selected, fit, options)
-    begun = _Progress(first, errors_of(first), fit)
+    first = _rotations(candidates, _parts(clean, validation), selected, options)
+    begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, _start(clean, (), whole)))
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
     return Improvement(
@@ -193,7 +191,7 @@ def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: D
         trial = tuple(_with(t, hypothesis, whole) if c else t for t, c in zip(progress.folds, chosen, strict=True))
         gain, errors = gain_of(progress.folds, trial, seed), errors_of(trial)
         refused = _refused(progress, trial, sum(chosen), errors)
-        last = progress.last if refused else _determined(clean, accepted, whole, progress.last)
+        last = progress.last if refused else _determined(clean, accepted, whole)
     except (RowsFailed, np.linalg.LinAlgError):
         step = Step(hypothesis, progress.errors, Interval(0.0, -np.inf, np.inf), sum(chosen), _FAILS)
         return replace(progress, steps=(*progress.steps, step))
@@ -214,29 +212,27 @@ def _refused(progress: _Progress, trial: Sequence[OuterFold], chosen: int, error
 
 
 def _parts(problem: Problem, validation: Problem | None) -> list[_Part]:
-    """Rows that fit and choose, and rows that report, by rotation, and which these and those are of their tables."""
+    """Rows that fit and choose, and rows that report, by rotation, and which those are of their table."""
     if validation is not None:
-        return [(problem, validation, np.arange(len(problem)), np.arange(len(validation)))]
+        return [(problem, validation, np.arange(len(validation)))]
     labels = cells(problem, ROTATIONS) if len(problem) >= FEWEST_TO_SPLIT else single_poses(problem)
     pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in np.unique(labels)]
-    return [p for p in ((problem.take(a), problem.take(b), a, b) for a, b in pairs) if p[1].count]
+    return [p for p in ((problem.take(a), problem.take(b), b) for a, b in pairs) if p[1].count]
 
 
 def _rotations(
     candidates: Candidates,
     parts: Sequence[_Part],
     selected: tuple[str, ...],
-    every: Fit,
     options: SearchOptions,
 ) -> tuple[OuterFold, ...]:
-    """The rotations before any effect; `every`: the fit of all rows."""
     out = []
-    for k, (train, report, fitted, rows) in enumerate(parts):
+    for k, (train, report, rows) in enumerate(parts):
         start = replace(candidates, model=train.model, start=None).begin()
         start[: len(candidates.model.names)] = candidates.begin()
         told = within(options.observe, Stage("rotation", k, len(parts)))
         sets = named(candidates, replace(train, model=candidates.model), selected, replace(options, observe=told))
-        fit = identify_near(train, selected, start, Near.of(every, train.model.names, start, fitted))
+        fit = identify(train, selected, start)
         out.append(OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=start))
     return tuple(out)
 
@@ -245,7 +241,7 @@ def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFol
     accepted = (*fold.accepted, hypothesis)
     start = _start(fold.train, accepted, whole)
     train = _beside(fold.train, accepted, whole)
-    return replace(fold, train=train, fit=_fit_with(train, accepted, whole, fold.fit), accepted=accepted, start=start)
+    return replace(fold, train=train, fit=_fit_with(train, accepted, whole), accepted=accepted, start=start)
 
 
 def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Array:
@@ -273,23 +269,22 @@ def with_shapes_of(model: Model, whole: Diagnosis) -> Model:
     return model.with_effects(tuple(s.placed for s in whole.search.shapes), parameters)
 
 
-def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, before: Fit) -> Fit:
-    """A calibration with effects; `before`: that with one less. Raises RowsFailed."""
+def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
+    """A calibration with effects. Raises RowsFailed."""
     for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
         problem = of_any_size(problem, hypothesis)
     problem = _beside(problem, accepted, whole)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)
-    start = _start(problem, accepted, whole)
-    return identify_near(problem, names, start, Near.of(before, problem.model.names, start))
+    return identify(problem, names, _start(problem, accepted, whole))
 
 
-def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, before: Fit) -> Fit:
+def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
     """The same, but that numbers of effects which the data do not tell from other parameters stay at null.
 
     The shift of a measuring frame beside that of the base would leave both open.
     """
-    fit = _fit_with(problem, accepted, whole, before)
+    fit = _fit_with(problem, accepted, whole)
     effects = {n for h in accepted if h.effect != RELEASE for n in h.parameters}
     near = linearise(_beside(problem, accepted, whole).without(fit.failed), fit.last)
     kept = list(fit.selected)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, channel_figures, error_figures, pooled
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.near_fit import Near, identify_near
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.point_errors import PointErrors, joined, point_errors
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, lost_rows, predicted_part, weighted_residual
@@ -108,9 +108,7 @@ def _inner(fold: OuterFold, folds: int = 3) -> list[tuple[Problem, Fit]]:
     out = []
     for k in np.unique(labels):
         rest, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        part = fold.train.take(rest)
-        near = Near.of(fold.fit, part.model.names, fold.start, rest)
-        out.append((fold.train.take(rows), identify_near(part, fold.fit.selected, fold.start, near)))
+        out.append((fold.train.take(rows), identify(fold.train.take(rest), fold.fit.selected, fold.start)))
     return out
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
-from pkmcal_cli.calibration.near_fit import Near, near_fit
 from pkmcal_cli.calibration.prior import Prior, joined
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.best_fit import BestFit
@@ -27,7 +26,7 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
 _LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
-_HOPELESS = 1e4  # times the chi-square before, from where a fit with effects is not led back
+_HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is not led back by damped steps
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 
 
@@ -267,9 +266,8 @@ def recalibrated(search: Search) -> Search:
 def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = np.inf) -> Fit | None:
     """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
 
-    It begins where the fit before ended, with estimates (k,), SI, of effects. Where the data do not determine all, or
-    that is far from as good as `expected` (chi-square), it begins where all fits do too: what the data do not determine
-    stays there.
+    It begins where all fits do, so that what the data do not determine stays there, but for effects with estimates
+    (k,), SI. Where that is far from as good as `expected` (chi-square), it begins at the values of the fit before too.
     """
     near, start = _near(search), search.start
     for hypothesis, estimate in starts.items():
@@ -277,17 +275,8 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
             k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
                 start[k] = near[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
-    warm = replace(Near.of(search.fit, search.problem.model.names, start), values=near)
-    soon = near_fit(search.problem, search.selected, start, warm, _STEPS, _hopeless(search))
-    if soon is not None and soon.chi2 < _LOST * expected:
-        return soon
     fit = _settled(search, start)
     return fit if fit is not None and fit.chi2 < _LOST * expected else _better(fit, _settled(search, near))
-
-
-def _hopeless(search: Search) -> float:
-    """Chi-square from where a fit with effects is not led back."""
-    return _HOPELESS * search.fit.chi2
 
 
 def _near(search: Search) -> Array:
@@ -300,7 +289,7 @@ def _near(search: Search) -> Array:
 
 def _settled(search: Search, start: Array) -> Fit | None:
     try:
-        fit = identify(search.problem, search.selected, start, _STEPS, hopeless=_hopeless(search))
+        fit = identify(search.problem, search.selected, start, _STEPS, hopeless=_HOPELESS * search.fit.chi2)
     except RowsFailed:
         return None
     return fit if fit.usable and not fit.failed else None
