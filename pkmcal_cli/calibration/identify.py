@@ -56,15 +56,17 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
     states: WarmStart | None = None,
+    hopeless: float = np.inf,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
     Rows that cannot be predicted wherever fits of the others lead are left out: `Fit.failed`, less than half of all.
     So are those that can be predicted only where nothing is explained any more. Rows that failed on the way come back
     where the fit ends near them.
-    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start.
+    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start;
+    `hopeless`: chi-square above which a fit is given up that needs much damping.
     """
-    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states)
+    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states, hopeless=hopeless)
     doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
         fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
@@ -115,6 +117,7 @@ def _identified(
     progress: Callable[[int, float], None] | None,
     shift: Array | None = None,
     states: WarmStart | None = None,
+    hopeless: float = np.inf,
 ) -> Fit:
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate(problem, problem.model.nominal if start is None else start, selected, states, shift)
@@ -129,7 +132,7 @@ def _identified(
     while len(chi2) < iterations and not stopped:
         near = linearise(kept, evaluation)
         chi2.append(near.chi2)
-        evaluation, damping, stopped = advance(kept, scale, evaluation, near, damping)
+        evaluation, damping, stopped = advance(kept, scale, evaluation, near, damping, hopeless)
         end = evaluation
         if stopped and not (again := evaluate(kept, end.values, None, end.start, end.shift)).solved:
             failed, stopped = failed | reasons(kept, again), ""  # a state that does not hold is none

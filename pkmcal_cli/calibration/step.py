@@ -20,6 +20,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-9  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
@@ -47,12 +48,18 @@ class Scaled:
 
 
 def advance(
-    problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, damping: float
+    problem: Problem,
+    scale: Scaled,
+    evaluation: Evaluation,
+    near: Linearised,
+    damping: float,
+    hopeless: float = np.inf,
 ) -> tuple[Evaluation, float, str]:
     """One accepted step; returns the new evaluation, the damping for the next and why to stop, "" to go on.
 
     "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than rounding
-    does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails there.
+    does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails there, or
+    none that needs little damping where chi-square is above `hopeless`.
     """
     full = _step(scale, evaluation.values[scale.index], near, near, 0.0)
     blur = _blur(problem, near.chi2)
@@ -76,6 +83,8 @@ def advance(
                 eased = (0.1 if good else 1.0) * damping
                 return trial, (eased if eased >= 1.0 else 0.0), ""
         damping = max(10.0 * damping, 1.0)
+        if near.chi2 > hopeless and damping > _MUCH:
+            return evaluation, damping, "no_descent"
 
 
 def _end(step: Array, hoped: float, chi2: float, blur: float) -> str:
