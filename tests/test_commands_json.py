@@ -174,9 +174,7 @@ def commands() -> dict[str, list[list[str]]]:
         ],
         "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [TRIGLIDE, "apart.yaml",
             TRIGLIDE_DATA]],
-        "study": [[TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), "--within", "x=200:700,y=200:350",
-            "--points", "8", "--repeat", "2"]],
-        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "plan": [
+        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "study": STUDY, "plan": [
             [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
@@ -197,6 +195,8 @@ def searches(folder: Path) -> dict[str, list[list[str]]]:
     }  # fmt: skip
 
 
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
+STUDY = [[TRIGLIDE, PLAIN, "--within", "x=200:700,y=200:350", "--points", "8", "--repeat", "2"]]
 FREE = """
 units: {length: mm, force: N}
 space: spatial

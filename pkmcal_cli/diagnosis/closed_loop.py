@@ -115,8 +115,7 @@ def improve(
     workers: Workers = ALONE,
 ) -> Improvement:
     """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
-    of_all = within(observe, Stage("all rows"))
-    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=of_all)
+    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=within(observe, Stage("all rows")))
     clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
     candidates = replace(candidates, model=model, start=begun_at(whole, len(model.names)))
