@@ -172,12 +172,9 @@ def commands() -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
-        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"],
-            [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA]],
-        "study": [[SCISSORS, "--points", "10", "--repeat", "2"],
-            [TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), "--within", "x=200:700,y=200:350", "--points", "8",
-            "--repeat", "2"]],
-        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "plan": [
+        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [TRIGLIDE, "apart.yaml",
+            TRIGLIDE_DATA]],
+        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "study": STUDY, "plan": [
             [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
@@ -198,6 +195,8 @@ def searches(folder: Path) -> dict[str, list[list[str]]]:
     }  # fmt: skip
 
 
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
+STUDY = [[TRIGLIDE, PLAIN, "--within", "x=200:700,y=200:350", "--points", "8", "--repeat", "2"]]
 FREE = """
 units: {length: mm, force: N}
 space: spatial

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import PkmcalError, UsageError
-from pkmcal_cli.base.workers import Work, one_thread
+from pkmcal_cli.base.tasks import Work, one_thread
 
 Result = TypeVar("Result")
 _BATCH = 1.5  # s

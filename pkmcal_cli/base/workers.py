@@ -6,22 +6,14 @@ A work is a callable of a task's number, and every task draws its random numbers
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.stages import Observer, Stage, unobserved, within
+from pkmcal_cli.base.tasks import Work, one_thread
 
-Result_co = TypeVar("Result_co", covariant=True)
 Result = TypeVar("Result")
-
-
-class Work(Protocol[Result_co]):
-    """Tasks by number; every worker gets one copy of it."""
-
-    def __call__(self, number: int, observe: Observer = unobserved) -> Result_co:
-        """The result of a task; `observe` is told its steps where it runs in this process."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +66,3 @@ class Workers:
 
 ALONE = Workers()
 """This process."""
-
-
-def one_thread() -> AbstractContextManager[object]:
-    """While a task runs, linear algebra has one thread, so that sums come out the same, whoever does it."""
-    from threadpoolctl import threadpool_limits
-
-    limits: AbstractContextManager[object] = threadpool_limits(1)
-    return limits

@@ -32,13 +32,15 @@ from pkmcal_cli.commands._options import (
     as_request,
 )
 
+Output = Annotated[
+    str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
+]
+
 
 def calibrate(
     machine: MachineFile,
     measurements: MeasuredFiles,
-    output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
-    ] = None,
+    output: Output = None,
     select: Select = "auto",
     holdout: Holdout = None,
     parameters: Parameters = None,

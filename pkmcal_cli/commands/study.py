@@ -21,36 +21,42 @@ from pkmcal_cli.commands._options import (
 Machines = Annotated[
     list[str], typer.Argument(metavar="MACHINE.yaml", help="Machine files or names of shipped ones, to be compared.")
 ]
+Points = Annotated[
+    str, typer.Option("--points", metavar="N,N,...", help="Numbers of measured points, e.g. 10,20,40,80.")
+]
+Noise = Annotated[
+    str, typer.Option("--noise", metavar="VALUE|declared", help='Of the readings: declared, or e.g. "10 um".')
+]
+Repeat = Annotated[
+    int, typer.Option("--repeat", metavar="K", min=2, max=100_000, help="Calibrations of each number of points.")
+]
+Within = Annotated[
+    str | None,
+    typer.Option(
+        "--within", metavar="BOX", help='Where points are, instead of the workspace: "x=0:950,y=160:390".'
+    ),
+]
+Validation = Annotated[
+    int, typer.Option("--validation", metavar="N", min=1, max=10_000, help="Other points, for the tool point.")
+]
+Output = Annotated[
+    str | None, typer.Option("-o", "--output", metavar="STUDY.csv", help="Table to write; - is stdout.")
+]
 
 
 def study(
     machines: Machines,
-    points: Annotated[
-        str, typer.Option("--points", metavar="N,N,...", help="Numbers of measured points, e.g. 10,20,40,80.")
-    ] = "10,20,40,80",
-    noise: Annotated[
-        str, typer.Option("--noise", metavar="VALUE|declared", help='Of the readings: declared, or e.g. "10 um".')
-    ] = "declared",
-    repeat: Annotated[
-        int, typer.Option("--repeat", metavar="K", min=2, max=100_000, help="Calibrations of each number of points.")
-    ] = 200,
-    within: Annotated[
-        str | None,
-        typer.Option(
-            "--within", metavar="BOX", help='Where points are, instead of the workspace: "x=0:950,y=160:390".'
-        ),
-    ] = None,
+    points: Points = "10,20,40,80",
+    noise: Noise = "declared",
+    repeat: Repeat = 200,
+    within: Within = None,
     select: Select = "auto",
-    validation: Annotated[
-        int, typer.Option("--validation", metavar="N", min=1, max=10_000, help="Other points, for the tool point.")
-    ] = 10,
+    validation: Validation = 10,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of errors, points and noise.")] = 0,
     jobs: Jobs = 1,
     cluster: Cluster = None,
     state: State = None,
-    output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="STUDY.csv", help="Table to write; - is stdout.")
-    ] = None,
+    output: Output = None,
     plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
@@ -24,20 +23,17 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
-from pkmcal_cli.diagnosis.confirm import cells, single_poses
 from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
-from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose, named
+from pkmcal_cli.diagnosis.rotations import parts_of, rotations
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import frozen
 
-ROTATIONS = 5
-FEWEST_TO_SPLIT = 20  # rows of which whole cells can be kept apart; of fewer, each pose in turn
 FAILURES = "missing", "not_confirmed", "sigma_too_small"
-_Part = tuple[Problem, Problem, NDArray[np.intp]]
 _FAILS = "its calibration did not converge"
 
 
@@ -119,8 +115,7 @@ def improve(
     workers: Workers = ALONE,
 ) -> Improvement:
     """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
-    of_all = within(observe, Stage("all rows"))
-    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=of_all)
+    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=within(observe, Stage("all rows")))
     clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
     candidates = replace(candidates, model=model, start=begun_at(whole, len(model.names)))
@@ -128,7 +123,7 @@ def improve(
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
     options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
-    first = _rotations(candidates, _parts(clean, validation), selected, options)
+    first = rotations(candidates, parts_of(clean, validation), selected, options)
     begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, _start(clean, (), whole)))
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
@@ -211,52 +206,6 @@ def _refused(progress: _Progress, trial: Sequence[OuterFold], chosen: int, error
     if errors.failed - progress.errors.failed > max(int(MOST * sum(len(t.report) for t in trial)), 1):
         return f"with it {count(errors.failed - progress.errors.failed, 'more row')} cannot be predicted"
     return "" if all(t.fit.usable for t in trial) else _FAILS
-
-
-def _parts(problem: Problem, validation: Problem | None) -> list[_Part]:
-    """Rows that fit and choose, and rows that report, by rotation, and which those are of their table."""
-    if validation is not None:
-        return [(problem, validation, np.arange(len(validation)))]
-    labels = cells(problem, ROTATIONS) if len(problem) >= FEWEST_TO_SPLIT else single_poses(problem)
-    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in np.unique(labels)]
-    return [p for p in ((problem.take(a), problem.take(b), b) for a, b in pairs) if p[1].count]
-
-
-def _rotations(
-    candidates: Candidates,
-    parts: Sequence[_Part],
-    selected: tuple[str, ...],
-    options: SearchOptions,
-) -> tuple[OuterFold, ...]:
-    trains = tuple(train for train, _, _ in parts)
-    alone = replace(options, observe=unobserved, workers=ALONE)
-    work = _Rotations(candidates, trains, selected, alone)
-    found = options.workers.results(work, len(parts), "rotation", options.observe)
-    return tuple(
-        OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=work.start(train))
-        for (train, report, rows), (sets, fit) in zip(parts, found, strict=True)
-    )
-
-
-@dataclass(frozen=True)
-class _Rotations:
-    """What the rows that fit and choose name, and their fit, by the number of the rotation."""
-
-    candidates: Candidates
-    trains: tuple[Problem, ...]
-    selected: tuple[str, ...]
-    options: SearchOptions
-
-    def __call__(self, number: int, observe: Observer = unobserved) -> tuple[tuple[tuple[Hypothesis, ...], ...], Fit]:
-        train, options = self.trains[number], replace(self.options, observe=observe)
-        sets = named(self.candidates, replace(train, model=self.candidates.model), self.selected, options)
-        return sets, identify(train, self.selected, self.start(train))
-
-    def start(self, train: Problem) -> Array:
-        """Values (P,) that fits of these rows begin with."""
-        values = replace(self.candidates, model=train.model, start=None).begin()
-        values[: len(self.candidates.model.names)] = self.candidates.begin()
-        return values
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:

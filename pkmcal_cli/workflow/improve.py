@@ -17,8 +17,9 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
-from pkmcal_cli.diagnosis.closed_loop import FAILURES, FEWEST_TO_SPLIT, Improvement, improve
+from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
+from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import place_of

@@ -21,7 +21,8 @@ from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.files import is_stream, open_input
 from pkmcal_cli.base.outputs import check_target, write_text
-from pkmcal_cli.base.workers import Work, Workers
+from pkmcal_cli.base.tasks import Work
+from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.report.console import Reporter
 
 Result = TypeVar("Result")
