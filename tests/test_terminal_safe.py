@@ -18,7 +18,7 @@ FORMULAS = ("=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "'=1", "''@x", "="
 
 
 def has_control(text: str) -> bool:
-    return any(ord(c) < 32 and c not in "\n\t\r" or 126 < ord(c) < 160 or c in "\u202e\u2066\u2028" for c in text)
+    return any((ord(c) < 32 and c not in "\n\t\r") or 126 < ord(c) < 160 or c in "\u202e\u2066\u2028" for c in text)
 
 
 def table_with(name: str, header: str = "") -> str:
