@@ -87,7 +87,7 @@ def _numbers(machine: Machine, size: float) -> Iterator[_Number]:
         yield from _keys(("sections", name), section, sides | {"area": (band[0] ** 2, band[1] ** 2)})
     for kind in ("bars", "telescopes", "ropes", "beams", "springs"):
         for name, member in getattr(machine, kind, {}).items():
-            driven = {"k": _STIFFNESS} if machine.actuators else {}  # without drives: springs, fixtures
+            driven = {"k": _STIFFNESS} if len(machine.actuators) > 1 else {}  # others: springs, fixtures
             yield from _keys((kind, name), member, driven | {"EA": _AXIAL})
     for kind in ("bodies", "nodes"):
         for name, body in getattr(machine, kind).items():

@@ -104,7 +104,7 @@ def run_check(request: CheckRequest) -> int:
 
 def _of_tables(request: CheckRequest) -> BadInput:
     """Faults of the tables of a machine that has faults: by its columns where it could be read, else of their form."""
-    from pkmcal_cli.csv_files.reader import open_table
+    from pkmcal_cli.csv_files.reader import check_cells
     from pkmcal_cli.language.machine_yaml import read_machine
     from pkmcal_cli.tables.measurements import read_measurements
 
@@ -118,8 +118,7 @@ def _of_tables(request: CheckRequest) -> BadInput:
             if machine is not None and machine.sensors:
                 read_measurements([table], machine)
             else:
-                with open_table(table):
-                    pass
+                check_cells(table)
         except BadInput as error:
             found, total = [*found, *error.faults], total + error.total
     return BadInput(found, total)
