@@ -21,7 +21,16 @@ from pkmcal_cli.base.files import input_name, open_input
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.cell_values import Chunk, ColumnRules, FaultLog, Parser
 from pkmcal_cli.csv_files.cells import has_zone
-from pkmcal_cli.csv_files.dialect import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, is_number, split_line
+from pkmcal_cli.csv_files.dialect import (
+    Flaw,
+    Format,
+    HeaderCell,
+    find_binary,
+    find_encoding,
+    find_format,
+    is_number,
+    split_line,
+)
 from pkmcal_cli.csv_files.origin import origin_note
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
