@@ -9,6 +9,7 @@ from typing import Any
 
 from pkmcal_cli.calibration.point_errors import Judged, PointErrors, point_errors
 from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.csv_files.origin import SIMULATED
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.calibration import CalibrationReport
@@ -23,7 +24,7 @@ from pkmcal_cli.units.unit_text import UNITS, Unit
 class Results:
     """A calibration, what the search for causes found (`not_searched`: why there was none), and a second table.
 
-    tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance.
+    tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance; notes: on files.
     """
 
     loaded: LoadedMachine
@@ -35,6 +36,12 @@ class Results:
     tolerance: tuple[float, Unit] | None
     feed: float | None
     head: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """Notes that a table was never measured, which belong beside the verdict."""
+        return tuple(note for note in self.notes if SIMULATED in note)
 
     @property
     def machine(self) -> Machine:
