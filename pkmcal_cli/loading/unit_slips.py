@@ -1,4 +1,4 @@
-"""Numbers that are far from what machines of this size have: a unit may be wrong. Warnings, with the unit that is meant.
+"""Numbers far from what machines of this size have, so that a unit may be wrong: warnings, with the unit meant.
 
 The bands hold all shipped machines; docs/decisions.md says where they come from, tests/hostile/unit_slips.py what they
 find.
@@ -20,6 +20,8 @@ from pkmcal_cli.yaml_source.tree import Path
 
 Band = tuple[float, float]
 _SIGMA = (1e-8, 1e-3)  # of the machine's size
+_COARSE = 5.0  # as much more of a drive: belts, ropes
+_SMALL = 0.02  # m: of smaller machines nothing is usual
 _ANGULAR_SIGMA = (1e-8, 3e-3)  # rad
 _RANGE = (1e-8, 0.05)  # of the machine's size
 _ANGULAR_RANGE = (1e-9, 0.35)  # rad
@@ -47,6 +49,8 @@ class _Number:
 
 def unit_slips(machine: Machine, size: float) -> list[Fault]:
     """Warnings of numbers outside their bands; `size`: of the machine, m."""
+    if size < _SMALL:
+        return []
     values, told, faults = machine.nominal_values(), set[Path](), list[Fault]()
     for number in _numbers(machine, size):
         value, path = abs(number.quantity.number(values)), _written_at(machine, number)
@@ -63,7 +67,9 @@ def _numbers(machine: Machine, size: float) -> Iterator[_Number]:
     """Everything that has a band."""
     for name, actuator in machine.actuators.items():
         if actuator.sigma is not None:
-            yield _Number(f"sigma of {name}", ("actuators", name, "sigma"), actuator.sigma, _sigma(actuator.sigma, size))
+            low, high = _sigma(actuator.sigma, size)
+            band = (low, _COARSE * high)
+            yield _Number(f"sigma of {name}", ("actuators", name, "sigma"), actuator.sigma, band)
         stiffness = getattr(actuator, "stiffness", None)
         if isinstance(stiffness, Quantity) and stiffness.dimension == STIFFNESS:
             yield _Number(f"stiffness of {name}", ("actuators", name, "stiffness"), stiffness, _STIFFNESS)
@@ -81,7 +87,8 @@ def _numbers(machine: Machine, size: float) -> Iterator[_Number]:
         yield from _keys(("sections", name), section, sides | {"area": (band[0] ** 2, band[1] ** 2)})
     for kind in ("bars", "telescopes", "ropes", "beams", "springs"):
         for name, member in getattr(machine, kind, {}).items():
-            yield from _keys((kind, name), member, {"k": _STIFFNESS, "EA": _AXIAL})
+            driven = {"k": _STIFFNESS} if len(machine.actuators) > 1 else {}  # others: springs, fixtures
+            yield from _keys((kind, name), member, driven | {"EA": _AXIAL})
     for kind in ("bodies", "nodes"):
         for name, body in getattr(machine, kind).items():
             yield from _keys((kind, name), body, {"mass": (0.0, _MASS * max(size, size**3))})
@@ -117,7 +124,8 @@ def _told(machine: Machine, label: str, path: Path, value: float, dimension: Dim
     what = f"{label} = {unit.format(value, 3)}"
     what += f": did you mean {value / unit.scale:g} {meant}?" if meant else " is far outside the usual range"
     usual = f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
-    return machine.source.fault("magnitude", what, _there(machine, path), f"check the unit; usual: {usual}", warning=True)
+    hint = f"check the unit; usual: {usual}"
+    return machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
 
 
 def _there(machine: Machine, path: Path) -> Path:
@@ -137,8 +145,8 @@ def _unlike(machine: Machine, told: set[Path]) -> Iterator[Fault]:
     values = machine.nominal_values()
     for kind in ("bars", "ropes", "telescopes"):
         for key in ("k", "EA"):
-            members = {n: m for n, m in getattr(machine, kind, {}).items() if getattr(m, key, None) is not None}
-            numbers = [_Number(f"{key} of {n}", (kind, n, key), getattr(m, key), (0.0, 0.0)) for n, m in members.items()]
+            members = getattr(machine, kind, {}).items()
+            numbers = [n for name, m in members for n in _keys((kind, name), m, {key: (0.0, math.inf)})]
             stated = [number.quantity.number(values) for number in numbers]
             for number, value in zip(numbers, stated, strict=True) if len(stated) > 2 else ():
                 usual, path = sorted(stated)[len(stated) // 2], _written_at(machine, number)

@@ -24,6 +24,7 @@ from pkmcal_cli.tables.column_needs import Bound, Require
 from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_of, coordinates_of
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
+from pkmcal_cli.tables.serial_days import Times
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
 from pkmcal_cli.tables.touches import Touches, implied_touches, unclear_touches
 
@@ -74,6 +75,7 @@ class MeasurementStream:
         if not faults and self.require == "measured":
             faults = self._silent(files)
         self.notes = (*notes, *clock.notes)
+        self.warnings += tuple(doubt for file in files for doubt in file.doubts)
         if faults:
             raise BadInput(faults[:MAX_FAULTS], total + len(faults))
 
@@ -126,6 +128,8 @@ class _File:
     gaps: Counter[str] = field(default_factory=Counter)  # empty cells of channels and forces
     idle: int = 0  # rows in which nothing was measured
     use: TableUse | None = None
+    times: Times = field(default_factory=Times)
+    doubts: tuple[Fault, ...] = ()
     touches: Touches = field(default_factory=lambda: Touches({}))
 
     def read(self, path: Path | str) -> Iterator[Measurements]:
@@ -152,6 +156,18 @@ class _File:
             touches = self.touches.note(self.machine, self.rows)
             self.notes += [*reader.notes, *binding.notes, *([touches] if touches else []), *self._counts(binding)]
             log.raise_if_any()
+            self.doubts = self._day_numbers(binding, reader)
+
+    def _day_numbers(self, binding: Binding, reader: TableReader) -> tuple[Fault, ...]:
+        """A warning where the column `time` holds a spreadsheet's days and not seconds."""
+        bound = binding.named("time")
+        seconds = bound is not None and binding.column_rules.kinds[bound.index] == "number" and bound.unit.text == "s"
+        flaw = self.times.flaw(reader.format.header_line, bound.index) if bound is not None and seconds else None
+        if flaw is None:
+            return ()
+        log = FaultLog(reader.name, reader.format.separator)
+        log.add(flaw, reader.header_source())
+        return tuple(replace(fault, severity="warning") for fault in log.faults)
 
     def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
         machine, rows = self.machine, len(chunk.lines)
@@ -207,6 +223,7 @@ class _File:
             self.gaps[name] += int(np.isnan(values).sum())
         for name, values in zip(part.actuator_names, part.forces.T, strict=True):
             self.gaps[f"{name}.force"] += int(np.isnan(values).sum())
+        self.times.add(part.covariates.get("time"))
         self.idle += int((~part.measured.any(axis=1)).sum())
 
     def _counts(self, binding: Binding) -> list[str]:

@@ -48,8 +48,8 @@ _SLIPS = {
         ("hexapod7", "orientation: 10 urad", "orientation: 10"),
         ("hexapod7", "orientation: 10 urad", "orientation: 10 mrad"),
         ("hexapod7", "orientation: 10 urad", "orientation: 1e-11"),
-        ("five-bar", "tip, zero: \"elbow{i}\", sigma: 5 arcsec", "tip, zero: \"elbow{i}\", sigma: 5"),
-        ("five-bar", "zero: \"zero{i}\", sigma: 5 arcsec", "zero: \"zero{i}\", sigma: 5"),
+        ("five-bar", 'tip, zero: "elbow{i}", sigma: 5 arcsec', 'tip, zero: "elbow{i}", sigma: 5'),
+        ("five-bar", 'zero: "zero{i}", sigma: 5 arcsec', 'zero: "zero{i}", sigma: 5'),
     ],
     "modulus": [
         ("hexapod7", "E: 210 GPa", "E: 210"),
