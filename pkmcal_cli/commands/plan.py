@@ -9,10 +9,12 @@ import typer
 from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import (
     Alpha,
+    Cluster,
     Dwell,
     Feed,
     Force,
     Grid,
+    Jobs,
     Json,
     MachineFile,
     Parameters,
@@ -20,6 +22,7 @@ from pkmcal_cli.commands._options import (
     PosesFile,
     Quiet,
     Select,
+    State,
     as_request,
 )
 
@@ -60,6 +63,9 @@ def plan(
         int,
         typer.Option("--power", metavar="K", min=0, max=1000, help="Simulate and diagnose K campaigns of each effect."),
     ] = 0,
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    state: State = None,
     alpha: Alpha = 0.005,
     output: Annotated[
         str | None, typer.Option("-o", "--output", metavar="PLAN.csv", help="Table of points to measure; - is stdout.")

@@ -44,6 +44,7 @@ class TableReader:
         head = file.read(HEAD)
         self._encoding, self._encoding_note = find_encoding(head, is_utf8)
         self._head: Sequence[str] = ()  # the lines at the beginning
+        self._open_end = False  # the last line ends with a digit, and not as lines do
         form = find_binary(head) or self._find_format()
         if isinstance(form, Flaw):
             log = FaultLog(name)
@@ -64,7 +65,8 @@ class TableReader:
         trailing = "trailing separators ignored" if self.format.trailing else ""
         blank = f"{count(self.blank_lines, 'empty line')} skipped" if self.blank_lines else ""
         form = self.format.describe()
-        return tuple(note for note in (self._origin, form, self._encoding_note, trailing, blank) if note)
+        cut = "the last line ends with a number and has no line end: was the file cut off?" if self._open_end else ""
+        return tuple(note for note in (self._origin, form, self._encoding_note, trailing, blank, cut) if note)
 
     def header_source(self) -> str:
         """The text of the header line."""
@@ -103,6 +105,7 @@ class TableReader:
         try:
             while block := text.read(size):
                 block += text.readline()
+                self._open_end = not block.endswith("\n") and block[-1].isdigit()
                 yield block if block.endswith("\n") else block + "\n"
         finally:
             text.detach()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved, within
+from pkmcal_cli.base.workers import ALONE, Workers
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
@@ -115,6 +116,7 @@ def improve(
     *,
     loss: Loss = "squares",
     observe: Observer = unobserved,
+    workers: Workers = ALONE,
 ) -> Improvement:
     """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
     of_all = within(observe, Stage("all rows"))
@@ -125,7 +127,7 @@ def improve(
     model = with_shapes_of(model, whole)
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
-    options = SearchOptions(alpha=alpha, seed=seed, observe=observe)
+    options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
     first = _rotations(candidates, _parts(clean, validation), selected, options)
     begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, _start(clean, (), whole)))
     progress, broken = _all_tried(begun, clean, whole, options)
@@ -226,15 +228,35 @@ def _rotations(
     selected: tuple[str, ...],
     options: SearchOptions,
 ) -> tuple[OuterFold, ...]:
-    out = []
-    for k, (train, report, rows) in enumerate(parts):
-        start = replace(candidates, model=train.model, start=None).begin()
-        start[: len(candidates.model.names)] = candidates.begin()
-        told = within(options.observe, Stage("rotation", k, len(parts)))
-        sets = named(candidates, replace(train, model=candidates.model), selected, replace(options, observe=told))
-        fit = identify(train, selected, start)
-        out.append(OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=start))
-    return tuple(out)
+    trains = tuple(train for train, _, _ in parts)
+    alone = replace(options, observe=unobserved, workers=ALONE)
+    work = _Rotations(candidates, trains, selected, alone)
+    found = options.workers.results(work, len(parts), "rotation", options.observe)
+    return tuple(
+        OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=work.start(train))
+        for (train, report, rows), (sets, fit) in zip(parts, found, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class _Rotations:
+    """What the rows that fit and choose name, and their fit, by the number of the rotation."""
+
+    candidates: Candidates
+    trains: tuple[Problem, ...]
+    selected: tuple[str, ...]
+    options: SearchOptions
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> tuple[tuple[tuple[Hypothesis, ...], ...], Fit]:
+        train, options = self.trains[number], replace(self.options, observe=observe)
+        sets = named(self.candidates, replace(train, model=self.candidates.model), self.selected, options)
+        return sets, identify(train, self.selected, self.start(train))
+
+    def start(self, train: Problem) -> Array:
+        """Values (P,) that fits of these rows begin with."""
+        values = replace(self.candidates, model=train.model, start=None).begin()
+        values[: len(self.candidates.model.names)] = self.candidates.begin()
+        return values
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:

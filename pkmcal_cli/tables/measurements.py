@@ -13,6 +13,7 @@ import numpy as np
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
 from pkmcal_cli.base.files import identity, input_name, is_stream
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.csv_files.cell_values import Chunk, FaultLog, FloatArray, IntArray
 from pkmcal_cli.csv_files.cells import has_zone, time_of
 from pkmcal_cli.csv_files.dialect import Flaw
@@ -224,10 +225,10 @@ class _File:
         for column in channels:
             if column.name in channel_names and (n := self.gaps[column.name]):
                 some.setdefault(n, []).append(f"`{column.name}`")
-        notes += [f"{', '.join(names)} not measured in {n} of {self.rows} rows" for n, names in some.items()]
+        notes += [f"{listed(names)} not measured in {n} of {self.rows} rows" for n, names in some.items()]
         known = {*channel_names, *self.touches.readings}
         if lost := [f"`{c.header}`" for c in channels if c.name not in known]:
-            notes.append(f"no columns for channels: {', '.join(lost)}")
+            notes.append(f"no columns for channels: {listed(lost)}")
         return notes + ([f"no measurements in {self.idle} of {self.rows} rows"] if self.idle else [])
 
 
