@@ -9,7 +9,6 @@ from typing import Any
 
 from pkmcal_cli.calibration.point_errors import Judged, PointErrors, point_errors
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.csv_files.origin import SIMULATED
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.report.calibration import CalibrationReport
@@ -37,11 +36,7 @@ class Results:
     feed: float | None
     head: Mapping[str, Any]
     notes: tuple[str, ...] = ()
-
-    @property
-    def simulated(self) -> tuple[str, ...]:
-        """Notes that a table was never measured, which belong beside the verdict."""
-        return tuple(note for note in self.notes if SIMULATED in note)
+    simulated: tuple[str, ...] = ()  # of these, that a table was never measured
 
     @property
     def machine(self) -> Machine:

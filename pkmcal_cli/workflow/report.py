@@ -12,6 +12,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.complete_fit import FitOptions
+from pkmcal_cli.csv_files.origin import SIMULATED
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -101,6 +102,7 @@ def run_report(request: ReportRequest) -> int:
         feed=None if request.circle_feed is None else request.circle_feed / _MM_PER_MIN,
         head=head | {"inputs": inputs},
         notes=tuple(dict.fromkeys(notes)),
+        simulated=tuple(note for note in dict.fromkeys(notes) if SIMULATED in note),
     )
     return _written(request, results, inputs, to)
 
