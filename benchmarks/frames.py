@@ -19,7 +19,6 @@ from pkmcal_cli.base.rotation import Array, exp
 from pkmcal_cli.compiler import compile_machine
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference_state
-from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.model.model import Model
@@ -42,24 +41,22 @@ class Frame:
     read: tuple[int, ...]
 
     def displacement(self, rows: slice) -> Array:
-        """Displacement of T, m and rad: one linear step."""
-        return elastic_step(self.model.exact, self.coefficients[rows], self.state.take(rows), curved=False)[
-            :, self.read
-        ]
+        """Displacement of T, m and rad: one step as a calibration takes it, with geometric stiffness."""
+        return elastic_step(self.model.exact, self.coefficients[rows], self.state.take(rows))[:, self.read]
 
 
 def elastic_step(system: System, coefficients: Array, state: State, curved: bool = True) -> Array:
     """Step of all unknowns (N, n + c): assembly and solution at a known pose, with the stress term or without."""
     now = balance(system, coefficients, state, typical_stiffness(system, coefficients), curved=curved)
     assert now.tangent is not None
-    return -solve_rows(now.tangent, now.residual[..., None])[..., 0]
+    return -now.tangent.solve(now.residual[..., None])[..., 0]
 
 
 def equations(system: System, coefficients: Array, state: State) -> tuple[Array, Array]:
     """Matrices and right sides of the same step."""
     now = balance(system, coefficients, state, typical_stiffness(system, coefficients))
     assert now.tangent is not None
-    return np.ascontiguousarray(now.tangent), now.residual[..., None]
+    return np.ascontiguousarray(now.tangent.dense()), now.residual[..., None]
 
 
 PLANAR = """
@@ -107,8 +104,8 @@ def planar_frame(count: int) -> Frame:
     feet, tops = planar_points(count)
     lengths = np.sqrt(((tops[:, None] - feet) ** 2).sum(-1))
     names = model.topology.travel_names
-    coefficients = _coefficients(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
-    state = _unloaded(model, coefficients, count)
+    coefficients = coefficients_at(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
+    state = unloaded(model, coefficients, count)
     for axis, name in enumerate(("T.x", "T.y")):
         state.travel[:, names.index(name)] = tops[:, axis]
     read = tuple(int(model.exact.place[names.index(name)]) for name in ("T.x", "T.y"))
@@ -135,8 +132,8 @@ def spatial_frame(count: int) -> Frame:
     """The spatial frame in `count` sizes."""
     model = compiled(_spatial_text())
     sizes = spatial_sizes(count)
-    coefficients = _coefficients(model, sizes[:, None])
-    state = _unloaded(model, coefficients, count)
+    coefficients = coefficients_at(model, sizes[:, None])
+    state = unloaded(model, coefficients, count)
     state.travel[:] = sizes[:, None] * model.topology.travel_reference
     first = model.topology.travel_names.index("T.x")
     turn = int(model.topology.rotation_dofs[model.topology.rotations.names.index("T")])
@@ -144,12 +141,13 @@ def spatial_frame(count: int) -> Frame:
     return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))
 
 
-def _coefficients(model: Model, values: Array) -> Array:
+def coefficients_at(model: Model, values: Array) -> Array:
     """Coefficients (N, S) at parameter values (N, P)."""
     return np.asfortranarray([model.topology.coefficients.values(model.by_name(row)) for row in values])
 
 
-def _unloaded(model: Model, coefficients: Array, count: int) -> State:
+def unloaded(model: Model, coefficients: Array, count: int) -> State:
+    """The reference configuration without stress, `count` rows."""
     system = model.exact
     state = reference_state(model.topology, coefficients, count, system.constraints)
     return place_prescribed(model.topology, coefficients, state, free=system.free)

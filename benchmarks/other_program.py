@@ -17,6 +17,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 
+from .beam_frame import beams_elsewhere
 from .frames import LEGS, planar_points, spatial_points, spatial_sizes
 
 SOLVERS = ("BandSPD", "ProfileSPD", "BandGeneral", "FullGeneral", "UmfPack")
@@ -103,6 +104,11 @@ def spatial(ops: Any, count: int) -> Solve:
         return _solve(ops, solver)
 
     return lambda solver, rows: [configuration(solver, row) for row in range(rows)]
+
+
+def beams(ops: Any, count: int) -> Solve:
+    """Solver of the planar frame of beams: displacements of T (N, 3), m and rad."""
+    return beams_elsewhere(ops, count, _solve)
 
 
 def _half_weights(points: Array, sizes: Array) -> Array:

@@ -73,6 +73,47 @@ def hexapod_lines(effort: Effort) -> list[Line]:
     return [bare, *_hexapod_table(times, iterates[-1].steps / count, first, later, count)]
 
 
+def triglide(count: int) -> Task:
+    """The Triglide with errors of 0.1 mm in every length, at positions spread over its workspace."""
+    made, random = model("triglide"), np.random.default_rng(0)
+    poses = np.full((count, 6), np.nan)
+    poses[:, 0], poses[:, 1] = random.uniform(0.2, 0.7, count), random.uniform(0.17, 0.38, count)
+    readings = drive_positions(made, poses).readings
+    values = made.nominal + _ERROR * np.array([p.dimension == "length" for p in made.parameters])
+    return Task(made, values, Rows.at(readings))
+
+
+def small_machines(effort: Effort) -> list[Line]:
+    """The step of a small machine against its bare solution, and what a call costs at numbers of rows as measured."""
+    task, few = triglide(effort.rows(2000)), triglide(effort.rows(80))
+    coefficients = commanded_coefficients(task.model, BaseCoefficients.of(task.model, task.values), task.rows)
+    state = predict(task.model, task.values, task.rows).state
+    own = {"triglide": triglide(effort.rows(231)), "hexapod7": hexapod(effort.rows(231))}
+    limits, lines = {"triglide": 3.0, "hexapod7": 60.0}, []
+    for name, other in own.items():
+        start, request = (
+            predict(other.model, other.values, other.rows).start,
+            Request(parameters=other.model.names[:10]),
+        )
+        times = side_by_side(
+            {
+                "plain": partial(predict, other.model, other.values, other.rows, start=start),
+                "with": partial(predict, other.model, other.values, other.rows, request, start),
+            },
+            effort.rounds,
+        )
+        note = f"prediction from the solution {1e3 * times.median('plain'):.1f} ms"
+        added = 1e3 * (times.median("with") - times.median("plain"))
+        what = f"Jacobian of 10 parameters, {len(other.rows)} poses of {name}"
+        lines.append(Line(what, added, limits[name], unit="ms", note=note))
+    times = side_by_side({"predict": partial(predict, few.model, few.values, few.rows)}, 3 * effort.rounds)
+    return [
+        against_bare("triglide", task.model.exact, coefficients, state, effort.rounds),
+        Line(f"`exact` prediction of the Triglide, {len(few.rows)} rows", 1e3 * times.median("predict"), 5, unit="ms"),
+        *lines,
+    ]
+
+
 def _iterates(task: Task) -> list[Prediction]:
     """Predictions at nominal parameters, 1 um from the solution of the fit, and at it."""
     made, random = task.model, np.random.default_rng(1)
@@ -109,14 +150,10 @@ def _hexapod_table(times: Times, complete: float, first: float, later: float, co
 def triglide_lines(effort: Effort) -> list[Line]:
     """Time a row of the Triglide for growing numbers of rows."""
     counts = tuple(effort.rows(count) for count in (20_000, 80_000))
-    made, random = model("triglide"), np.random.default_rng(0)
-    poses = np.full((max(counts), 6), np.nan)
-    poses[:, 0], poses[:, 1] = random.uniform(0.2, 0.7, len(poses)), random.uniform(0.17, 0.38, len(poses))
-    readings = drive_positions(made, poses).readings
-    values = made.nominal + 1e-4 * np.array([p.dimension == "length" for p in made.parameters])
+    task = triglide(max(counts))
 
     def run(count: int) -> State:
-        return predict(made, values, Rows.at(readings[:count])).state
+        return predict(task.model, task.values, task.rows.take(slice(count))).state
 
     times = side_by_side({str(count): partial(run, count) for count in counts}, min(effort.rounds, 3))
     per_row = [1e6 * times.median(str(count)) / count for count in counts]

@@ -12,7 +12,7 @@ import argparse
 import os
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -20,16 +20,19 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from benchmarks import predictions, program, steps  # noqa: E402
+from benchmarks import predictions, program, steps, sweep  # noqa: E402
 from benchmarks.timing import ONCE, Effort, Line  # noqa: E402
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "performance.md"
+GROWTH = ("against", "sizes", "cost", "exponent", "note")
 HEAD = ("quantity", "measured", "required", "met", "note")
 
 
 def lines(effort: Effort, quick: bool) -> Iterator[Line]:
     """All lines of the table."""
     yield from steps.frames_against_bare(effort)
+    yield from predictions.small_machines(effort)
+    yield from steps.growth_lines(effort)
     yield from predictions.hexapod_lines(effort)
     yield from steps.against_other_program(effort)
     yield from predictions.triglide_lines(effort)
@@ -39,27 +42,36 @@ def lines(effort: Effort, quick: bool) -> Iterator[Line]:
         yield from program.million_lines(effort)
 
 
-def table(found: list[Line]) -> str:
-    """The table in Markdown."""
-    rows = [HEAD, ("---",) * len(HEAD), *(line.cells() for line in found)]
+def table(head: tuple[str, ...], found: Sequence[Line | sweep.Growth]) -> str:
+    """A table in Markdown."""
+    rows = [head, ("---",) * len(head), *(line.cells() for line in found)]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
 
 
-def document(found: list[Line], rounds: int) -> str:
+def document(found: list[Line], grown: list[sweep.Growth], rounds: int) -> str:
     """docs/performance.md."""
     versions = f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}"
     return f"""# Speed
 
 Written by `python -m benchmarks.run --write`; medians of {rounds} rounds. All cases of a line run in turn in one
 process on one thread ({versions}). Times are processor times, so other programs on a busy
-computer do not affect them. `a : b` is the time of a divided by that of b; for OpenSees this is the factor by which the
-engine is faster. A step is the assembly of the tangent and the solution at a known pose, for all rows of a chunk
-together. OpenSees rebuilds its model for every configuration, from coordinates prepared beforehand, with the fastest of
-its direct solvers; its displacements are compared with the engine's. Iterations per row count those of the rigid pose
-and of the elastic equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every parameter, a
-later one 1 um.
+computer do not affect them much. `a : b` is the time of a divided by that of b; for OpenSees this is the factor by
+which the engine is faster. A step is the assembly of the tangent and the solution at a known pose, with geometric
+stiffness as a calibration takes it, for all rows of a chunk together. `bare` is the faster of LAPACK's `posv` (with
+multipliers `sysv`) row by row and numpy's batched `gesv`, on the same matrices, already assembled. OpenSees rebuilds
+its model for every configuration, from coordinates prepared beforehand, with the fastest of its direct solvers; its
+displacements are compared with the engine's. Iterations per row count those of the rigid pose and of the elastic
+equilibrium together. The first iterate of a fit is 0.1 mm from the solution in every parameter, a later one 1 um.
 
-{table(found)}
+{table(HEAD, found)}
+
+## How the cost grows
+
+Cost is the processor time of the whole task at each size. The exponent is the slope of the logarithms: 1 is linear, 0
+does not grow. How a step grows with the unknowns is in the table above (chain, platform and gantry of beams). Large
+tasks are measured on a part and multiplied, as the note says; one process does them on one thread.
+
+{table(GROWTH, grown)}
 """
 
 
@@ -75,11 +87,15 @@ def main() -> int:
     for line in lines(ONCE if chosen.once else Effort(chosen.rounds), chosen.quick):
         found.append(line)
         print("  ".join(cell for cell in line.cells()[: 1 if chosen.once else None] if cell), flush=True)
+    grown = []
+    for growth in sweep.growths(ONCE if chosen.once else Effort(chosen.rounds)):
+        grown.append(growth)
+        print("  ".join(cell for cell in growth.cells()[: 1 if chosen.once else None] if cell), flush=True)
     if chosen.once:
         return 0
     if chosen.write:
         TARGET.parent.mkdir(exist_ok=True)
-        TARGET.write_text(document(found, chosen.rounds), encoding="utf-8")
+        TARGET.write_text(document(found, grown, chosen.rounds), encoding="utf-8")
     return 0 if all(line.met is not False for line in found) else 1
 
 

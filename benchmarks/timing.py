@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +65,11 @@ def side_by_side(cases: Cases, rounds: int, clock: Callable[[], float] = time.pr
             run()
             times[name].append(clock() - begin)
     return Times(times)
+
+
+def exponent(sizes: Sequence[float], times: Sequence[float]) -> float:
+    """Power of the size with which times grow: slope of the logarithms (least squares)."""
+    return float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
 
 
 @dataclass(frozen=True)

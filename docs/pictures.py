@@ -5,7 +5,7 @@ docs/triglide-strained.svg, docs/gantry-strained.svg: what `pkmcal draw` draws o
 docs/hangprinter.svg: what is left of each line's length before and after calibration, real data.
 
 `python -m docs.pictures` (from the repository's folder). `python -m docs.axes` draws docs/axes.svg, and
-`python -m tests.figure12` docs/figure12.svg.
+`pkmcal study` docs/figure12.svg (see docs/study.md).
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 import traceback
 import warnings
@@ -14,6 +15,7 @@ import typer
 
 from pkmcal_cli import __version__
 from pkmcal_cli.base.styles import styled, wants_styles
+from pkmcal_cli.base.visible import visible
 from pkmcal_cli.commands._group import Subcommands, names
 
 _STOPPED = 130
@@ -46,7 +48,22 @@ def _root(
 def main() -> None:
     """Run the program and end the process."""
     gc.set_threshold(_GARBAGE)
+    _stop_on_signals()
     sys.exit(run(sys.argv[1:]))
+
+
+def _stop_on_signals() -> None:
+    """Who is asked to end, or loses the terminal, ends as by Ctrl-C: no torn file, exit code 130."""
+
+    def stop(*_: object) -> None:
+        for each in kinds:
+            signal.signal(each, signal.SIG_IGN)  # the end is on its way, and tidies up
+        raise KeyboardInterrupt
+
+    named = (getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP"))
+    kinds = [s for s in named if s is not None and signal.getsignal(s) is not signal.SIG_IGN]  # nohup ignores
+    for each in kinds:
+        signal.signal(each, stop)
 
 
 def run(arguments: list[str]) -> int:
@@ -74,10 +91,13 @@ def run(arguments: list[str]) -> int:
 
 def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
-    from pkmcal_cli.base.errors import OutputError, PkmcalError, numbers_fail
+    from pkmcal_cli.base.errors import BadInput, Location, OutputError, PkmcalError, numbers_fail
 
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
+    elif isinstance(error, OSError):  # of a file that was looked at: results have their own words
+        what = f"the file cannot be read: {error.strerror or error}"
+        error = BadInput.single(what, Location(str(error.filename), 1), "check the path and the rights", "file")
     if isinstance(error.__cause__, BrokenPipeError):
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
@@ -136,6 +156,7 @@ def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
 
 def _tell(text: str) -> None:
     """A message for people; a closed stderr is no reason for another error."""
+    text = visible(text)
     with suppress(OSError, ValueError):
         print(styled(text) if wants_styles(sys.stderr) else text, file=sys.stderr, flush=True)
 

@@ -17,7 +17,7 @@ from tests.test_docs import COMMANDS as PAGES
 COMMANDS = sorted(p.stem for p in (ROOT / "pkmcal_cli" / "commands").glob("[a-z]*.py"))
 WORK = [
     "new", "check", "draw", "simulate", "sensitivity", "observability", "plan", "calibrate", "diagnose", "improve",
-    "correct", "report", "compare", "effects", "schema",
+    "correct", "report", "compare", "study", "effects", "schema",
 ]  # fmt: skip
 """Commands in the order of work."""
 LONG = ("diagnose", "improve")

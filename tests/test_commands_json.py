@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -104,8 +105,19 @@ def write_gap(folder: Path) -> None:
     (folder / "gap.yaml").write_text(gap.replace("bars:", f"bars:\n{braces}"))
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Machines, tables and parameter files of all these runs, made once."""
+    folder = tmp_path_factory.mktemp("written")
+    with contextlib.chdir(folder):
+        write_all(folder)
+    return folder
+
+
 def write_all(folder: Path) -> None:
     """Machines, tables and parameter files of these runs."""
+    (folder / "free.yaml").write_text(FREE)
+    (folder / "blind.yaml").write_text(f"extends: {TRIGLIDE}\nsensors: {{tracker: null}}\n")
     (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
     (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
     (folder / "shims.yaml").write_text(f"extends: {TRIGLIDE}\nparameters: {{yb1r: {{adjustable: true}}}}\n")
@@ -129,9 +141,8 @@ def write_all(folder: Path) -> None:
 APART = "apart.params.yaml"
 
 
-def commands(folder: Path) -> dict[str, list[list[str]]]:
+def commands() -> dict[str, list[list[str]]]:
     """Runs that together show every key."""
-    write_all(folder)
     accepted = [str(SPOILT), "m.csv", "--holdout", "none", "--starts", "1", "--accept"]
     pin, belts, partly = MACHINES / "delta4.yaml", MACHINES / "belt-router", ("--grid", "x=300:300:1,y=250:2500:2")
     return {
@@ -161,9 +172,9 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
             ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
         ],
-        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"],
-            [TRIGLIDE, "apart.yaml", TRIGLIDE_DATA]],
-        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "plan": [
+        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [TRIGLIDE, "apart.yaml",
+            TRIGLIDE_DATA]],
+        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "study": STUDY, "plan": [
             [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
             [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
             [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
@@ -173,7 +184,6 @@ def commands(folder: Path) -> dict[str, list[list[str]]]:
 
 def searches(folder: Path) -> dict[str, list[list[str]]]:
     """The same of those that take long."""
-    write_all(folder)
     return {
         "diagnose": [
             [HANGPRINTER, HANGPRINTER_DATA], [HANGPRINTER, HANGPRINTER_DATA.replace("2021-12-16", "2022-04-12")],
@@ -185,6 +195,8 @@ def searches(folder: Path) -> dict[str, list[list[str]]]:
     }  # fmt: skip
 
 
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
+STUDY = [[TRIGLIDE, PLAIN, "--within", "x=200:700,y=200:350", "--points", "8", "--repeat", "2"]]
 FREE = """
 units: {length: mm, force: N}
 space: spatial
@@ -212,6 +224,7 @@ SHOWN = [
     "effects",
     "improve",
     "plan",
+    "study",
 ]
 
 
@@ -220,13 +233,11 @@ SELDOM = {"improve": {"provenance.accepted[]"}}  # as in `calibrate`
 
 @pytest.mark.parametrize("command", [pytest.param(c, marks=LONG.get(c, ())) for c in SHOWN])
 def test_the_documented_keys_are_those_that_are_there(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: str, written: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "free.yaml").write_text(FREE)
-    (tmp_path / "blind.yaml").write_text(f"extends: {TRIGLIDE}\nsensors: {{tracker: null}}\n")
+    monkeypatch.chdir(written)
     known, found = documented()[command], set()
-    for arguments in (searches if command in LONG else commands)(tmp_path)[command]:
+    for arguments in (searches(written) if command in LONG else commands())[command]:
         done = run(command, *arguments, "--json", "-q")
         assert done.code in (0, 1), done.err
         assert faults_of(command, done.json) == []

@@ -97,7 +97,8 @@ def test_a_closed_stderr_does_not_stop_the_work() -> None:
         assert (failing.code, failing.out) == (3, ""), where
 
 
-def test_ctrl_c_ends_with_130_and_leaves_no_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda kind: kind.name)
+def test_ctrl_c_ends_with_130_and_leaves_no_file(kind: signal.Signals, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     arguments = ["simulate", TRIGLIDE, "--grid", "x=200:700:3000,y=200:350:3000", "-o", str(out)]
     running = subprocess.Popen(
@@ -109,7 +110,7 @@ def test_ctrl_c_ends_with_130_and_leaves_no_file(tmp_path: Path) -> None:
             break
         time.sleep(0.05)
     time.sleep(0.2)
-    running.send_signal(signal.SIGINT)
+    running.send_signal(kind)
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130 and said.strip() == "stopped"
     assert list(tmp_path.iterdir()) == []

@@ -195,6 +195,16 @@ REFUSED = {
     "narrow rows": ("x,y\n1\n2\n", "t.csv:2:1: error[csv-width]: the header has 2"),
     "title line": ("Report 2021\nx;y\n1,5;2,5\n", "help: line 1 is read as the header"),
     "date": ("x,y\n2021-12-16,4\n", "help: use dates only in column `time`"),
+    "no number of C": ("x,y\n1.#QNAN,4\n", "help: leave the cell empty"),
+    "Fortran": ("x,y\n1d3,4\n", "help: write exponents with `e`: `1e3`"),
+    "German date": ("x,y\n16.12.2021 10:30,4\n", "help: use dates only in column `time`"),
+    "formula": ("x,y\n=1+1,4\n", "help: a spreadsheet's formula"),
+    "truth": ("x,y\nTRUE,4\n", "help: write a number, or leave the cell empty"),
+    "comment behind": ("x,y\n1,2 # late\n", "help: write comments only before the header"),
+    "comment behind, cell": ("x,y\n1,2,# late\n3,4\n5,6\n", "help: write comments only before the header"),
+    "error value": ("x,y\n#DIV/0!,2\n", "help: a spreadsheet's error value"),
+    "anything": ("x,y\n@@@,2\n", "help: write one number, such as `12.5`"),
+    "many columns": (",".join(map(str, range(10_001))) + "\n", "[csv-columns]: the header has 10001 columns"),
     "hexadecimal": ("x,y\n0x10,4\n", "`0x10` in column `x` is not a number"),
 }
 
@@ -202,6 +212,14 @@ REFUSED = {
 @pytest.mark.parametrize(("content", "expected"), REFUSED.values(), ids=REFUSED.keys())
 def test_refused(tmp_path: Path, content: str | bytes, expected: str) -> None:
     assert expected in message(tmp_path, content)
+
+
+def test_a_last_line_that_may_be_cut_off(tmp_path: Path) -> None:
+    assert "the last line ends with a number and has no line end: was the file cut off?" in table(
+        tmp_path, "x,y\n1,2\n3,4"
+    ).notes
+    for whole in ("x,y\n1,2\n3,4\n", "id,y,z\na,1,\nb,2,"):
+        assert not any("cut off" in note for note in table(tmp_path, whole).notes)
 
 
 def test_the_odd_rows_are_named_and_not_the_others(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration import bootstrap
 from pkmcal_cli.calibration.bootstrap import _blocks, bootstrap_intervals
 from pkmcal_cli.calibration.error_budget import error_budget
 from pkmcal_cli.calibration.fit import Fit
@@ -19,6 +20,7 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
+from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, run
@@ -90,6 +92,16 @@ def test_the_bootstrap_takes_what_the_ranges_know_as_it_is() -> None:
     found = bootstrap_intervals(blind, fit, places(blind, fit), np.zeros(len(blind)), 0)
     assert found.std == pytest.approx(plan.ranges / 2, rel=0.1)  # 1000 draws
     assert np.ptp(found.low_high, axis=1) / 2 == pytest.approx(1.96 * plan.ranges / 2, rel=0.15)
+
+
+def test_the_bootstrap_draws_the_same_in_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many numbers fit into memory at a time."""
+    _, problem = campaign("triglide")
+    fit = identify(problem, select(problem.model, "auto"))
+    whole = bootstrap_intervals(problem, fit, places(problem, fit), np.zeros(len(problem)), 0)
+    monkeypatch.setattr(bootstrap, "_SEGMENT", 1700)
+    parts = bootstrap_intervals(problem, fit, places(problem, fit), np.zeros(len(problem)), 0)
+    np.testing.assert_allclose(parts.low_high, whole.low_high, rtol=1e-12)
 
 
 def test_the_bootstrap_scales_what_the_ranges_know_as_a_fit_says() -> None:

@@ -9,9 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from pkmcal_cli.diagnosis.panels import driver_panel, field_map, nearest_rivals, waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.pictures.parts import composed
+from pkmcal_cli.pictures.picture import drawn
+from pkmcal_cli.pictures.scatter import Cloud, scatter_part
+from pkmcal_cli.pictures.titles import Titles
+from pkmcal_cli.units.unit_text import UNITS
 from tests.benchmark.setting import diagnosed
 from tests.command import SCISSORS, SHOPFLOOR, run
 from tests.computed_once import run_once
@@ -116,6 +122,18 @@ def test_files_are_pictures(tmp_path: Path) -> None:
     assert again.code == 1
     for file in (tmp_path / "again").iterdir():
         assert file.read_bytes() == (tmp_path / "new" / file.name).read_bytes()
+
+
+def test_what_colours_say_is_not_cut_off() -> None:
+    """The lowest part of a picture has room for the name of its colours, unit included."""
+    flat = np.array([[0.0, 0.0], [1.0, 0.1]])
+    cloud = Cloud("standard uncertainty of the position", flat, np.array([1e-6, 2e-6]), UNITS["um"])
+    part = scatter_part([cloud], ("x", "y"), UNITS["mm"])
+    with drawn(composed("map", Titles("m.yaml", "map", ""), "a map", [part])) as figure:
+        figure.canvas.draw()
+        (label,) = [t for t in figure.findobj(Text) if "uncertainty" in t.get_text()]
+        box = label.get_window_extent()
+        assert label.get_text().split()[-1] == "[um]" and box.y0 >= 0 and box.y1 <= figure.bbox.height
 
 
 def test_the_terminal_shows_them_too() -> None:

@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
+from pkmcal_cli.calibration.problem import design_problem
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.prediction import Rows
+from pkmcal_cli.workflow.candidate_points import candidate_points
 from tests.command import MACHINES, SCISSORS, clean, run
 from tests.test_commands_plan import GRID, column, planned
 from tests.truth.generate import campaigns
@@ -105,3 +109,14 @@ def test_a_program_strains_nothing_on_its_way(tmp_path: Path) -> None:
     assert "x = ________ mm" in files["checklist"].read_text() and "x [mm],y [mm]" in files["csv"].read_text()
     wrong = clean(run("plan", SCISSORS, *GRID, "--as", "gcodes"))
     assert wrong.code == 2 and "did you mean `gcode`?" in wrong.err
+
+
+def test_points_are_proposed_although_a_row_has_no_solution_at_the_fitted_values() -> None:
+    """Such a row is nowhere, so it says nothing of where points may be; the others do."""
+    loaded = load_machine(str(MACHINES / "triglide-nonredundant.yaml"))
+    model = loaded.model
+    apart = np.array([[0.04, 0.56], [0.24, 0.76], [0.0, 5.0]])  # m; no rod reaches over 5 m
+    problem = design_problem(model, Rows.at(apart))
+    pool, _ = candidate_points(loaded, problem, model.nominal, 20, 0)
+    assert len(pool) > 5 and np.isfinite(pool.rows.readings).all()
+    assert pool.rows.readings.min() > -0.1 and pool.rows.readings.max() < 1.0

@@ -26,12 +26,14 @@ from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.residual_picture import residual_parts
 from pkmcal_cli.pictures.titles import plain, shortened, titles
 from pkmcal_cli.report.parameters import ParameterRow
+from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.drawn import collisions, figure_of, lines
 from tests.test_pictures import shop
 
 MM = parse_unit("mm")
+UNITS = FileUnits.of({"length": "mm"})
 TITLES = titles("m.yaml", "a test", [])
 RNG = np.random.default_rng(1)
 
@@ -213,7 +215,7 @@ def test_titles_hold_what_a_page_can() -> None:
 @pytest.mark.parametrize("whole", [True, False])
 def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
     found: Diagnosis = shop()
-    drawn = [diagnosis_picture(found, TITLES, MM)] if whole else list(diagnosis_pictures(found, TITLES, MM))
+    drawn = [diagnosis_picture(found, TITLES, UNITS)] if whole else list(diagnosis_pictures(found, TITLES, UNITS))
     for picture in drawn:
         assert collisions(picture) == [], picture.name
         assert len(picture.alt) > 40

@@ -36,8 +36,8 @@ def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypat
     """Parameters that hardly matter may wander for more steps than a refit has."""
     plain = scoring.identify
 
-    def wandering(problem: Problem, selected: tuple[str, ...], *more: Any) -> Fit:
-        fit = plain(problem, selected, *more)
+    def wandering(problem: Problem, selected: tuple[str, ...], *more: Any, **options: Any) -> Fit:
+        fit = plain(problem, selected, *more, **options)
         return replace(fit, status="not_converged", flat=flat) if any("@" in n for n in selected) else fit
 
     monkeypatch.setattr(scoring, "identify", wandering)
@@ -50,8 +50,8 @@ def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyP
     """Its chi-square is that of other rows."""
     plain = scoring.identify
 
-    def leaving(problem: Problem, selected: tuple[str, ...], *more: Any) -> Fit:
-        fit = plain(problem, selected, *more)
+    def leaving(problem: Problem, selected: tuple[str, ...], *more: Any, **options: Any) -> Fit:
+        fit = plain(problem, selected, *more, **options)
         return replace(fit, failed={3: "out of reach"}) if any("@" in n for n in selected) else fit
 
     monkeypatch.setattr(scoring, "identify", leaving)

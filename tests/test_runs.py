@@ -50,6 +50,15 @@ def test_a_calibration_is_kept(folder: Path) -> None:
     assert values[0] == values[1]
 
 
+def test_what_is_told_of_a_table_is_kept_with_it(folder: Path) -> None:
+    """A copy of a simulated table is simulated too; what belongs to other content is told of the copy as well."""
+    grid = "x=250:450:4,y=220:320:4"
+    run("simulate", "mine.yaml", "--grid", grid, "--noise", "declared", "--seed", "1", "-q", "-o", "made.csv")
+    run("calibrate", "mine.yaml", "made.csv", "--holdout", "none", "--run", "runs", "-q")
+    done = run("check", "mine.yaml", only(folder) / "inputs" / "made.csv")
+    assert "made.csv: simulated: no measurements" in done.err
+
+
 def test_a_run_can_be_run_again(folder: Path) -> None:
     """From its own copies alone, to the same digits."""
     run("calibrate", "mine.yaml", "rows.csv", "--holdout", "none", "--run", "runs", "-q")

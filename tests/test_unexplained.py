@@ -14,12 +14,18 @@ from pkmcal_cli.app import app
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.selection import select
+from pkmcal_cli.diagnosis.panels import waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.effects.unexplained import FreeShape
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
+from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures
+from pkmcal_cli.pictures.shape_picture import curve_of
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows, predict
 from pkmcal_cli.prediction.unknown_shapes import between_knots, outside_knots
+from pkmcal_cli.units.file_units import FileUnits
 from tests.benchmark.setting import FOLDER, diagnosed
+from tests.drawn import collisions
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign
 
 KNOTS = (0.0, 0.1, 0.25, 0.3)
@@ -192,6 +198,11 @@ def test_it_leaves_nothing_but_noise() -> None:
     assert 0.8 < fit.chi2_per_dof < 1.2  # before: 65
 
 
+def test_the_steps_to_noise_end_with_it() -> None:
+    last = waterfall(diagnosis("tanh", "q2"))[-1]
+    assert last.name == "+ unexplained@q2" and 0.85 < last.rms < 1.1  # rms in sigma: 192 poses, 25 numbers fitted
+
+
 def test_parameters_beside_it_hold_within_their_uncertainties() -> None:
     """At 1.96 standard uncertainties one of 20 would be outside; of 9, four standard uncertainties hold all."""
     d = diagnosis("tanh", "q2")
@@ -200,6 +211,32 @@ def test_parameters_beside_it_hold_within_their_uncertainties() -> None:
         if name in fit.selected:
             std = fit.std[fit.selected.index(name)]
             assert abs(fit.values[names.index(name)] - true) < 4 * std, name
+
+
+def test_the_curve_and_its_band_are_drawn_as_kriging_gives_them() -> None:
+    """Between knots known with a covariance, and beyond (Rasmussen and Williams 2006, eq. 2.25, 2.26)."""
+    shape = diagnosis("tanh", "q2").shapes[0]
+    assert shape.shape.values is not None and shape.shape.covariance is not None
+    knots, width, spread = np.array(shape.shape.knots), shape.shape.width, shape.shape.spread
+    x = np.concatenate([knots[:1] - 0.3 * width, 0.5 * (knots[1:] + knots[:-1])])
+    prior = spread**2 * (matern(knots, knots, width) + 1e-8 * np.eye(len(knots)))
+    gain = solve(prior, spread**2 * matern(knots, x, width)).T
+    variance = 1.5 * spread**2 - np.einsum("nk,nk->n", gain @ prior, gain)
+    variance += np.einsum("nk,nk->n", gain @ shape.shape.covariance, gain)
+    middle, std = curve_of(shape, x)
+    assert np.allclose(middle, gain @ shape.shape.values, atol=1e-9 * HEIGHT)
+    assert np.allclose(std, np.sqrt(variance), rtol=1e-3)
+    assert std[0] > std[1:].max()  # less is known beyond the knots
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_its_picture_has_no_text_on_text(whole: bool) -> None:
+    d, named = diagnosis("tanh", "q2"), titles("scissors.yaml", "diagnosis", ["t.csv"])
+    units = FileUnits.of({"length": "mm"})
+    pictures = [diagnosis_picture(d, named, units)] if whole else list(diagnosis_pictures(d, named, units))
+    drawn = [p for p in pictures if whole or p.name == "unexplained@q2"]
+    assert len(drawn) == 1 and collisions(drawn[0]) == []
+    assert "unexplained@q2: deviation over the reading of q2, up to" in drawn[0].alt
 
 
 def test_a_named_effect_keeps_its_name() -> None:

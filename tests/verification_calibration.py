@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from pkmcal_cli.report.parameters import determined_sums
-from tests import figure12, hangprinter_cases
+from tests import hangprinter_cases
 from tests.campaigns import by_engine, planted, shipped
 from tests.hangprinter_cases import ANCHORS, LINES, RADII, RMS, SESSIONS, calibrated, disagreement, held_out
 from tests.support import model
@@ -116,14 +116,13 @@ def figure_12() -> list[Row]:
     """From docs/figure12.csv."""
     with (DOCS / "figure12.csv").open(encoding="utf-8") as file:
         table = {(r["machine"], int(r["points"])): r for r in csv.DictReader(file)}
-    redundant, plain = figure12.MACHINES
     rows: list[Row] = []
-    for kind in ("parameters", "tcp"):
+    for kind, column in (("parameters", "length"), ("tool point", "tool")):
         for points in (10, 40, 226):
-            values = [float(table[m, points][f"{kind} [um]"]) for m in (redundant, plain)]
-            text = f"figure 12, {figure12.REPETITIONS} repetitions of {points} points, mean error of the "
-            text += f"{'TCP' if kind == 'tcp' else kind}: redundant ({values[0]:.2f} um) over non-redundant"
-            rows.append(Row(text, "> 1", values[0] / values[1]))
+            redundant, plain = (table[m, points] for m in ("triglide", "triglide-nonredundant"))
+            values = [float(r[f"{column} [um]"]) for r in (redundant, plain)]
+            text = f"figure 12, {redundant['n']} repetitions of {points} points, mean error of the {kind}: "
+            rows.append(Row(f"{text}redundant ({values[0]:.2f} um) over non-redundant", "> 1", values[0] / values[1]))
     return rows
 
 

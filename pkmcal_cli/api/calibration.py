@@ -158,16 +158,18 @@ def calibrate(
     uncertainty: str = "linear",
     starts: int = 0,
     seed: int = 0,
+    jobs: int = 1,
 ) -> Calibration:
     """Which dimensions explain the measurements, and how uncertain are they? As `pkmcal calibrate`.
 
     measurements: one table or several, each of which is a session; holdout: a number of folds, `session`, `cells`,
-    `none`, or a table of its own. Warns with PkmcalWarning where the parameters cannot be used. Raises PkmcalError.
+    `none`, or a table of its own; jobs: processes, 0 for all cores. Warns with PkmcalWarning where the parameters
+    cannot be used. Raises PkmcalError.
     """
     known = load(machine)
     options = FitOptions(
         loss=loss, prior=_prior(prior), uncertainty=uncertainty, seed=whole("seed", seed),
-        starts=whole("starts", starts, _STARTS),
+        starts=whole("starts", starts, _STARTS), jobs=whole("jobs", jobs),
     )  # fmt: skip
     request = CalibrationRequest(
         machine=known.file, measurements=sources_of(measurements), select=names_of(select), holdout=_apart(holdout),

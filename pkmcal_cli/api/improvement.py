@@ -156,12 +156,13 @@ def improve(
     only: str | None = None,
     alpha: float = 0.005,
     seed: int = 0,
+    jobs: int = 1,
     observer: Callable[[Stage], None] = unobserved,
 ) -> Improvement:
     """Which effects does the machine file lack, and how much do they improve held-out points? As `pkmcal improve`.
 
-    validation: rows that only report; only: effects to look for; observer: is told where the work has come to.
-    Raises PkmcalError.
+    validation: rows that only report; only: effects to look for; jobs: processes, 0 for all cores; observer: is told
+    where the work has come to. Raises PkmcalError.
     """
     known = load(machine)
     case = CaseRequest(
@@ -169,7 +170,8 @@ def improve(
         parameters=parameters_of(parameters), loss=loss, prior=prior,
     )  # fmt: skip
     apart = None if validation is None else source_of(validation, "validation")
-    request = ImproveRequest(case=case, validation=apart, only=only, alpha=alpha, seed=whole("seed", seed))
+    request = ImproveRequest(case=case, validation=apart, only=only, alpha=alpha, seed=whole("seed", seed),
+                             jobs=whole("jobs", jobs))  # fmt: skip
     record = Record(observer)
     with computing():
         prepared, rows = setting(request, record, known.receptive)

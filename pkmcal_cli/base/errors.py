@@ -11,6 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from pkmcal_cli.base.visible import in_line, visible
+
 MAX_FAULTS = 50
 """So many faults of a stage are told; the rest is counted."""
 
@@ -18,6 +20,8 @@ GIVE_UP = 1000
 """With so many faults reading is given up."""
 
 _MAX_LINE = 140
+_LIKE = 0.6  # similarity below which a name is not looked at
+_BEGINNING = 3  # letters that are enough of a name
 
 
 @dataclass(frozen=True, order=True)
@@ -29,7 +33,8 @@ class Location:
     column: int = 0
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
+        file = in_line(self.file)
+        place = f"{file}:{self.line}" if self.line else file
         return f"{place}:{self.column}" if self.column else place
 
 
@@ -50,11 +55,11 @@ class Fault:
     def text(self) -> str:
         """The fault as it is shown: head line, source line, caret line, help."""
         head = f"{self.where}: " if self.where is not None else ""
-        lines = [f"{head}{self.severity}[{self.code}]: {self.what}"]
+        lines = [f"{head}{self.severity}[{self.code}]: {visible(self.what)}"]
         if self.where is not None and self.source is not None and self.where.column:
             lines += _excerpt(self.source, self.where.column)
         if self.hint:
-            lines.append(f"help: {self.hint}")
+            lines.append(f"help: {visible(self.hint)}")
         return "\n".join(lines)
 
     def __str__(self) -> str:
@@ -102,7 +107,7 @@ class PkmcalError(Exception):
         if isinstance(self.where, Location) or self.where is None:
             return Fault(self.code, self.what, self.where, self.hint).text()
         tail = f"\nhelp: {self.hint}" if self.hint else ""
-        return f"{self.where}: error[{self.code}]: {self.what}{tail}"
+        return visible(f"{in_line(self.where)}: error[{self.code}]: {self.what}{tail}")
 
     def __str__(self) -> str:
         return self.text()
@@ -210,14 +215,35 @@ def _sorted(faults: Iterable[Fault]) -> list[Fault]:
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:
-    """The valid name that is most like `name`, or None."""
-    candidates = list(names)
-    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
-    if close:
-        return close[0]
-    lower = {c.lower(): c for c in candidates}
-    close = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.6)
-    return lower[close[0]] if close else None
+    """The valid name that is most like `name`, if any is so near that a slip makes the one of the other."""
+    lower: dict[str, str] = {}
+    for candidate in names:
+        lower.setdefault(candidate.lower(), candidate)
+    close = difflib.get_close_matches(name.lower(), lower, n=3, cutoff=_LIKE)
+    return next((lower[c] for c in close if _slip(name.lower(), c)), None)
+
+
+def _slip(name: str, meant: str) -> bool:
+    """Whether one is the beginning of the other, or few letters differ: one of three, two of six, three of nine."""
+    short, long = sorted((name, meant), key=len)
+    if len(short) >= _BEGINNING and long.startswith(short):
+        return True
+    return edits(name, meant) <= max(1, len(long) // 3)
+
+
+def edits(a: str, b: str) -> int:
+    """How many letters are more, less or other, or exchanged with the next (optimal string alignment)."""
+    before: list[int] = []
+    row = list(range(len(b) + 1))
+    for i, c in enumerate(a, start=1):
+        last, row = row, [i]
+        for j, d in enumerate(b, start=1):
+            cost = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (c != d))
+            if i > 1 and j > 1 and c == b[j - 2] and d == a[i - 2]:
+                cost = min(cost, before[j - 2] + 1)
+            row.append(cost)
+        before = last
+    return row[-1]
 
 
 def did_you_mean(name: str, names: Iterable[str], otherwise: str | None = None) -> str | None:

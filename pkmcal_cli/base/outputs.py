@@ -8,12 +8,13 @@ import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import IO, TextIO
+from typing import IO, Any, TextIO, cast
 
 from pkmcal_cli.base.errors import OutputError
 from pkmcal_cli.base.files import identity, input_name, is_stream
+from pkmcal_cli.base.visible import visible
 
 _KEPT = 50  # characters of a name that a temporary name keeps: not longer than a file system takes
 
@@ -95,7 +96,7 @@ def write_text(target: Path | str, inputs: Collection[str], *, force: bool = Fal
     if is_stream(target):
         with _output_errors("<stdout>"):
             try:
-                yield sys.stdout
+                yield cast(TextIO, _Shown(sys.stdout)) if sys.stdout.isatty() else sys.stdout
                 sys.stdout.flush()
             except BrokenPipeError:
                 _drop_stdout()
@@ -106,6 +107,24 @@ def write_text(target: Path | str, inputs: Collection[str], *, force: bool = Fal
     else:
         with write_together([target], inputs, force=force) as (file,):
             yield file
+
+
+class _Shown:
+    """A terminal that takes a result: what has no shape is escaped."""
+
+    def __init__(self, terminal: TextIO) -> None:
+        self._terminal = terminal
+
+    def write(self, text: str) -> int:
+        """As of any file."""
+        return self._terminal.write(visible(text))
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """As of any file."""
+        self._terminal.writelines(map(visible, lines))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._terminal, name)
 
 
 @contextlib.contextmanager

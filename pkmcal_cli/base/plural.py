@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 
 def with_article(noun: str) -> str:
     """A body, an actuator."""
@@ -15,3 +17,9 @@ def count(n: int, word: str) -> str:
     if word.endswith("y"):
         return f"{n} {word.removesuffix('y')}ies"
     return f"{n} {word}{'es' if word.endswith('ss') else 's'}"
+
+
+def listed(names: Sequence[str], most: int = 20) -> str:
+    """Names with commas; of many the first ones, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Index = NDArray[np.intp]
 _FEW = 2000  # products of entries that are added up without a sparse matrix: a cold start does not import it
+_SMALL = 2000  # cells of a map up to which a full matrix is fastest
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,27 @@ class SparseMap:
         return csr_array(entries, shape=(self.height, self.columns))
 
     @cached_property
+    def _full(self) -> Array | None:
+        """The whole matrix where it is small."""
+        if self.height * self.columns > _SMALL:
+            return None
+        places = self.target * self.columns + self.source
+        flat = np.bincount(places, self.factor, self.height * self.columns)
+        return np.asarray(flat.reshape(self.height, self.columns), dtype=float)
+
+    @cached_property
     def _places(self) -> dict[int, Index]:
         """Where products go in an image of so many rows; kept, as numbers of rows come again."""
         return {}
 
-    def __call__(self, x: Array) -> Array:
-        """The image (height, N) of x (columns, N), real or complex; what is not finite spoils only its targets."""
+    def __call__(self, x: Array, apart: bool = False) -> Array:
+        """The image (height, N) of x (columns, N), real or complex.
+
+        What is not finite may spoil its whole row of machines, or, `apart`, only its targets.
+        """
         rows = x.shape[1]
+        if self._full is not None and not apart:
+            return _product(self._full, x)
         if rows > 1 and rows * len(self.factor) > _FEW:
             return np.asarray(self._matrix @ x)
         parts = self.factor[:, None] * x[self.source]  # (nnz, N)
@@ -64,6 +79,13 @@ class SparseMap:
         if np.iscomplexobj(parts):
             image = image + 1j * np.bincount(place, parts.imag.ravel(), self.height * rows)
         return np.asarray(image.reshape(self.height, rows), dtype=parts.dtype)
+
+
+def _product(matrix: Array, x: Array) -> Array:
+    """A real matrix times x, real or complex."""
+    if x.dtype == complex:
+        return np.asarray((matrix @ np.ascontiguousarray(x).view(float)).view(complex))
+    return np.asarray(matrix @ x)
 
 
 @dataclass(frozen=True)

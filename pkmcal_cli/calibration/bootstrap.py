@@ -9,11 +9,11 @@ prior) has the standard uncertainty that is stated.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.error_budget import COVER
@@ -25,6 +25,7 @@ from pkmcal_cli.calibration.residual import linearise
 
 Index = NDArray[np.intp]
 _REPEATS = 1000
+_SEGMENT = 1_000_000  # numbers that are drawn at a time
 _FEWEST = 12  # degrees of freedom of a variance
 
 
@@ -44,10 +45,10 @@ def bootstrap_intervals(
     roots = _roots(q, label, count)
     residual = _times(roots, near.residual - q @ (q.T @ near.residual))
     rng, drawn = np.random.default_rng(seed), label >= 0
-    signs = rng.choice([-1.0, 1.0], size=(_REPEATS, count))
-    by_blocks = gain * (signs[:, label[drawn]] * residual[drawn]) @ q[drawn] @ by_score.T  # (R, p)
+    scores = _sums(residual[drawn, None] * q[drawn], label[drawn], count)
+    by_blocks = gain * _products(lambda shape: rng.choice([-1.0, 1.0], size=shape), scores) @ by_score.T  # (R, p)
     size = np.where(np.arange(len(label)) < len(label) - near.known, 1.0, np.sqrt(directions.spread))  # of ranges
-    once = (rng.normal(size=(_REPEATS, int((~drawn).sum()))) * size[~drawn]) @ q[~drawn] @ by_score.T
+    once = _products(lambda shape: rng.normal(size=shape), size[~drawn, None] * q[~drawn]) @ by_score.T
     held = (
         rng.normal(size=(_REPEATS, int(directions.held.sum())))
         / 2.0
@@ -58,6 +59,20 @@ def bootstrap_intervals(
     steps, data = by_blocks + once + held, by_blocks.std(axis=0)
     share = np.divide(steps.std(axis=0), data, out=np.full(len(data), np.inf), where=data > 0)
     return _from_steps(fit, index, steps, _freedom(q, roots, by_score) * share**4)
+
+
+def _sums(x: Array, label: Index, count: int) -> Array:
+    """Sums (count, d) of rows x (n, d) with the same label (n,)."""
+    out = np.zeros((count, x.shape[1]))
+    np.add.at(out, label, x)
+    return out
+
+
+def _products(draw: Callable[[tuple[int, int]], Array], x: Array) -> Array:
+    """Products (R, d) of x (m, d) with random vectors (m,), drawn a segment of the repeats at a time."""
+    step = max(_SEGMENT // max(len(x), 1), 1)
+    sizes = [min(step, _REPEATS - done) for done in range(0, _REPEATS, step)]
+    return np.vstack([draw((size, len(x))) @ x for size in sizes])
 
 
 def _labels(problem: Problem, blocks: Index, known: int) -> Index:
@@ -73,6 +88,8 @@ def _labels(problem: Problem, blocks: Index, known: int) -> Index:
 
 def _from_steps(fit: Fit, index: Array, steps: Array, freedom: Array) -> Intervals:
     """Standard uncertainties and intervals of drawn steps (R, p), of variances with degrees of freedom (p,)."""
+    from scipy.special import stdtrit
+
     std = steps.std(axis=0)
     std[fit.directions.undetermined()] = np.nan
     factor = stdtrit(np.clip(freedom, 1.0, 1e6), 0.975) / COVER

@@ -12,6 +12,7 @@ from pkmcal_cli.base.errors import UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.bootstrap import bootstrap_intervals
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
@@ -41,7 +42,7 @@ PRIORS = ("none", "ranges")
 class FitOptions:
     """How a fit treats data: loss, what is known besides, how intervals are found, seed of the bootstrap.
 
-    starts: how many; 0 is one, and more where it fails.
+    starts: how many; 0 is one, and more where it fails. jobs: processes that share starts and profiles.
     """
 
     loss: str = "squares"
@@ -49,6 +50,12 @@ class FitOptions:
     uncertainty: str = "linear"
     seed: int = 0
     starts: int = 0
+    jobs: int = 1
+
+    @property
+    def workers(self) -> Workers:
+        """Who fits the starts and profiles."""
+        return Workers.of(self.jobs)
 
     @property
     def prior_file(self) -> str | None:
@@ -97,7 +104,9 @@ def calibrated(
     """
     problem = with_prior(problem, selected, options.prior)
     count, seed = options.starts, options.seed
-    first, agreement = identify_from(problem, selected, start, count, seed, tell, observe=observe)
+    first, agreement = identify_from(
+        problem, selected, start, count, seed, tell, observe=observe, workers=options.workers
+    )
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)
     held = held_parameters(problem, selected, () if datum is None else datum.held)
@@ -162,7 +171,8 @@ def _intervals(
     if fit.status != "converged" or options.uncertainty == "linear":
         return linear_intervals(fit, budget, index)
     if options.uncertainty == "profile":
-        return with_held(profile_intervals(robust.problem, fit, budget, index, observe), fit, budget, index)
+        found = profile_intervals(robust.problem, fit, budget, index, observe, options.workers)
+        return with_held(found, fit, budget, index)
     observe(Stage("bootstrap"))
     found = bootstrap_intervals(robust.problem, fit, index, session, options.seed, robust.gain)
     return with_held(found, fit, budget, index)

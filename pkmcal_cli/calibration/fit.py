@@ -37,6 +37,7 @@ class Fit:
     last: Evaluation  # with derivatives and the drives' errors, as the fit ended
     failed: Mapping[int, str] = field(default_factory=dict)  # why rows that nothing predicts had no part in it
     kinked: tuple[int, ...] = ()  # rows in which a rope is between taut and slack, though used
+    stopped: str = "nothing"  # why it ended there: `step.advance`, "budget" of steps, "nothing" to identify
     flat: bool = False  # whether chi-square had hardly changed for some steps when the fit ended
 
     @property

@@ -32,6 +32,11 @@ _LEAD = 30  # steps of a fit of those rows that can be predicted
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
 _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it may lie where that extrapolates far
 _LAST, _LITTLE = 4, 1e-3  # values of chi-square, and the share by which they may differ, at which it has settled
+NOTHING = "nothing_identifiable"
+_STATUS = {
+    **dict.fromkeys(("gradient", "step", "rounding"), "converged"),
+    **dict.fromkeys(("no_descent", "budget"), "not_converged"),
+}
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -51,15 +56,17 @@ def identify(
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
     states: WarmStart | None = None,
+    hopeless: float = np.inf,
 ) -> Fit:
     """Identify the selected parameters, from nominal values or `start` (P,). Raises RowsFailed.
 
     Rows that cannot be predicted wherever fits of the others lead are left out: `Fit.failed`, less than half of all.
     So are those that can be predicted only where nothing is explained any more. Rows that failed on the way come back
     where the fit ends near them.
-    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start.
+    `shift`: drive errors (N, A) of an earlier fit, to begin with; `states`: of these rows, near those at the start;
+    `hopeless`: chi-square above which a fit is given up that needs much damping.
     """
-    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states)
+    fit = _identified(problem, selected, start, iterations, progress, shift=shift, states=states, hopeless=hopeless)
     doubt = reasons(problem, fit.before) if fit.chi2_per_dof > _SPOILT else {}
     if doubt and not doubt.keys() <= fit.failed.keys():
         fit = _unspoilt(problem, doubt, fit, start, iterations, progress)
@@ -110,6 +117,7 @@ def _identified(
     progress: Callable[[int, float], None] | None,
     shift: Array | None = None,
     states: WarmStart | None = None,
+    hopeless: float = np.inf,
 ) -> Fit:
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
     first = evaluate(problem, problem.model.nominal if start is None else start, selected, states, shift)
@@ -119,26 +127,23 @@ def _identified(
     failed = reasons(problem, lead)
     kept, evaluation = _kept(problem, first, lead, failed)
     if fixed:
-        return _finished(kept, selected, first, last=evaluation, status="nothing_identifiable", count=0, failed=failed)
-    damping, status, chi2 = 0.0, "", list[float]()
-    while len(chi2) < iterations and not status:
+        return _finished(kept, selected, first, last=evaluation, status=NOTHING, count=0, failed=failed)
+    damping, stopped, chi2 = 0.0, "", list[float]()
+    while len(chi2) < iterations and not stopped:
         near = linearise(kept, evaluation)
         chi2.append(near.chi2)
-        evaluation, damping, status = advance(kept, scale, evaluation, near, damping)
-        if status and not (again := evaluate(kept, evaluation.values, None, evaluation.start, evaluation.shift)).solved:
-            failed, status = failed | reasons(kept, again), ""  # a state that does not hold is none
-            kept, evaluation = _kept(
-                problem,
-                first,
-                evaluate(problem, evaluation.values, selected, evaluation.start, evaluation.shift),
-                failed,
-            )
+        evaluation, damping, stopped = advance(kept, scale, evaluation, near, damping, hopeless)
+        end = evaluation
+        if stopped and not (again := evaluate(kept, end.values, None, end.start, end.shift)).solved:
+            failed, stopped = failed | reasons(kept, again), ""  # a state that does not hold is none
+            retried = evaluate(problem, end.values, selected, end.start, end.shift)
+            kept, evaluation = _kept(problem, first, retried, failed)
         if progress is not None:
             progress(len(chi2), near.chi2)
-    fit = _finished(
-        kept, selected, first, last=evaluation, status=status or "not_converged", count=len(chi2), failed=failed
-    )
-    return replace(fit, flat=_flat([*chi2, fit.chi2]))
+    stopped = stopped or "budget"
+    fit = _finished(kept, selected, first, last=evaluation, status=_STATUS[stopped], count=len(chi2), failed=failed)
+    stopped = "nothing" if fit.status == NOTHING else stopped
+    return replace(fit, stopped=stopped, flat=_flat([*chi2, fit.chi2]))
 
 
 def _flat(chi2: Sequence[float]) -> bool:
@@ -220,7 +225,7 @@ def _finished(
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)
     spectrum = directions(near.jacobian, selected, scale.ranges, problem.unseen)
     if not len(selected) or spectrum.held.all():
-        status = "nothing_identifiable"
+        status = NOTHING
     moved = int((~spectrum.held).sum()) - int(on_bound.sum())
     names = tuple(n for n, b in zip(selected, on_bound, strict=True) if b)
     return Fit(

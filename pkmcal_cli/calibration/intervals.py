@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.base.workers import ALONE, Workers
 from pkmcal_cli.calibration.error_budget import COVER, ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
@@ -54,7 +55,12 @@ def with_held(intervals: Intervals, fit: Fit, budget: ErrorBudget, index: Array)
 
 
 def profile_intervals(
-    problem: Problem, fit: Fit, budget: ErrorBudget, index: Array, observe: Observer = unobserved
+    problem: Problem,
+    fit: Fit,
+    budget: ErrorBudget,
+    index: Array,
+    observe: Observer = unobserved,
+    workers: Workers = ALONE,
 ) -> Intervals:
     """Where chi-square has grown by 1.96 squared, in proportion to the budget's uncertainty by data and ranges.
 
@@ -68,17 +74,33 @@ def profile_intervals(
     wider = std / np.sqrt(np.diag(fit.with_spread(1.0).directions.determined_covariance()))
     if given is not problem:  # with what ranges say, the best fit lies elsewhere
         fit = identify(given, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
-    best = linearise(given, fit.last).chi2
-    for k, name in enumerate(fit.selected):
-        observe(Stage("profile of parameter", k, len(fit.selected)))
-        if np.isfinite(std[k]):
-            ends = [_cross(given, fit, name, sign * float(std[k]), best, wider[k]) for sign in (-1, 1)]
-            low_high[k] = np.clip(ends, *problem.model.parameters[index[k]].bounds)
+    profile = _Profile(given, fit, linearise(given, fit.last).chi2, std, wider)
+    ends = workers.results(profile, len(fit.selected), "profile of parameter", observe)
+    for k, place in enumerate(index):
+        low_high[k] = np.clip(ends[k], *problem.model.parameters[place].bounds)
     lost = [
         n for n, ends, s in zip(fit.selected, low_high, std, strict=True) if np.isfinite(s) and np.isnan(ends).any()
     ]
     remark = f"profile interval: no end found for {', '.join(lost)}" if lost else ""
     return Intervals("profile", low_high, (low_high[:, 1] - low_high[:, 0]) / (2 * COVER), remark)
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """The ends of a parameter's interval, by its number among those identified; std, wider (p,), see `_cross`."""
+
+    problem: Problem
+    fit: Fit
+    best: float
+    std: Array
+    wider: Array
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> tuple[float, float]:
+        if not np.isfinite(self.std[number]):
+            return float("nan"), float("nan")
+        name, std, wider = self.fit.selected[number], float(self.std[number]), self.wider[number]
+        low, high = (_cross(self.problem, self.fit, name, sign * std, self.best, wider) for sign in (-1, 1))
+        return low, high
 
 
 def _cross(problem: Problem, fit: Fit, name: str, std: float, best: float, wider: float) -> float:

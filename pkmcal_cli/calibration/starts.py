@@ -13,6 +13,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
+from pkmcal_cli.base.workers import ALONE, Workers
 from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
@@ -60,6 +61,7 @@ def identify_from(
     seed: int,
     tell: Callable[[str], None] | None = None,
     observe: Observer = unobserved,
+    workers: Workers = ALONE,
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,). Raises RowsFailed where none can be predicted.
 
@@ -80,7 +82,9 @@ def identify_from(
     if not count and tell is not None:
         what = "leaves large residuals" if first is not None and first.status == "converged" else "fails"
         tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts follow")
-    best, agreement = best_of_starts(problem, selected, start, first, count, seed=seed, observe=observe)
+    best, agreement = best_of_starts(
+        problem, selected, start, first, count, seed=seed, observe=observe, workers=workers
+    )
     if best is None:
         assert failure is not None
         raise failure
@@ -95,9 +99,10 @@ def best_of_starts(
     count: int,
     seed: int,
     observe: Observer = unobserved,
+    workers: Workers = ALONE,
 ) -> tuple[Fit | None, Agreement]:
     """The best fit of `count` starts (0: until one explains the data), the first of which ended in `first`."""
-    ends = _further(problem, selected, start, [first], count, seed=seed, observe=observe)
+    ends = _further(problem, selected, start, [first], count, seed=seed, observe=observe, workers=workers)
     good = [e for e in ends if e is not None and e.status == "converged"]
     if not good:
         return first, Agreement(len(ends), 0, 0, 0, len(ends), 0.0)
@@ -139,17 +144,35 @@ def _further(
     count: int,
     seed: int,
     observe: Observer,
+    workers: Workers,
 ) -> list[Fit | None]:
-    """Ends of `count` starts; with 0, until one explains the data."""
+    """Ends of `count` starts; with 0, until one explains the data, so one after the other."""
     total = count or ON_FAILURE
-    if total > 1:
-        ends = [*ends, _led(problem, selected, start)]
-    for values in _scattered(problem, selected, start, total - len(ends), seed):
-        if not count and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
+    scattered = _scattered(problem, selected, start, total - len(ends) - 1, seed)
+    further = _Starts(problem, selected, start, tuple(scattered))
+    if count:
+        return [*ends, *workers.results(further, total - len(ends), "start", observe)]
+    for number in range(total - len(ends)):
+        if number and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
             break  # help has helped
         observe(Stage("start", len(ends), total))
-        ends = [*ends, _tried(problem, selected, start, values)]
+        ends = [*ends, further(number)]
     return ends
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Ends of starts by number: the first is led nearer, the others begin at values (P,)."""
+
+    problem: Problem
+    selected: tuple[str, ...]
+    start: Array
+    scattered: tuple[Array, ...]
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> Fit | None:
+        if not number:
+            return _led(self.problem, self.selected, self.start)
+        return _tried(self.problem, self.selected, self.start, self.scattered[number - 1])
 
 
 def _apart(problem: Problem, one: Fit, best: Fit) -> float:

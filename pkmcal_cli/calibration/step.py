@@ -20,6 +20,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
+_MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-9  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
@@ -47,15 +48,25 @@ class Scaled:
 
 
 def advance(
-    problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, damping: float
+    problem: Problem,
+    scale: Scaled,
+    evaluation: Evaluation,
+    near: Linearised,
+    damping: float,
+    hopeless: float = np.inf,
 ) -> tuple[Evaluation, float, str]:
-    """One accepted step; returns the new evaluation, the damping for the next and the status, "" to go on."""
+    """One accepted step; returns the new evaluation, the damping for the next and why to stop, "" to go on.
+
+    "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than rounding
+    does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails there, or
+    none that needs little damping where chi-square is above `hopeless`.
+    """
     full = _step(scale, evaluation.values[scale.index], near, near, 0.0)
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges)
-    if (len(full) and np.abs(full).max() < _STEP) or hoped <= max(_GAIN * near.chi2, blur):
+    if end := _end(full, hoped, near.chi2, blur):
         last = _moved(problem, scale, evaluation, near, full)
-        return (last if last.solved else evaluation), 0.0, "converged"
+        return (last if last.solved else evaluation), 0.0, end
     light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max(initial=0.0))
     while True:
         damped, step = near, full
@@ -63,11 +74,7 @@ def advance(
             damped = linearise(problem, evaluation, damping)
             step = _step(scale, evaluation.values[scale.index], near, damped, damping * light)
         if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
-            return (
-                evaluation,
-                damping,
-                "not_converged",
-            )  # no step of any length lowers chi-square: the prediction fails here
+            return evaluation, damping, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step)
         if trial.solved:
             gained = near.chi2 - chi_square(problem, trial)
@@ -76,6 +83,20 @@ def advance(
                 eased = (0.1 if good else 1.0) * damping
                 return trial, (eased if eased >= 1.0 else 0.0), ""
         damping = max(10.0 * damping, 1.0)
+        if near.chi2 > hopeless and damping > _MUCH:
+            return evaluation, damping, "no_descent"
+
+
+def _end(step: Array, hoped: float, chi2: float, blur: float) -> str:
+    """Why a fit has converged, "" where it has not: the next step (p,) in ranges, and by how much it lowers chi-square.
+
+    The larger of two limits is the reason, since it was reached first.
+    """
+    if len(step) and np.abs(step).max() < _STEP:
+        return "step"
+    if hoped <= max(_GAIN * chi2, blur):
+        return "rounding" if blur > _GAIN * chi2 else "gradient"
+    return ""
 
 
 def _blur(problem: Problem, chi2: float) -> float:

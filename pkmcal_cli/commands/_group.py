@@ -20,6 +20,7 @@ ORDER = (
     ("simulate", "sensitivity", "observability", "plan"),
     ("calibrate", "diagnose", "improve"),
     ("correct", "report", "compare"),
+    ("study",),
     ("effects", "schema"),
 )
 """The order of work: commands in groups; those that are in none come last."""

@@ -142,3 +142,14 @@ Starts = Annotated[
     typer.Option("--starts", min=0, max=200, help="Number of starts within the ranges; 0: one, more if it fails."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap and of the starts.")]
+Jobs = Annotated[
+    int, typer.Option("--jobs", metavar="N", min=0, max=1024, help="Processes that share the work; 0: all cores.")
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option("--cluster", metavar="tcp://HOST:PORT", help="Dask scheduler whose workers do the work."),
+]
+State = Annotated[
+    str | None,
+    typer.Option("--state", metavar="FILE.json", help="Results so far: the same command goes on where it was stopped."),
+]

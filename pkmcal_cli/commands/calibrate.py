@@ -11,6 +11,7 @@ from pkmcal_cli.commands._options import (
     FailAbove,
     Force,
     Holdout,
+    Jobs,
     Json,
     Loosen,
     Loss,
@@ -31,13 +32,15 @@ from pkmcal_cli.commands._options import (
     as_request,
 )
 
+Output = Annotated[
+    str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
+]
+
 
 def calibrate(
     machine: MachineFile,
     measurements: MeasuredFiles,
-    output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="PARAMS.yaml", help="Parameter file to write; - is stdout.")
-    ] = None,
+    output: Output = None,
     select: Select = "auto",
     holdout: Holdout = None,
     parameters: Parameters = None,
@@ -48,6 +51,7 @@ def calibrate(
     uncertainty: Uncertainty = "linear",
     starts: Starts = 0,
     seed: Seed = 0,
+    jobs: Jobs = 1,
     fail_above: FailAbove = None,
     max_rms: MaxRms = None,
     accept: Accept = False,

@@ -9,10 +9,12 @@ import typer
 from pkmcal_cli.commands import _completion
 from pkmcal_cli.commands._options import (
     Alpha,
+    Cluster,
     Dwell,
     Feed,
     Force,
     Grid,
+    Jobs,
     Json,
     MachineFile,
     Parameters,
@@ -20,6 +22,7 @@ from pkmcal_cli.commands._options import (
     PosesFile,
     Quiet,
     Select,
+    State,
     as_request,
 )
 
@@ -44,6 +47,16 @@ Budget = Annotated[
 Form = Annotated[
     str, typer.Option("--as", metavar="csv|gcode|checklist", help="Form of the points to measure.")
 ]
+Power = Annotated[
+    int,
+    typer.Option("--power", metavar="K", min=0, max=1000, help="Simulate and diagnose K campaigns of each effect."),
+]
+Output = Annotated[
+    str | None, typer.Option("-o", "--output", metavar="PLAN.csv", help="Table of points to measure; - is stdout.")
+]
+PlanSeed = Annotated[
+    int, typer.Option("--seed", min=0, help="Seed of the order, approach sides and candidate points.")
+]
 
 
 def plan(
@@ -56,20 +69,16 @@ def plan(
     points: Points = None,
     next: Next = False,
     budget: Budget = None,
-    power: Annotated[
-        int,
-        typer.Option("--power", metavar="K", min=0, max=1000, help="Simulate and diagnose K campaigns of each effect."),
-    ] = 0,
+    power: Power = 0,
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    state: State = None,
     alpha: Alpha = 0.005,
-    output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="PLAN.csv", help="Table of points to measure; - is stdout.")
-    ] = None,
+    output: Output = None,
     as_form: Form = "csv",
     dwell: Dwell = 2.0,
     feed: Feed = 1000.0,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Seed of the order, approach sides and candidate points.")
-    ] = 0,
+    seed: PlanSeed = 0,
     plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.newton import solve_rows
+from pkmcal_cli.equilibrium.tangent import solve_rows
 
 _PRICE = 1e5  # of exceeding a bound by one: more than what any bound in use is worth
 _STEPS = 60

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, Location
 from pkmcal_cli.csv_files.cells import cell_column, number_flaw, number_of, time_flaw, time_of, width_flaw
 from pkmcal_cli.csv_files.dialect import QUOTE_HINT, SPACE, Flaw, Format, split_line
+from pkmcal_cli.csv_files.guarded import bare
 
 Kind = Literal["number", "text", "time", "skip"]
 """What cells are: ISO 8601 "time" is read as seconds since 1970-01-01 UTC, "skip" is not read."""
@@ -58,10 +59,11 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Rule:
-    """What the numbers of a column must be: `allowed` maps values (n,) to booleans (n,), `what` says it."""
+    """What the numbers of a column must be: `allowed` maps values (n,) to booleans (n,), `what` says it; the remedy."""
 
     allowed: Callable[[FloatArray], NDArray[np.bool_]]
     what: str
+    hint: str
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,7 @@ class Parser:
         if rule is not None:
             for row in np.nonzero(~(rule.allowed(values) | np.isnan(values)))[0]:
                 what = f"`{cells[int(row)]}` in column `{self.names[index]}`: {rule.what}"
-                sources.add(Flaw("csv-value", what, None, int(sources.numbers[row]), index))
+                sources.add(Flaw("csv-value", what, rule.hint, int(sources.numbers[row]), index))
 
 
 @dataclass(frozen=True)
@@ -232,7 +234,7 @@ def _read_frame(block: str, separator: str, decimal: str, width: int, kinds: Seq
 def _texts(cells: Sequence[str]) -> list[str]:
     """Texts without blanks around; equal ones are one object, so that labels cost little memory."""
     seen: dict[str, str] = {}
-    return [seen.setdefault(cell, cell) for cell in map(str.strip, cells)]
+    return [seen.setdefault(cell, cell) for cell in (bare(cell.strip()) for cell in cells)]
 
 
 def _values_at_once(cells: Sequence[str], decimal: str) -> FloatArray | None:

@@ -7,18 +7,13 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.csv_files.dialect import DECIMAL_NAMES, SPACE, Flaw, Format, is_number
-from pkmcal_cli.units.file_units import UnitError, parse_unit
+from pkmcal_cli.csv_files.cell_remedies import COMMENTS, LEAVE_EMPTY, remedy
+from pkmcal_cli.csv_files.dialect import SPACE, Flaw, Format, is_number
 
 Convert = Callable[[str], float]
 """From the text of a cell to its value; raises ValueError for a text that is no value."""
 
-_THOUSANDS = re.compile(r"[+-]?[0-9]{1,3}(?:([.,' \u2019\u00a0\u202f])[0-9]{3})(?:\1[0-9]{3})*(?:[.,][0-9]+)?")
-_MISSING = {"na", "n/a", "#n/a", "nan", "null", "none", "-", "--", "---", "?", "missing", "#value!", "#ref!"}
-_MINUS = "\u2212\u2013"  # minus sign, en dash
-_LETTERS_FOR_DIGITS = str.maketrans({"O": "0", "o": "0", "l": "1", "I": "1"})
 _INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|1\.#inf|∞)", re.IGNORECASE)
-_QUANTITY = re.compile(r"[+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?\s*([A-Za-zµμ°%].*)")
 
 
 def number_of(decimal: str) -> Convert:
@@ -74,40 +69,9 @@ def number_flaw(cell: str, decimal: str, column: str, place: tuple[int, int]) ->
     """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
     if _INFINITE.fullmatch(cell) or is_number(cell, decimal):
         what = f"`{_short(cell)}` in column `{column}` is not finite"
-        return Flaw("csv-number", what, "leave the cell empty where nothing was measured", *place)
+        return Flaw("csv-number", what, LEAVE_EMPTY, *place)
     what = f"`{_short(cell)}` in column `{column}` is not a number"
-    return Flaw("csv-number", what, _number_hint(cell, decimal, column), *place)
-
-
-def _number_hint(cell: str, decimal: str, column: str) -> str | None:
-    if cell.lower() in _MISSING:
-        return "leave the cell empty where nothing was measured"
-    thousands = _THOUSANDS.fullmatch(cell)
-    if thousands and not is_number(cell, "," if decimal == "." else "."):
-        mark = thousands[1]
-        return f"write numbers without thousands separators: `{cell.replace(mark, '')}`"
-    if is_number(cell, "," if decimal == "." else "."):
-        return f"write all numbers with the same decimal mark; this file has a {DECIMAL_NAMES[decimal]}"
-    if cell[:1] in _MINUS and is_number(cell[1:], decimal):
-        return f"write the minus sign as `-`: `-{cell[1:]}`"
-    digits = cell.translate(_LETTERS_FOR_DIGITS)
-    if digits != cell and is_number(digits, decimal):
-        return f"write digits, not letters: `{digits}`"
-    if cell.startswith("#"):
-        return "write comments only before the header"
-    if is_time(cell):
-        return "use dates only in column `time`, and there in all rows"
-    return _unit_hint(cell, column)
-
-
-def _unit_hint(cell: str, column: str) -> str | None:
-    match = _QUANTITY.fullmatch(cell)
-    unit = match[1] if match else cell
-    try:
-        parse_unit(unit)
-    except UnitError:
-        return None
-    return f"write the unit in the header: `{column} [{unit}]`"
+    return Flaw("csv-number", what, remedy(cell, decimal, column), *place)
 
 
 def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Flaw:
@@ -123,7 +87,10 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     """The flaw of a row that has not one cell for every name of the header, or does not end as the others do."""
     names = [cell.name for cell in form.header]
     more = len(cells) - len(names)
-    what = f"the row has {count(len(cells), 'cell')}, the header has {len(names)}"
+    commented = next((k for k, cell in enumerate(cells) if cell.startswith("#")), None)
+    if commented is not None:
+        return Flaw("csv-width", _width(cells, names), COMMENTS, line, commented)
+    what = _width(cells, names)
     if more < 0:
         after = " and the columns after it" if more < -1 else ""
         hint = f"add a cell for `{names[more]}`{after}; an empty cell still needs its separator"
@@ -134,6 +101,11 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     if form.separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
         hint += "; check for decimal commas and thousands separators"
     return Flaw("csv-width", what, hint, line, len(names))
+
+
+def _width(cells: Sequence[str], names: Sequence[str]) -> str:
+    """What is wrong with a row of another width."""
+    return f"the row has {count(len(cells), 'cell')}, the header has {len(names)}"
 
 
 def _end_flaw(more: int, form: Format, line: int) -> Flaw:

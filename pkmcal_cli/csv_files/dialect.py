@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.csv_files.guarded import bare
 
 SPACE = " "  # stands for any run of spaces and tabs
 SEPARATORS = (",", ";", "\t", "|", SPACE)
@@ -26,6 +27,8 @@ _NUMBER = {
 }
 _WORD = re.compile(r'"([^"]*)"|((?:[^\s\["]|\[[^\]]*\]|\[|")+)')
 _SEP_LINE = re.compile(r"\s*sep=(.)\s*", re.IGNORECASE)
+MAX_COLUMNS = 10_000
+"""More columns than any machine has: the table is turned, or its line ends are lost."""
 QUOTE_HINT = "close the quote on the same line"
 
 
@@ -243,6 +246,9 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
     trial = _choose(lines[number - 1], rows, separators)
     if trial is None:
         return Flaw("csv-quote", "a quote in the header is not closed", QUOTE_HINT, number)
+    if len(trial.header) > MAX_COLUMNS:
+        what = f"the header has {len(trial.header)} columns; a table can have {MAX_COLUMNS}"
+        return Flaw("csv-columns", what, "check the line ends; write one row per pose, one column per reading", number)
     if all(is_number(name, trial.decimal) for name in trial.header):
         hint = "name the columns in the first line, with units: `q1 [mm]`"
         return Flaw("csv-header", "the first line contains numbers instead of column names", hint, number)
@@ -250,7 +256,7 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
         return _misfit(trial, number, 1 + lines.index(rows[0], number))
     if trial.nameless not in (0, trial.trailing):
         return _header_end(trial, number)
-    header = tuple(split_header(name) for name in trial.header)
+    header = tuple(split_header(bare(name)) for name in trial.header)
     return Format(
         separator=trial.separator,
         decimal=trial.decimal,

@@ -21,7 +21,16 @@ from pkmcal_cli.base.files import input_name, open_input
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.cell_values import Chunk, ColumnRules, FaultLog, Parser
 from pkmcal_cli.csv_files.cells import has_zone
-from pkmcal_cli.csv_files.dialect import Flaw, Format, HeaderCell, find_binary, find_encoding, find_format, split_line
+from pkmcal_cli.csv_files.dialect import (
+    Flaw,
+    Format,
+    HeaderCell,
+    find_binary,
+    find_encoding,
+    find_format,
+    is_number,
+    split_line,
+)
 from pkmcal_cli.csv_files.origin import origin_note
 
 TEXT_COLUMNS = ("id", "session", "tool", "part", "to")
@@ -44,6 +53,7 @@ class TableReader:
         head = file.read(HEAD)
         self._encoding, self._encoding_note = find_encoding(head, is_utf8)
         self._head: Sequence[str] = ()  # the lines at the beginning
+        self._open_end = False  # the last line ends with a digit, and not as lines do
         form = find_binary(head) or self._find_format()
         if isinstance(form, Flaw):
             log = FaultLog(name)
@@ -64,7 +74,8 @@ class TableReader:
         trailing = "trailing separators ignored" if self.format.trailing else ""
         blank = f"{count(self.blank_lines, 'empty line')} skipped" if self.blank_lines else ""
         form = self.format.describe()
-        return tuple(note for note in (self._origin, form, self._encoding_note, trailing, blank) if note)
+        cut = "the last line ends with a number and has no line end: was the file cut off?" if self._open_end else ""
+        return tuple(note for note in (self._origin, form, self._encoding_note, trailing, blank, cut) if note)
 
     def header_source(self) -> str:
         """The text of the header line."""
@@ -103,6 +114,7 @@ class TableReader:
         try:
             while block := text.read(size):
                 block += text.readline()
+                self._open_end = not block.endswith("\n") and block[-1].isdigit()
                 yield block if block.endswith("\n") else block + "\n"
         finally:
             text.detach()
@@ -146,6 +158,20 @@ def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]
             log.add(Flaw("csv-duplicate", what, "rename or remove one of them", line, index), source)
         elif name is not None:
             first[name] = index
+
+
+def check_cells(source: Path | str) -> None:
+    """Read a table of which nobody knows what it is about: columns that begin with a number hold numbers.
+
+    Raises BadInput with all faults of form and cells.
+    """
+    with open_table(source) as reader:
+        log, decimal = FaultLog(reader.name), reader.format.decimal
+        named = [cell.name not in TEXT_COLUMNS for cell in reader.header]
+        plain = [known and is_number(reader.first_cell(i), decimal) for i, known in enumerate(named)]
+        for _ in reader.chunks(ColumnRules(tuple("number" if p else "skip" for p in plain)), log):
+            pass
+        log.raise_if_any()
 
 
 def no_rows(reader: TableReader) -> Flaw:

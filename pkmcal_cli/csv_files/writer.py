@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.errors import OutputError
 from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_text, write_together
+from pkmcal_cli.csv_files.guarded import guarded
 from pkmcal_cli.csv_files.origin import Origin, beside
 from pkmcal_cli.units.file_units import Unit, parse_unit
 
@@ -33,7 +34,7 @@ class TableWriter:
     def header(self) -> None:
         """The names, with units: "x [mm]"."""
         cells = [f"{name} [{unit.text}]" if unit else name for name, unit in zip(self._names, self._units, strict=True)]
-        self._writer.writerow(cells)
+        self._writer.writerow([guarded(cell) for cell in cells])
 
     def write(self, columns: Sequence[Values]) -> None:
         """Append rows: one array (n,) a column, numbers in SI. Raises OutputError for an infinite number."""
@@ -46,7 +47,7 @@ class TableWriter:
         """Cells of one column: csv writes floats with the fewest digits that suffice, and None as nothing."""
         array = np.asarray(values)
         if array.dtype.kind not in "fiu":
-            return [" ".join(str(text).split("\n")) for text in values]
+            return [guarded(" ".join(str(text).splitlines())) for text in values]
         unit = self._units[index]
         if array.dtype.kind != "f" and unit is None:
             cells: list[Any] = array.tolist()

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, Stage, unobserved, within
+from pkmcal_cli.base.workers import ALONE, Workers
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
@@ -23,20 +23,17 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
-from pkmcal_cli.diagnosis.confirm import cells, single_poses
 from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
 from pkmcal_cli.diagnosis.report_rows import Errors, Interval, OuterFold, errors_of, gain_of, rms_gain_of
-from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose, named
+from pkmcal_cli.diagnosis.rotations import parts_of, rotations
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import frozen
 
-ROTATIONS = 5
-FEWEST_TO_SPLIT = 20  # rows of which whole cells can be kept apart; of fewer, each pose in turn
 FAILURES = "missing", "not_confirmed", "sigma_too_small"
-_Part = tuple[Problem, Problem, NDArray[np.intp]]
 _FAILS = "its calibration did not converge"
 
 
@@ -115,18 +112,18 @@ def improve(
     *,
     loss: Loss = "squares",
     observe: Observer = unobserved,
+    workers: Workers = ALONE,
 ) -> Improvement:
     """Run the loop; `problem` belongs to the candidates' model. Raises RowsFailed."""
-    of_all = within(observe, Stage("all rows"))
-    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=of_all)
+    whole = diagnose(candidates, problem, selected, alpha, seed, loss=loss, observe=within(observe, Stage("all rows")))
     clean = whole.problem  # without its bad rows, with its weights
     model = frozen(clean.model, clean.rows)  # shapes are spread over the whole table, whatever part of it is fitted
     candidates = replace(candidates, model=model, start=begun_at(whole, len(model.names)))
     model = with_shapes_of(model, whole)
     clean = replace(clean, model=model)
     validation = None if validation is None else replace(validation, model=model)
-    options = SearchOptions(alpha=alpha, seed=seed, observe=observe)
-    first = _rotations(candidates, _parts(clean, validation), selected, options)
+    options = SearchOptions(alpha=alpha, seed=seed, observe=observe, workers=workers)
+    first = rotations(candidates, parts_of(clean, validation), selected, options)
     begun = _Progress(first, errors_of(first), identify(clean, whole.search.declared, _start(clean, (), whole)))
     progress, broken = _all_tried(begun, clean, whole, options)
     fit, clean, budget = _at_last(_beside(clean, progress.accepted, whole), progress.last, loss)
@@ -209,32 +206,6 @@ def _refused(progress: _Progress, trial: Sequence[OuterFold], chosen: int, error
     if errors.failed - progress.errors.failed > max(int(MOST * sum(len(t.report) for t in trial)), 1):
         return f"with it {count(errors.failed - progress.errors.failed, 'more row')} cannot be predicted"
     return "" if all(t.fit.usable for t in trial) else _FAILS
-
-
-def _parts(problem: Problem, validation: Problem | None) -> list[_Part]:
-    """Rows that fit and choose, and rows that report, by rotation, and which those are of their table."""
-    if validation is not None:
-        return [(problem, validation, np.arange(len(validation)))]
-    labels = cells(problem, ROTATIONS) if len(problem) >= FEWEST_TO_SPLIT else single_poses(problem)
-    pairs = [(np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]) for k in np.unique(labels)]
-    return [p for p in ((problem.take(a), problem.take(b), b) for a, b in pairs) if p[1].count]
-
-
-def _rotations(
-    candidates: Candidates,
-    parts: Sequence[_Part],
-    selected: tuple[str, ...],
-    options: SearchOptions,
-) -> tuple[OuterFold, ...]:
-    out = []
-    for k, (train, report, rows) in enumerate(parts):
-        start = replace(candidates, model=train.model, start=None).begin()
-        start[: len(candidates.model.names)] = candidates.begin()
-        told = within(options.observe, Stage("rotation", k, len(parts)))
-        sets = named(candidates, replace(train, model=candidates.model), selected, replace(options, observe=told))
-        fit = identify(train, selected, start)
-        out.append(OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=start))
-    return tuple(out)
 
 
 def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFold:

@@ -223,10 +223,17 @@ def _nested(one: Hypothesis, other: Hypothesis) -> bool:
 
 
 def waterfall(diagnosis: Diagnosis) -> list[Share]:
-    """Whitened rms that is left: nominal, calibrated, with one effect after the other."""
+    """Whitened rms that is left: nominal, calibrated, with one effect after the other.
+
+    Displacements without a name belong to all effects together: with one, these are the last step.
+    """
     problem, search = diagnosis.problem, diagnosis.search
     nominal, calibrated = problem.model.nominal, diagnosis.before.values
     out = [Share("nominal", _chi2(problem, nominal)), Share("calibrated", _chi2(problem, calibrated))]
+    if diagnosis.shapes:
+        found = [f.hypothesis.name for f in diagnosis.findings] + [s.hypothesis.name for s in diagnosis.shapes]
+        out.append(Share(f"+ {', '.join(found)}", _chi2(search.problem, search.fit.values)))
+        return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
     for k in range(1, len(diagnosis.findings)):
         part = refit(replace(search, accepted=tuple(f.hypothesis for f in diagnosis.findings[:k])), {})
         if part is not None:

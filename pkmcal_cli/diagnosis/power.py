@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, unobserved
 from pkmcal_cli.calibration.error_budget import held_parameters
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem, usable
@@ -47,15 +48,9 @@ class Campaigns:
     alpha: float
     seed: int
 
-    def rates(self, effect: Visibility | None, count: int, tick: Callable[[int], None] | None = None) -> Rates:
-        """Of campaigns with one effect of the size that is detected in 80 %, of either sign; None: with none."""
-        size = 0.0 if effect is None else effect.detected
-        told: Counter[str] = Counter()
-        for number in range(count):
-            told[_told(self._diagnosis(effect, size, number), effect)] += 1
-            if tick is not None:
-                tick(1)
-        return Rates(effect=effect, size=size, **told)
+    def told(self, effect: Visibility | None, number: int) -> str:
+        """What becomes of a campaign with an effect of the size detected in 80 %, of either sign; None: none."""
+        return _told(self._diagnosis(effect, _size(effect), number), effect)
 
     def _diagnosis(self, effect: Visibility | None, size: float, number: int) -> Diagnosis | None:
         """Of one campaign; None where it cannot be predicted."""
@@ -85,6 +80,35 @@ class Campaigns:
             signs = [s for s in (-1.0, 1.0) if least <= self.values[k] + s * size <= most] or [1.0]
             values[k] = self.values[k] + signs[int(rng.integers(len(signs)))] * size
         return values
+
+
+@dataclass(frozen=True)
+class PowerWork:
+    """So many campaigns of each effect, one after the other; None: without any."""
+
+    campaigns: Campaigns
+    effects: tuple[Visibility | None, ...]
+    count: int
+
+    def __len__(self) -> int:
+        return self.count * len(self.effects)
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> str:
+        """What becomes of a campaign, as `Rates` counts it."""
+        effect, campaign = divmod(number, self.count)
+        return self.campaigns.told(self.effects[effect], campaign)
+
+    def rates(self, told: Mapping[int, str]) -> tuple[Rates, ...]:
+        """Counted, by effect."""
+        out = []
+        for k, effect in enumerate(self.effects):
+            counted = Counter(told[number] for number in range(k * self.count, (k + 1) * self.count))
+            out.append(Rates(effect=effect, size=_size(effect), **counted))
+        return tuple(out)
+
+
+def _size(effect: Visibility | None) -> float:
+    return 0.0 if effect is None else effect.detected
 
 
 def measured(problem: Problem, values: Array, rng: np.random.Generator) -> Problem | None:

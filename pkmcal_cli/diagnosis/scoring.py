@@ -26,6 +26,7 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
 _LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
+_HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is not led back by damped steps
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 
 
@@ -288,7 +289,7 @@ def _near(search: Search) -> Array:
 
 def _settled(search: Search, start: Array) -> Fit | None:
     try:
-        fit = identify(search.problem, search.selected, start, _STEPS)
+        fit = identify(search.problem, search.selected, start, _STEPS, hopeless=_HOPELESS * search.fit.chi2)
     except RowsFailed:
         return None
     return fit if fit.usable and not fit.failed else None

@@ -36,19 +36,20 @@ from pkmcal_cli.equilibrium.system_numbers import (
     system_numbers,
     typical_stiffness,
 )
+from pkmcal_cli.equilibrium.tangent import Tangent, tangent_of
 
 __all__ = ["Balance", "balance", "stiffness_matrices", "typical_stiffness"]
 
 
 @dataclass(frozen=True)
 class Balance:
-    """Residual (N, n + c), tangent (N, n + c, n + c) or None, and per group strains and stresses (N, E, m).
+    """Residual (N, n + c), tangent or None, and per group strains and stresses (N, E, m).
 
     travel (N, T): where the balance was taken.
     """
 
     residual: Array
-    tangent: Array | None
+    tangent: Tangent | None
     strains: tuple[Array, ...]
     stresses: tuple[Array, ...]
     travel: Array
@@ -80,12 +81,12 @@ def balance(
     tangent: bool = True,
     curved: bool = True,
     taut: bool = False,
-    matrix: Array | None = None,
+    entries: Array | None = None,
 ) -> Balance:
     """Residual and tangent at a state. `curved=False` leaves the stress term out (Gauss-Newton).
 
     `taut`: ropes push too. `coefficients` (1 or N, S), or what they say where several states are looked at.
-    `matrix` (N, (n + c)^2): memory for the tangent, zero but for what an earlier balance of this system left there.
+    `entries` (N, `maps.width`): memory for the tangent, zero but for what an earlier balance of this system left there.
     """
     numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     rows, maps = len(state), system.maps
@@ -103,17 +104,17 @@ def balance(
     residual[:, : system.unknowns] = maps.residual(forces).T
     if system.loaded:
         _add_constant_forces(system, numbers, residual)
-    square = None if tangents is None else _matrix(system, tangents, matrix)
+    square = None if tangents is None else _tangent(system, tangents, entries)
     return Balance(residual, square, tuple(e for e, _ in parts), tuple(s for _, s in parts), state.travel)
 
 
-def _matrix(system: System, tangents: Array, matrix: Array | None) -> Array:
-    """The tangent (N, n + c, n + c) from the stacked ones of the elements (entries, N); columns run in memory."""
-    rows, size, maps = tangents.shape[1], system.size, system.maps
-    if matrix is None:
-        matrix = np.zeros((rows, size * size))
-    matrix[:, maps.filled] = maps.tangent(tangents).T
-    return np.swapaxes(matrix.reshape(rows, size, size), 1, 2)
+def _tangent(system: System, tangents: Array, entries: Array | None) -> Tangent:
+    """The tangent from the stacked ones of the elements (entries, N)."""
+    maps = system.maps
+    if entries is None:
+        entries = np.zeros((tangents.shape[1], maps.width))
+    entries[:, maps.filled] = maps.tangent(tangents).T
+    return tangent_of(entries, maps.fronts, system.size, system.unknowns)
 
 
 def _add_constant_forces(system: System, numbers: SystemNumbers, residual: Array) -> None:
@@ -259,11 +260,11 @@ def _add_offset_curvature(context: _Context, index: int, force: Array, direction
     parts = (blocks.rotating, blocks.hinged, blocks.sliding_rotating, blocks.sliding_hinged)
     if context.tangents is None or not len(links.moving):
         return
-    rotating, hinged, mixed_rotating, mixed_hinged = (part.of(context.tangents) for part in parts)
     if not context.curved:
-        for part in (rotating, hinged, mixed_rotating, mixed_hinged):
-            part[...] = 0.0
+        for part in parts:
+            context.tangents[part.start : part.stop] = 0.0
         return
+    rotating, hinged, mixed_rotating, mixed_hinged = (part.of(context.tangents) for part in parts)
     pull = np.zeros((*force.shape[:2], 3), order="F")
     pull[..., : context.system.topology.width] = force[..., : context.system.topology.width]
     if len(links.rotating.link):

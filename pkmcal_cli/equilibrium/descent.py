@@ -16,9 +16,10 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import Balance, balance, typical_stiffness
 from pkmcal_cli.equilibrium.energy import potential_energy
 from pkmcal_cli.equilibrium.kinematics import State, advance
-from pkmcal_cli.equilibrium.newton import Effort, solve_rows, unit_sizes
+from pkmcal_cli.equilibrium.newton import Effort, unit_sizes
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
+from pkmcal_cli.equilibrium.tangent import solve_rows
 
 _ITERATIONS = 100
 _LONGEST = 0.15  # step, in sizes of the machine or rad
@@ -74,7 +75,7 @@ def descend(system: System, coefficients: Array, state: State, length: float, ef
 def _damped(system: System, balanced: Balance, damping: Array, unit: Array) -> Array:
     """Steps (N, n + c) of Newton, damped by a stiffness (N,) and bounded."""
     assert balanced.tangent is not None
-    tangent, n = balanced.tangent.copy(), system.unknowns
+    tangent, n = balanced.tangent.dense().copy(), system.unknowns
     tangent[:, np.arange(n), np.arange(n)] += damping[:, None] * (unit.max() / unit) ** 2
     step = np.nan_to_num(-solve_rows(tangent, balanced.residual[..., None])[..., 0])
     size = np.abs(step[:, :n] / unit).max(axis=1, initial=1e-300)

@@ -15,7 +15,7 @@ from pkmcal_cli.base.sparse_map import Block, pick, rows_last, take_rows
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import constant_offset_vectors, frame_vectors
-from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, RotationKind, Topology
+from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Topology
 
 
 @dataclass(frozen=True)
@@ -96,15 +96,14 @@ def advance(system: System, state: State, step: Array, multiplier_scale: float) 
     full = np.zeros((len(step), topology.n_dof), dtype=step.dtype, order="F")
     full[:, system.free] = step[:, :n]
     travel = state.travel + full[:, : len(topology.travel_coefficients)]
-    rotation = np.asarray(state.rotation, dtype=np.result_type(state.rotation, step)).copy(order="F")
-    kind, first = topology.rotations.kind, topology.rotation_dofs
-    free = np.nonzero(kind == RotationKind.FREE)[0]
+    (free, turning), (axial, about, axes) = topology.free_rotations, topology.axial_rotations
+    rotation = np.asarray(state.rotation, dtype=np.result_type(state.rotation, step))
+    if len(free) or len(axial):
+        rotation = rotation.copy(order="F")
     if len(free):
-        theta = pick(full, first[free, None] + np.arange(3))
-        rotation[:, free] = _rotation_of(theta, pick(state.rotation, free))
-    axial = np.nonzero(kind == RotationKind.AXIS)[0]
+        rotation[:, free] = _rotation_of(pick(full, turning), pick(state.rotation, free))
     if len(axial):
-        theta = full[:, first[axial], None] * topology.rotations.axis[axial]
+        theta = full[:, about, None] * axes
         rotation[:, axial] = _rotation_of(theta, pick(state.rotation, axial))
     return State(travel, rotation, state.multiplier + multiplier_scale * step[:, n:])
 

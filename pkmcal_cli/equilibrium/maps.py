@@ -16,6 +16,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import Block, Entries, SparseMap, Stack
+from pkmcal_cli.equilibrium.fronts import FrontLayout
 from pkmcal_cli.equilibrium.group_map import GroupMap
 from pkmcal_cli.equilibrium.path_map import PathMap
 from pkmcal_cli.mechanism.topology import Index, Topology
@@ -83,14 +84,16 @@ class Blocks:
     paths: Block  # (E, L, L), of paths that yield
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Maps:
     """Sparse maps of a system and the blocks between which they go."""
 
     groups: tuple[Blocks, ...]
     residual: SparseMap  # forces -> unknowns (n)
     tangent: SparseMap  # tangents -> non-zero entries of the matrix
-    filled: Index  # (entries,) places of these in the matrix, flattened column by column
+    filled: Index  # (entries,) places of these among all entries: of `fronts`, or the matrix column by column
+    width: int  # all entries
+    fronts: FrontLayout | None  # None: the matrix is solved as one
     offset_vector_coefficients: SparseMap  # forces on offset vectors (A, 3) -> coefficients that set the vectors
 
 
@@ -116,13 +119,16 @@ class MapsBuilder:
                 self._add_paths(group, group.paths, own)
         full = self.tangent.build(self.size**2, self.tangents.stop)
         filled, place = np.unique(full.target, return_inverse=True)
-        tangent = SparseMap(len(filled), full.columns, place, full.source, full.factor)
+        column, row = np.divmod(filled, self.size) if self.size else (filled, filled)
+        fronts = FrontLayout.of(row, column, self.size, self.unknowns)
         return Maps(
-            blocks,
-            self.residual.build(self.unknowns, self.forces.stop),
-            tangent,
-            filled,
-            self._offset_vector_coefficients(),
+            groups=blocks,
+            residual=self.residual.build(self.unknowns, self.forces.stop),
+            tangent=SparseMap(len(filled), full.columns, place, full.source, full.factor),
+            filled=filled if fronts is None else fronts.places(row, column),
+            width=self.size**2 if fronts is None else fronts.width,
+            fronts=fronts,
+            offset_vector_coefficients=self._offset_vector_coefficients(),
         )
 
     def _offset_vector_coefficients(self) -> SparseMap:

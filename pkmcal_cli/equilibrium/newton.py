@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed
-from pkmcal_cli.equilibrium.stability import stable
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
+from pkmcal_cli.equilibrium.tangent import Tangent
 from pkmcal_cli.mechanism.topology import Index
 
 _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
@@ -59,17 +59,6 @@ class Effort:
         self.per_round.append(rows)
 
 
-def solve_rows(matrix: Array, right: Array) -> Array:
-    """Solve (N, n, n) x = (N, n, k); NaN in rows whose matrix is singular."""
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        if len(matrix) == 1:
-            return np.full(right.shape, np.nan, dtype=right.dtype)
-        half = len(matrix) // 2
-        return np.concatenate([solve_rows(matrix[:half], right[:half]), solve_rows(matrix[half:], right[half:])])
-
-
 def coefficients_of(coefficients: Array, rows: Index) -> Array:
     """Coefficients of some rows, of an array (1 or N, S)."""
     return coefficients if len(coefficients) == 1 else coefficients[rows]
@@ -80,22 +69,17 @@ def unit_sizes(system: System, length: float) -> Array:
     return np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
 
 
-def step_size(system: System, step: Array, length: float) -> Array:
-    """Largest entry of each row's step, lengths relative to `length`, (N,)."""
-    scaled = np.abs(step[:, : system.unknowns]) / unit_sizes(system, length)
-    return np.asarray(scaled.max(axis=1, initial=0.0))
-
-
 def newton(
     system: System, coefficients: Array, state: State, length: float, options: NewtonOptions, effort: Effort
 ) -> tuple[State, NDArray[np.int_]]:
     """Solve all rows from `state`; returns the states and a status per row."""
     run = _Run(system, coefficients, state, length, options)
-    for iteration in range(options.iterations):
-        effort.add(len(run.active))
-        run.iterate(iteration == 0)
-        if not len(run.active):
-            break
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for iteration in range(options.iterations):
+            effort.add(len(run.active))
+            run.iterate(iteration == 0)
+            if not len(run.active):
+                break
     return run.finish()
 
 
@@ -113,9 +97,10 @@ class _Run:
         self.carrying = np.ones((rows, sum(system.groups[k].group.shape[0] for k in self.ropes)), dtype=bool)
         self.active, self.state, self.numbers = np.arange(rows), state, system_numbers(system, coefficients)
         self.scale = typical_stiffness(system, self.numbers)
+        self.per_unit = 1.0 / unit_sizes(system, length)
         self.previous = np.full(rows, np.inf)  # size of the last step
         self.before = np.zeros(rows)  # size of the one before
-        self.matrix: Array = np.zeros((rows, system.size**2))
+        self.entries: Array = np.zeros((rows, system.maps.width))
 
     def iterate(self, first: bool) -> None:
         """One step of all active rows; those that arrive or get lost leave."""
@@ -126,28 +111,38 @@ class _Run:
             self.scale,
             curved=self.options.curved,
             taut=self.options.taut and first,
-            matrix=self.matrix[: len(self.active)],
+            entries=self.entries[: len(self.active)],
         )
         assert balanced.tangent is not None
-        changed = self._ropes_change(balanced.stresses)
-        step = -solve_rows(balanced.tangent, balanced.residual[..., None])[..., 0]
-        size = step_size(self.system, step, self.length)
+        step = -balanced.tangent.solve(balanced.residual[..., None])[..., 0]
+        size = (np.abs(step[:, : self.system.unknowns]) * self.per_unit).max(axis=1, initial=0.0)
         finite = np.isfinite(size)
-        step[~finite] = 0.0
+        if not finite.all():
+            step[~finite] = 0.0
+            self.status[self.active[~finite]] = RowStatus.SINGULAR
         self.state = advance(self.system, self.state, step, self.scale)
-        done = _accepted(size, self.previous, self.options.tolerance) & finite & ~changed
-        grows = (size > self.options.contraction * self.previous) & (size > 1e-9) & ~changed
+        done = _accepted(size, self.previous, self.options.tolerance) & finite
+        grows = (size > self.options.contraction * self.previous) & (size > 1e-9)
         grows &= size > self.options.rebound * self.before
-        lost = (size > self.options.reach) | ~finite | (grows & (not first))
-        self.status[self.active[done]] = RowStatus.SOLVED
-        if self.options.curved and done.any():
-            saddle = done.copy()
-            saddle[done] = ~stable(balanced.tangent[done], self.system.unknowns)
-            self.status[self.active[saddle]] = RowStatus.UNSTABLE
-        self.status[self.active[~finite]] = RowStatus.SINGULAR
         self.before = np.where(np.isfinite(self.previous), self.previous, 0.0)
-        self.previous = np.where(changed, np.inf, size)
-        self._dismiss(done | lost)
+        self.previous = size
+        if self.ropes:
+            changed = self._ropes_change(balanced.stresses)
+            done &= ~changed
+            grows &= ~changed
+            self.previous = np.where(changed, np.inf, size)
+        lost = (size > self.options.reach) | ~finite
+        self._arrive(done, balanced.tangent)
+        self._dismiss(done | lost if first else done | lost | grows)
+
+    def _arrive(self, done: NDArray[np.bool_], tangent: Tangent) -> None:
+        """Note which rows have arrived, and whether at a saddle."""
+        rows = np.nonzero(done)[0]
+        if len(rows):
+            self.status[self.active[rows]] = RowStatus.SOLVED
+            if self.options.curved:
+                saddle = rows[~tangent.stable(rows)]
+                self.status[self.active[saddle]] = RowStatus.UNSTABLE
 
     def _dismiss(self, leaving: NDArray[np.bool_]) -> None:
         """Store the states of rows that leave and go on with the others."""
@@ -164,8 +159,6 @@ class _Run:
 
     def _ropes_change(self, stresses: tuple[Array, ...]) -> NDArray[np.bool_]:
         """Active rows (n,) in which other ropes carry than at the step before."""
-        if not self.ropes:
-            return np.zeros(len(self.active), dtype=bool)
         carrying = np.concatenate([stresses[k][..., 0] > 0 for k in self.ropes], axis=1)
         changed = (carrying != self.carrying[self.active]).any(axis=1)
         self.carrying[self.active] = carrying
@@ -183,9 +176,8 @@ class _Run:
 def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool_]:
     """Error after a step of Newton: about size^3 / previous^2, as steps shrink quadratically (by luck, more)."""
     small = size <= tolerance
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = size / previous
-        predicted = size * np.maximum(ratio, _LUCKY) ** 2
+    ratio = size / previous
+    predicted = size * np.maximum(ratio, _LUCKY) ** 2
     return np.asarray(small | (np.isfinite(previous) & (ratio < 1e-2) & (predicted <= 0.1 * tolerance)))
 
 

@@ -8,7 +8,6 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.kinematics import State
-from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import ObservedQuantity, read_quantities
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers
@@ -30,7 +29,7 @@ def released_readings(
     scale = typical_stiffness(system, numbers)
     tangent = balance(system, numbers, state, scale).tangent
     assert tangent is not None and readings.unknowns is not None and readings.coefficients is not None
-    adjoint = solve_rows(np.swapaxes(tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
+    adjoint = tangent.solve_transposed(np.swapaxes(readings.unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
     slopes = readings.coefficients - adjoint_derivative(system, numbers, state, adjoint, scale)
     return readings.values, np.asarray(slopes)

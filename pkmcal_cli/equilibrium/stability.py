@@ -14,11 +14,9 @@ from pkmcal_cli.base.rotation import Array
 _PENALTY = 1e3  # of rho B^T B, against the largest entry of K
 
 
-def stable(tangent: Array, unknowns: int) -> NDArray[np.bool_]:
-    """Rows (N,) of tangents (N, n + c, n + c) whose first `unknowns` are in a minimum of the energy."""
-    k = tangent[:, :unknowns, :unknowns]
-    if tangent.shape[1] > unknowns:
-        b = tangent[:, unknowns:, :unknowns]
+def definite(k: Array, b: Array) -> NDArray[np.bool_]:
+    """Rows (N,) in which K (N, n, n) is positive definite on what constraints with gradients B (N, c, n) leave free."""
+    if b.shape[1]:
         steep = np.maximum(np.abs(b).max(axis=(1, 2)), 1e-300)
         size = np.maximum(np.abs(k).max(axis=(1, 2)), steep) / steep**2
         k = k + (_PENALTY * size)[:, None, None] * (np.swapaxes(b, 1, 2) @ b)

@@ -88,7 +88,9 @@ class GroupNumbers:
             else:
                 np.multiply(factor, x[:, :, l], out=out[:, :, k])
                 filled.add(k)
-        out[:, :, [k for k in range(x.shape[2]) if k not in filled]] = 0.0
+        for k in range(x.shape[2]) if len(filled) < x.shape[2] else ():
+            if k not in filled:
+                out[:, :, k] = 0.0
         return out
 
 
@@ -128,7 +130,8 @@ def constant_offset_vectors(topology: Topology, coefficients: Array) -> Array:
     """Constant parts of the offset vectors in their triads, (1 or N, A, 3)."""
     used = topology.offset_map.used
     same = bool((coefficients[:, used] == coefficients[:1, used]).all())
-    return topology.offset_vector_block.of(topology.offset_map(rows_last(coefficients[:1] if same else coefficients)))
+    own = rows_last(coefficients[:1] if same else coefficients)
+    return topology.offset_vector_block.of(topology.offset_map(own, apart=True))
 
 
 def group_numbers(system: System, group: GroupMap, coefficients: Array) -> GroupNumbers:

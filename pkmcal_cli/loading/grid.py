@@ -63,54 +63,57 @@ class Grid:
         return (kept_note(kept),) if kept else ()
 
 
-def parse_grid(loaded: LoadedMachine, text: str) -> Grid:
-    """A grid "x=0:950:3,...". Raises UsageError, and BadInput where the machine's tool point has no pose to ask for."""
+def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid:
+    """A grid "x=0:950:3,...", given by an option.
+
+    Raises UsageError, and BadInput where the machine's tool point has no pose to ask for.
+    """
     axes: list[Axis] = []
     for part in text.split(","):
-        axis = _axis(loaded, part.strip())
+        axis = _axis(loaded, part.strip(), option)
         if axis.name in (a.name for a in axes):
-            raise UsageError(f"--grid: `{axis.name}` is given twice", hint="give every axis only once")
+            raise UsageError(f"{option}: `{axis.name}` is given twice", hint="give every axis only once")
         axes.append(axis)
     motion = tool_motion(loaded)
     held = motion.with_all([a.name for a in axes])
     if held is None:
         what, hint = unusable_set(loaded, [a.name for a in axes])
-        raise UsageError(f"--grid: {what}", hint=hint)
+        raise UsageError(f"{option}: {what}", hint=hint)
     grid = Grid(tuple(axes), held)
     if len(grid) > _MOST:
-        raise UsageError(f"--grid: more than {_MOST} poses", hint="use a coarser grid")
+        raise UsageError(f"{option}: more than {_MOST} poses", hint="use a coarser grid")
     return grid
 
 
-def _axis(loaded: LoadedMachine, part: str) -> Axis:
+def _axis(loaded: LoadedMachine, part: str, option: str) -> Axis:
     """One axis `NAME=start:stop:count`."""
     name, equals, rest = (t.strip() for t in part.partition("="))
     limits = rest.split(":")
     if not equals or len(limits) != 3:
         raise UsageError(
-            f"--grid: `{part}` is not an axis", hint='write NAME=start:stop:count, for example "x=0:950:3"'
+            f"{option}: `{part}` is not an axis", hint='write NAME=start:stop:count, for example "x=0:950:3"'
         )
     valid = ("x", "y", "rz") if loaded.model.topology.planar else DIRECTIONS
     if name not in valid:
-        raise UsageError(f"--grid: `{name}` is not a coordinate of the tool point", hint=did_you_mean(name, valid))
+        raise UsageError(f"{option}: `{name}` is not a coordinate of the tool point", hint=did_you_mean(name, valid))
     number = limits[2].strip()
     if not (number.isascii() and number.isdigit() and len(number) < 16 and int(number) > 0):
-        raise UsageError(f"--grid: `{number}` is not a number of poses", hint="give an integer of at least 1")
+        raise UsageError(f"{option}: `{number}` is not a number of poses", hint="give an integer of at least 1")
     units = loaded.machine.file_units
     own = units.angle if name.startswith("r") else units.length
-    start, stop = (_limit(part, text, own) for text in limits[:2])
+    start, stop = (_limit(part, text, own, option) for text in limits[:2])
     return Axis(name, start, stop, int(number))
 
 
-def _limit(part: str, text: str, own: Unit) -> float:
+def _limit(part: str, text: str, own: Unit, option: str) -> float:
     """A limit of an axis, SI: a number in the file's unit, or a value with a unit."""
     try:
         number, unit = parse_value(text, (own.dimension,))
     except UnitError as error:
         hint = error.hint or f"give a number in {own.text}"
-        raise UsageError(f"--grid: `{part}`: {error.what}", hint=hint) from None
+        raise UsageError(f"{option}: `{part}`: {error.what}", hint=hint) from None
     unit = own if unit.text == "1" else unit
     value = unit.to_si(number)
     if unit.dimension != own.dimension or not math.isfinite(value):
-        raise UsageError(f"--grid: `{part}`: `{text.strip()}` is not a limit", hint=f"give a number in {own.text}")
+        raise UsageError(f"{option}: `{part}`: `{text.strip()}` is not a limit", hint=f"give a number in {own.text}")
     return value

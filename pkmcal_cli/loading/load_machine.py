@@ -17,6 +17,7 @@ from pkmcal_cli.compiler.faults import configuration_fault, mechanism_faults, st
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.loading.evidence import Evidence
+from pkmcal_cli.loading.unit_slips import unit_slips
 from pkmcal_cli.model.model import Model
 
 if TYPE_CHECKING:
@@ -77,7 +78,13 @@ def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:
     warnings = _raise_errors(mechanism_faults(machine, compiled))
     remarks = tuple(w for w in machine.warnings if w.code == _CHANGES_NOTHING)
     doubts = (w for w in machine.warnings if w.code != _CHANGES_NOTHING)
-    return LoadedMachine(machine, compiled, (*doubts, *warnings), remarks)
+    return LoadedMachine(machine, compiled, (*doubts, *warnings, *_slips(machine, compiled)), remarks)
+
+
+def _slips(machine: Machine, compiled: Compiled) -> list[Fault]:
+    """Doubts about units, but for places that have one already."""
+    told = {fault.where for fault in machine.warnings if fault.code == "magnitude"}
+    return [fault for fault in unit_slips(machine, compiled.model.length) if fault.where not in told]
 
 
 def _raise_errors(kept: Sequence[Fault]) -> list[Fault]:

@@ -191,6 +191,18 @@ class Topology:
         """Rotations that coefficients turn against their carriers, carriers before what they carry."""
         return np.nonzero(self.rotations.carrier >= 0)[0]
 
+    @cached_property
+    def free_rotations(self) -> tuple[Index, Index]:
+        """Rotations with three coordinates (F,), and which these are (F, 3)."""
+        free = np.nonzero(self.rotations.kind == RotationKind.FREE)[0]
+        return free, self.rotation_dofs[free, None] + np.arange(3)
+
+    @cached_property
+    def axial_rotations(self) -> tuple[Index, Index, Array]:
+        """Rotations about an axis (F,), their coordinates (F,) and axes (F, 3)."""
+        axial = np.nonzero(self.rotations.kind == RotationKind.AXIS)[0]
+        return axial, self.rotation_dofs[axial], self.rotations.axis[axial]
+
     @property
     def moved_blocks(self) -> tuple[Block, Block]:
         """Rotations (B, 3, 3) and offset vectors (A, 3): the stacked array out of which links and triads are made."""

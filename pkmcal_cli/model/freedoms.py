@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.even_points import even_points
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, without_stress
-from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, newton, solve_rows
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, newton
 from pkmcal_cli.equilibrium.released_drives import released_readings
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
+from pkmcal_cli.equilibrium.tangent import solve_rows
 from pkmcal_cli.mechanism.topology import Index
 
 _STEP = 0.15  # largest step, in sizes of the machine or rad

@@ -15,7 +15,9 @@ from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, number, plain_log, size_text
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
+from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, plain
+from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import Unit
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 _ROUND = 0.02  # spread of the radius below which poses lie on a circle
 _APART = 0.95  # cosine above which effects are not told apart
-_CALIBRATED, _WITH = "calibrated", "with effects found"
+_CALIBRATED, _WITH, _SHAPED = "calibrated", "with effects found", "with the curve found"
 
 
 def write_pictures(folder: str, pictures: Collection[Picture], inputs: Collection[str]) -> list[str]:
@@ -38,15 +40,18 @@ def write_pictures(folder: str, pictures: Collection[Picture], inputs: Collectio
     return list(files)
 
 
-def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, length: Unit) -> Iterator[Picture]:
-    """The whole set; `length`: unit of the machine file."""
+def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, units: FileUnits) -> Iterator[Picture]:
+    """The whole set; `units`: of the machine file."""
     for places in diagnosed_places(diagnosis):
-        yield error_map([places], titles, length, f"errors-{places.plane}")
+        yield error_map([places], titles, units.length, f"errors-{places.plane}")
         if is_circle(places.at):
-            yield circle_picture(places, titles, length, f"circle-{places.plane}")
+            yield circle_picture(places, titles, units.length, f"circle-{places.plane}")
     for panel in effect_panels(diagnosis):
         name = panel.finding.hypothesis.name
         yield composed(f"effect-{name}", titles, panel_in_words(panel), [driver_part(panel)])
+    for shape in diagnosis.shapes:
+        name = shape.hypothesis.name.replace(":", "-")  # no file name on Windows has a colon
+        yield composed(name, titles, shape_in_words(shape), [shape_part(shape, units)])
     steps = ", ".join(f"{s.name} {s.rms:.3g}" for s in waterfall(diagnosis))
     alt = f"Rms of the residual in standard uncertainties of the readings, step by step: {steps}."
     yield composed("variance", titles, alt, [waterfall_part(diagnosis)])
@@ -56,23 +61,26 @@ def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, length: Unit) -> It
         yield composed("ambiguity", titles, alt, [rivals_part(diagnosis)])
 
 
-def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, length: Unit) -> Picture:
+def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, units: FileUnits) -> Picture:
     """The same in one picture."""
     places = diagnosed_places(diagnosis)
-    parts = [*(map_part(p, length) for p in places), waterfall_part(diagnosis)]
+    parts = [*(map_part(p, units.length) for p in places), waterfall_part(diagnosis)]
     panels = effect_panels(diagnosis)
     parts += [driver_part(panel) for panel in panels]
+    parts += [shape_part(shape, units) for shape in diagnosis.shapes]
     if diagnosis.findings:
         parts.append(rivals_part(diagnosis))
     told = [errors_in_words(places)] if places else []
-    return composed("diagnosis", titles, " ".join([*told, *(panel_in_words(p) for p in panels)]), parts)
+    words = [*told, *(panel_in_words(p) for p in panels), *(shape_in_words(s) for s in diagnosis.shapes)]
+    return composed("diagnosis", titles, " ".join(words), parts)
 
 
 def diagnosed_places(diagnosis: Diagnosis) -> list[Places]:
     """Positions and errors, calibrated and with the effects found; none without positions."""
     stages = [(_CALIBRATED, diagnosis.before.after.residual)]
-    if diagnosis.findings:
-        stages.append((_WITH, diagnosis.search.fit.after.residual))
+    if diagnosis.findings or diagnosis.shapes:
+        found = _WITH if diagnosis.findings else _SHAPED
+        stages.append((found, diagnosis.search.fit.after.residual))
     return places_of(diagnosis.problem, stages)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 _SHOWN = 5000  # points
 _HEIGHT, _LOW = 3.6, 2.2  # inches
+_LABEL = 22  # letters of a line that the lowest part is high enough for
 _FLAT = 0.3  # height by width below which the lower part will do
 
 
@@ -91,5 +93,5 @@ def _bar(figure: SubFigure, axes: Any, clouds: Sequence[Cloud]) -> None:
     valued = next((c for c in clouds if c.values is not None), None)
     if valued is not None:
         drawn = axes[0].collections[0]
-        label = f"{valued.name} [{valued.of.text if valued.of else '1'}]"
+        label = fill(f"{valued.name} [{valued.of.text if valued.of else '1'}]", _LABEL)
         figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9)

@@ -16,7 +16,6 @@ from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative, lagrangian_gradient
 from pkmcal_cli.equilibrium.energy import strain_energy
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, without_stress
-from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import ObservedQuantity, forced_energy, own_stiffness
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import DriveKind
@@ -173,6 +172,6 @@ def _carried(solution: Solution, by_unknowns: Array, scale: float) -> Array:
     system, state, taut = solution.system, solution.state, solution.taut
     tangent = balance(system, solution.numbers, state, scale, taut=taut).tangent
     assert tangent is not None
-    adjoint = solve_rows(np.swapaxes(tangent, 1, 2), np.swapaxes(by_unknowns, 1, 2))
+    adjoint = tangent.solve_transposed(np.swapaxes(by_unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
     return adjoint_derivative(system, solution.numbers, state, adjoint, scale, taut=taut)

@@ -12,7 +12,6 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.energy import slack_ropes
-from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.readings import Readings, read_quantities
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.displacements import Displacements
@@ -104,7 +103,7 @@ def _coefficient_jacobian(solution: Solution, readings: Readings) -> Array:
     scale = typical_stiffness(system, solution.numbers)
     balanced = balance(system, solution.numbers, state, scale, taut=taut)
     assert balanced.tangent is not None
-    adjoint = solve_rows(np.swapaxes(balanced.tangent, 1, 2), np.swapaxes(readings.unknowns, 1, 2))
+    adjoint = balanced.tangent.solve_transposed(np.swapaxes(readings.unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
     out = readings.coefficients - adjoint_derivative(system, solution.numbers, state, adjoint, scale, taut=taut)
     out[solution.failed] = np.nan

@@ -140,7 +140,7 @@ def row_chunks(system: System, rows: int) -> Iterator[slice]:
     """Rows that are worked on together."""
     maps = system.maps
     entries = (
-        system.size**2
+        maps.width
         + maps.tangent.columns
         + system.geometry_maps.geometries.height
         + len(system.topology.coefficients.constants)

@@ -13,7 +13,6 @@ import numpy as np
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.branch import strain_jacobian
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative, strain_gradient
-from pkmcal_cli.equilibrium.newton import solve_rows
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.prediction.displacements import Displacements
 from pkmcal_cli.prediction.rows import RopeStrains, Rows
@@ -39,7 +38,7 @@ def rope_strains(solution: Solution, rows: Rows, chain: Chain, moved: Displaceme
         direct[-1][:, rest] -= 1.0
     gradient = np.zeros((len(state), len(ropes), system.size))
     gradient[:, :, : system.unknowns] = np.stack(lines, axis=1)
-    adjoint = solve_rows(np.swapaxes(balanced.tangent, 1, 2), np.swapaxes(gradient, 1, 2))
+    adjoint = balanced.tangent.solve_transposed(np.swapaxes(gradient, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
     slopes = np.stack(direct, axis=1) - adjoint_derivative(system, numbers, state, adjoint, scale)
     jacobian, by_drive = chain.apply(rows, solution.coefficients, slopes, moved)

@@ -20,7 +20,7 @@ from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.descent import descend
 from pkmcal_cli.equilibrium.energy import slack_ropes, strain_energy
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed, without_stress
-from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton, solve_rows
+from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
@@ -242,7 +242,7 @@ def _one_step(model: Model, coefficients: Array, state: State, status: NDArray[n
     scale = typical_stiffness(system, coefficients)
     balanced = balance(system, coefficients, placed, scale, curved=False, taut=True)
     assert balanced.tangent is not None
-    step = -solve_rows(balanced.tangent, balanced.residual[..., None])[..., 0]
+    step = -balanced.tangent.solve(balanced.residual[..., None])[..., 0]
     effort.add(len(coefficients))
     lost = ~np.isfinite(step).all(axis=1)
     status[lost & (status == RowStatus.SOLVED)] = RowStatus.SINGULAR

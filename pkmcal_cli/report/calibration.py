@@ -37,6 +37,7 @@ from pkmcal_cli.report.parameters import (
     parameter_rows,
 )
 from pkmcal_cli.report.repeatability import show_replicates
+from pkmcal_cli.report.sentences import STOPPED
 from pkmcal_cli.report.uncertainty_remarks import HELD, held_text, noise_text, ranges_text
 
 _WEAK, _MEMBERS = 3, 8  # weak combinations that are told one by one, if they have so few members
@@ -90,6 +91,7 @@ class CalibrationReport:
             **self.failed.json(),
             "loads": self.loads.json(),
             "iterations": self.fit.iterations,
+            "stopped": self.fit.stopped,
             "parameters": [r.json() for r in self.rows if r.name in self.fit.selected],
             "before": figures_json(self.machine, self.before),
             "after": figures_json(self.machine, self.after),
@@ -254,7 +256,7 @@ class CalibrationReport:
 
     def verdict(self) -> str:
         """How the fit ended, in words; then the reasons, one in a line."""
-        steps, chi2 = count(self.fit.iterations, "step"), self.fit.chi2_per_dof
+        steps, chi2 = count(self.fit.iterations, "step") + STOPPED[self.fit.stopped], self.fit.chi2_per_dof
         lines = [
             {
                 "converged": f"converged in {steps}",

@@ -13,6 +13,7 @@ from pkmcal_cli.base.errors import Fault, Location, UsageError, did_you_mean
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.base.styles import styled, wants_styles
+from pkmcal_cli.base.visible import json_safe, visible
 from pkmcal_cli.report.outputs.schema import all_outputs
 from pkmcal_cli.report.table_layout import columns_of, laid_out
 
@@ -63,13 +64,13 @@ class Reporter:
         text = finding.strip().removeprefix("warning: ") if isinstance(finding, str) else ""
         line = of_fault(finding) if isinstance(finding, Fault) else annotation(severity, text, where)
         with suppress(OSError, ValueError):
-            print(line, file=sys.stderr, flush=True)
+            print(visible(line), file=sys.stderr, flush=True)
 
     def _line(self, text: str, style: str | None = None, always: bool = False) -> None:
         if always or not self.quiet:
             from rich.text import Text
 
-            self._print(Text(text, style=style or ""))
+            self._print(Text(visible(text), style=style or ""))
 
     def _found(self, finding: str | Fault, colour: str, always: bool = False) -> None:
         """A sentence in a colour; a fault with its parts apart."""
@@ -105,7 +106,7 @@ class Reporter:
         laid = laid_out(columns_of(headers, rows, left, folded), width, left, spare)
         self._line(title, "italic")
         for k, line in enumerate(laid.lines):
-            self._print(Text(line, style="bold" if k in laid.heads else ""))
+            self._print(Text(visible(line), style="bold" if k in laid.heads else ""))
         if laid.hidden:
             what = ", ".join(header or "bars" for header in laid.hidden)
             self._line(f"not shown in {width} columns: {what} (widen the terminal, or use --json)", "dim")
@@ -162,6 +163,6 @@ def enveloped(command: str, verdict: str, result: Mapping[str, Any], head: Mappi
 
 def emit_json(result: Mapping[str, Any]) -> None:
     """The result on stdout. Raises OutputError."""
-    text = json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False)
+    text = json_safe(json.dumps(result, indent=2, allow_nan=False, ensure_ascii=False))
     with write_text("-", ()) as file:
         file.write(text + "\n")

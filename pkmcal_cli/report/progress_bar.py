@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from pkmcal_cli.base.stages import Observer, Stage
+from pkmcal_cli.base.visible import in_line
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,7 +56,7 @@ def progress_bar(console: Console) -> Iterator[Observer]:
 
 def words(stage: Stage) -> str:
     """The steps, the largest first: `rotation 2 of 5, search: step 3`."""
-    return ", ".join(_words(part) for part in stage.whole)
+    return in_line(", ".join(_words(part) for part in stage.whole))
 
 
 def _words(stage: Stage) -> str:

@@ -73,3 +73,14 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
     what = f"Unknown effect of {size.strip()}" if size else "Unknown effect"
     detail = f" ({hint})" if hint else ""
     return f"{what}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"
+
+
+STOPPED = {
+    "gradient": " (stopped by gradient)",
+    "step": " (stopped by step length)",
+    "rounding": " (stopped by rounding)",
+    "budget": " (stopped by the budget of steps)",
+    "no_descent": " (no step lowers chi-square)",
+    "nothing": "",
+}
+"""Why fits end, in words."""

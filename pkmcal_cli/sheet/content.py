@@ -77,11 +77,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Sheet:
-    """The whole page."""
+    """The whole page; warnings: what nobody may overlook who reads the verdict."""
 
     machine: str
     subtitle: str
     verdict: Verdict
+    warnings: tuple[str, ...]
     sections: tuple[Section, ...]
     footer: str
 

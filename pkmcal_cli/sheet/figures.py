@@ -12,6 +12,7 @@ from pkmcal_cli.pictures.machine_picture import machine_picture
 from pkmcal_cli.pictures.machine_shape import machine_shape
 from pkmcal_cli.pictures.parameter_picture import parameter_picture
 from pkmcal_cli.pictures.parts import composed
+from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, titles
 from pkmcal_cli.report.improvement import ImprovementReport
 from pkmcal_cli.report.parameters import ParameterRow
@@ -59,7 +60,7 @@ def maps(results: Results) -> list[Figure]:
 
 
 def effects(results: Results) -> list[Figure]:
-    """Every cause over what drives it."""
+    """Every cause over what drives it, and every deviation without a name over its axis."""
     if results.diagnosis is None:
         return []
     figures = []
@@ -68,6 +69,10 @@ def effects(results: Results) -> list[Figure]:
         words = panel_in_words(panel)
         picture = composed(f"effect-{name}", _titles(results, name), words, [driver_part(panel)])
         figures.append(Figure(picture, f"{words} Band: 95 %."))
+    for shape in results.diagnosis.diagnosis.shapes:
+        name, words = shape.hypothesis.name, shape_in_words(shape)
+        drawn = [shape_part(shape, results.machine.file_units)]
+        figures.append(Figure(composed(name.replace(":", "-"), _titles(results, name), words, drawn), words))
     return figures
 
 

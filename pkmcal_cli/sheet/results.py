@@ -23,7 +23,7 @@ from pkmcal_cli.units.unit_text import UNITS, Unit
 class Results:
     """A calibration, what the search for causes found (`not_searched`: why there was none), and a second table.
 
-    tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance.
+    tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance; notes: on files.
     """
 
     loaded: LoadedMachine
@@ -35,6 +35,8 @@ class Results:
     tolerance: tuple[float, Unit] | None
     feed: float | None
     head: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+    simulated: tuple[str, ...] = ()  # of these, that a table was never measured
 
     @property
     def machine(self) -> Machine:

@@ -43,6 +43,7 @@ def sheet(results: Results, figures: Acceptance | None) -> Sheet:
         machine=_name(results),
         subtitle=f"Machine file {_name(results)}; measurements {files}; sheet of {created}",
         verdict=verdict(results),
+        warnings=results.simulated,
         sections=tuple(part for part in parts if part is not None),
         footer=f"{results.head['program']}, {results.head['created']}. Standard uncertainties in brackets apply to "
         "the last digits; U are expanded uncertainties (k = 2). Intervals hold for the measured region.",
@@ -205,4 +206,5 @@ def provenance(results: Results) -> Section | None:
     blocks: list[Block] = [Table("", ("", ""), tuple(rows), left=2)]
     files = tuple((name, digest) for name, digest in head["inputs"].items())
     blocks.append(Table("Files that were read", ("file", "sha256"), files, left=2))
+    blocks += [Text(note, "note") for note in results.notes if note not in results.simulated]
     return section("provenance", "Provenance", blocks)

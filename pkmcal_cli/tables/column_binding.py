@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pkmcal_cli.base.plural import with_article
+from pkmcal_cli.base.plural import listed, with_article
 from pkmcal_cli.csv_files.cell_values import ColumnRules, FaultLog, Kind, Rule
 from pkmcal_cli.csv_files.cells import is_time
 from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
@@ -18,9 +18,13 @@ from pkmcal_cli.tables.column_needs import Bound, Needs, Require
 from pkmcal_cli.tables.columns import APPROACH, Column, Role, columns_of, temperature_column
 from pkmcal_cli.units.file_units import Unit, UnitError, parse_unit
 
-_POSITIVE = Rule(lambda values: values > 0, "a sigma must be positive")
-_BLANK = Rule(np.isnan, "the cells above are empty; give the pose with the same columns in all rows")
-_DIRECTION = Rule(lambda values: np.isin(values, (-1.0, 0.0, 1.0)), "a direction must be 1, -1 or 0 (unknown)")
+_POSITIVE = Rule(
+    lambda values: values > 0, "a sigma must be positive", "leave it empty where the sigma of the machine file holds"
+)
+_BLANK = Rule(np.isnan, "the cells above are empty", "give the pose with the same columns in all rows")
+_DIRECTION = Rule(
+    lambda values: np.isin(values, (-1.0, 0.0, 1.0)), "a direction must be 1, -1 or 0 (unknown)", "write 1, -1 or 0"
+)
 
 
 @dataclass(frozen=True)
@@ -147,7 +151,7 @@ def _unused(spare: Mapping[int, HeaderCell], free: Sequence[str]) -> str:
         near = _likely(cell.name, free)
         name = f"`{cell.text}`" if cell.text else f"column {index + 1} without a name"
         texts.append(name + (f" (did you mean `{near}`?)" if near else ""))
-    return f"columns not used: {', '.join(texts)}" if texts else ""
+    return f"columns not used: {listed(texts)}" if texts else ""
 
 
 def _likely(name: str, names: Sequence[str]) -> str | None:
@@ -164,5 +168,5 @@ def _assumed(bound: Sequence[Bound], column_rules: ColumnRules) -> str:
         if b.assumed and column_rules.kinds[b.index] == "number":
             names = units.setdefault(b.unit.text, [])
             names += [b.column.header] if b.column.header not in names else []
-    groups = [f"{unit} ({', '.join(names)})" for unit, names in units.items()]
+    groups = [f"{unit} ({listed(names)})" for unit, names in units.items()]
     return f"no units in the header; the units of the machine file are used: {', '.join(groups)}" if groups else ""

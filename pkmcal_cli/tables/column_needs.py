@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pkmcal_cli.base.errors import nearest
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.csv_files.cell_values import FaultLog, FloatArray
 from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
 from pkmcal_cli.csv_files.reader import TableReader
@@ -119,7 +120,7 @@ class Needs:
         channels = [c for c in self.columns.values() if c.role == "channel"]
         lost = [c for c in channels if (c.name, "channel") not in self.columns_found]
         if len(lost) == len(channels) and not known_readings(self.machine):
-            names = ", ".join(f"`{c.header}`" for c in channels)
+            names = listed([f"`{c.header}`" for c in channels])
             what = (
                 f"no measurements: the table has none of the columns {names}" if names else "the machine has no sensors"
             )

@@ -13,6 +13,7 @@ import numpy as np
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, FaultList, Location
 from pkmcal_cli.base.files import identity, input_name, is_stream
+from pkmcal_cli.base.plural import listed
 from pkmcal_cli.csv_files.cell_values import Chunk, FaultLog, FloatArray, IntArray
 from pkmcal_cli.csv_files.cells import has_zone, time_of
 from pkmcal_cli.csv_files.dialect import Flaw
@@ -23,6 +24,7 @@ from pkmcal_cli.tables.column_needs import Bound, Require
 from pkmcal_cli.tables.columns import Column, Role, channel_of_target, columns_of, coordinates_of
 from pkmcal_cli.tables.measurement_set import Measurements, absent, concatenate
 from pkmcal_cli.tables.partners import check_partners, partner_notes
+from pkmcal_cli.tables.serial_days import Times
 from pkmcal_cli.tables.silent_sensors import TableUse, silent_sensors
 from pkmcal_cli.tables.touches import Touches, implied_touches, unclear_touches
 
@@ -73,6 +75,7 @@ class MeasurementStream:
         if not faults and self.require == "measured":
             faults = self._silent(files)
         self.notes = (*notes, *clock.notes)
+        self.warnings += tuple(doubt for file in files for doubt in file.doubts)
         if faults:
             raise BadInput(faults[:MAX_FAULTS], total + len(faults))
 
@@ -125,6 +128,8 @@ class _File:
     gaps: Counter[str] = field(default_factory=Counter)  # empty cells of channels and forces
     idle: int = 0  # rows in which nothing was measured
     use: TableUse | None = None
+    times: Times = field(default_factory=Times)
+    doubts: tuple[Fault, ...] = ()
     touches: Touches = field(default_factory=lambda: Touches({}))
 
     def read(self, path: Path | str) -> Iterator[Measurements]:
@@ -151,6 +156,18 @@ class _File:
             touches = self.touches.note(self.machine, self.rows)
             self.notes += [*reader.notes, *binding.notes, *([touches] if touches else []), *self._counts(binding)]
             log.raise_if_any()
+            self.doubts = self._day_numbers(binding, reader)
+
+    def _day_numbers(self, binding: Binding, reader: TableReader) -> tuple[Fault, ...]:
+        """A warning where the column `time` holds a spreadsheet's days and not seconds."""
+        bound = binding.named("time")
+        seconds = bound is not None and binding.column_rules.kinds[bound.index] == "number" and bound.unit.text == "s"
+        flaw = self.times.flaw(reader.format.header_line, bound.index) if bound is not None and seconds else None
+        if flaw is None:
+            return ()
+        log = FaultLog(reader.name, reader.format.separator)
+        log.add(flaw, reader.header_source())
+        return tuple(replace(fault, severity="warning") for fault in log.faults)
 
     def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
         machine, rows = self.machine, len(chunk.lines)
@@ -206,6 +223,7 @@ class _File:
             self.gaps[name] += int(np.isnan(values).sum())
         for name, values in zip(part.actuator_names, part.forces.T, strict=True):
             self.gaps[f"{name}.force"] += int(np.isnan(values).sum())
+        self.times.add(part.covariates.get("time"))
         self.idle += int((~part.measured.any(axis=1)).sum())
 
     def _counts(self, binding: Binding) -> list[str]:
@@ -224,10 +242,10 @@ class _File:
         for column in channels:
             if column.name in channel_names and (n := self.gaps[column.name]):
                 some.setdefault(n, []).append(f"`{column.name}`")
-        notes += [f"{', '.join(names)} not measured in {n} of {self.rows} rows" for n, names in some.items()]
+        notes += [f"{listed(names)} not measured in {n} of {self.rows} rows" for n, names in some.items()]
         known = {*channel_names, *self.touches.readings}
         if lost := [f"`{c.header}`" for c in channels if c.name not in known]:
-            notes.append(f"no columns for channels: {', '.join(lost)}")
+            notes.append(f"no columns for channels: {listed(lost)}")
         return notes + ([f"no measurements in {self.idle} of {self.rows} rows"] if self.idle else [])
 
 

@@ -46,6 +46,7 @@ def _drawn(loaded: LoadedMachine, places: Array, size: int, rng: np.random.Gener
     In coordinates that it does not limit, and where there is none: in the box of places (N, 6), and a little around it.
     """
     model, workspace = loaded.model, loaded.model.workspace
+    places = places[np.isfinite(places).all(axis=1)]  # rows without a solution at these values are nowhere
     low, high = places.min(axis=0), places.max(axis=0)
     wide, held = _WIDER * (high - low), model.independent_coordinates
     low, high = low - wide, high + wide

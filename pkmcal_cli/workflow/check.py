@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pkmcal_cli.base.errors import MAX_FAULTS, BadInput, Fault, UsageError
-from pkmcal_cli.base.files import sha256
+from pkmcal_cli.base.files import is_stream, sha256
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.model.singular_drives import singular_drives
@@ -75,7 +75,9 @@ def run_check(request: CheckRequest) -> int:
         loaded = load_machine(request.machine)
     except BadInput as error:
         _reraise_unreadable(error)
-        return _finish(_End(to, as_json, {}, _named_files(request)), list(error.faults), error.total)
+        also = _of_tables(request)
+        faults, total = [*error.faults, *also.faults], error.total + also.total
+        return _finish(_End(to, as_json, {}, _named_files(request)), faults, total)
     result, faults = machine_json(loaded.machine, loaded.compiled), idle_faults(loaded)
     show_machine(to, loaded.machine, loaded.compiled, result)
     warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
@@ -98,6 +100,28 @@ def run_check(request: CheckRequest) -> int:
             verification = verify(loaded, measured, start, request.parameters, tolerance, to)
             result["verification"], agrees = verification.json(), verification.ok
     return _finish(_End(to, as_json, result, inputs), faults, total, agrees)
+
+
+def _of_tables(request: CheckRequest) -> BadInput:
+    """Faults of the tables of a machine that has faults: by its columns where it could be read, else of their form."""
+    from pkmcal_cli.csv_files.reader import check_cells
+    from pkmcal_cli.language.machine_yaml import read_machine
+    from pkmcal_cli.tables.measurements import read_measurements
+
+    found, total = list[Fault](), 0
+    try:
+        machine = read_machine(request.machine) if request.tables and not is_stream(request.machine) else None
+    except BadInput:
+        machine = None
+    for table in request.tables:
+        try:
+            if machine is not None and machine.sensors:
+                read_measurements([table], machine)
+            else:
+                check_cells(table)
+        except BadInput as error:
+            found, total = [*found, *error.faults], total + error.total
+    return BadInput(found, total)
 
 
 def _named_files(request: CheckRequest) -> dict[str, str]:

@@ -87,9 +87,9 @@ def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Repor
     """Pictures as files, or as text where they are asked for on the terminal. Raises UsageError, OutputError."""
     from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures, write_pictures
 
-    length, named = case.loaded.machine.file_units.length, _titles(case)
+    units, named = case.loaded.machine.file_units, _titles(case)
     if request.plot is not None:
-        picture = diagnosis_picture(diagnosis, named, length)
+        picture = diagnosis_picture(diagnosis, named, units)
         write_plot(picture, request.plot, case.inputs, to, force=request.force)
     if request.plots is None:
         return
@@ -98,7 +98,7 @@ def _draw(request: DiagnosisRequest, case: Case, diagnosis: Diagnosis, to: Repor
 
         to.say(text_pictures(diagnosis))
         return
-    for file in write_pictures(request.plots, list(diagnosis_pictures(diagnosis, named, length)), case.inputs):
+    for file in write_pictures(request.plots, list(diagnosis_pictures(diagnosis, named, units)), case.inputs):
         to.say(f"written: {file}")
 
 

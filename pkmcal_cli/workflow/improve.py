@@ -11,13 +11,15 @@ from pkmcal_cli.base.errors import BadInput, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.outputs import check_target, takes_directly, write_together
+from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
-from pkmcal_cli.diagnosis.closed_loop import FAILURES, FEWEST_TO_SPLIT, Improvement, improve
+from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
+from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_measurements
 from pkmcal_cli.loading.poses import place_of
@@ -49,6 +51,7 @@ class ImproveRequest:
     only: str | None = None
     alpha: float = 0.005
     seed: int = 0
+    jobs: int = 1
     accept: bool = False
     fail_above: tuple[str, ...] | None = None
     fail_on: str | None = None
@@ -179,6 +182,7 @@ def _improved(case: Case, validation: Problem | None, request: ImproveRequest, t
                 seed,
                 loss=case.loss,
                 observe=observe,
+                workers=Workers.of(request.jobs),
             )
     except RowsFailed as failure:
         raise unsolved(case.measured, failure.evaluation.prediction) from None

@@ -12,6 +12,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.bench_measurements import BenchProposal, bench_proposals
 from pkmcal_cli.calibration.observability_indices import observability
 from pkmcal_cli.calibration.problem import Problem, design_problem
@@ -47,6 +48,7 @@ from pkmcal_cli.workflow.plots import Plot, check_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.schedule import ScheduleOptions, write_schedule
 from pkmcal_cli.workflow.schedule_forms import check_form
+from pkmcal_cli.workflow.state import State, check_state
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
@@ -69,6 +71,9 @@ class PlanRequest:
     next: bool
     budget: int | None
     power: int
+    jobs: int
+    cluster: str | None
+    state: str | None
     alpha: float
     output: str | None
     plot: str | None
@@ -84,7 +89,7 @@ class PlanRequest:
 def run_plan(request: PlanRequest) -> int:
     """Show what a plan can do and which points to add; returns the exit code. Raises PkmcalError."""
     _check(request)
-    to = Reporter(request.quiet)
+    workers, to = Workers.of(request.jobs, request.cluster), Reporter(request.quiet)
     if request.next:
         return _run_next(request, to)
     loaded, poses = _read(request, to)
@@ -105,7 +110,8 @@ def run_plan(request: PlanRequest) -> int:
     with to.step("points to add"):
         added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
-    rates = power_of_plan(request.power, () if wanted is None else wanted.effects, campaigns, to)
+    aimed = () if wanted is None else wanted.effects
+    rates = power_of_plan(request.power, aimed, campaigns, workers, _state(request, inputs), to)
     bench, at_nominal = _bench(problem, values, selected), request.parameters is None
     report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
     report.show(to)
@@ -138,6 +144,12 @@ def _plot(request: PlanRequest, inputs: Collection[str]) -> Plot | None:
     if request.plot is None:
         return None
     return Plot(request.plot, inputs, request.force, given(request.parameters, request.poses))
+
+
+def _state(request: PlanRequest, inputs: Mapping[str, str]) -> State:
+    """Campaigns that were simulated before. Raises BadInput."""
+    asked = {name: getattr(request, name) for name in ("grid", "select", "aim", "power", "alpha", "seed")}
+    return State.read(request.state, "plan", asked, inputs)
 
 
 def _bench(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[BenchProposal, ...]:
@@ -244,12 +256,15 @@ def _check(request: PlanRequest) -> None:
         raise UsageError("--next needs the table measured so far, and `--budget N`", hint=_NEXT)
     if request.budget is not None and not request.next:
         raise UsageError("--budget is for --next", hint=_NEXT)
+    if (request.state or request.cluster or request.jobs != 1) and not request.power:
+        raise UsageError("--jobs, --cluster and --state are for simulated campaigns", hint="add `--power K`")
     check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
     inputs = given(request.machine, request.poses, request.parameters)
     _check_output(request, inputs)
     check_plot(request.plot, inputs, request.output, force=request.force)
+    check_state(request.state, inputs, request.output, request.plot)
 
 
 def _check_output(request: PlanRequest, inputs: Collection[str]) -> None:

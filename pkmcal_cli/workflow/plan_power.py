@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pkmcal_cli.diagnosis.power import Campaigns, Rates, chosen
+from pkmcal_cli.base.workers import Workers
+from pkmcal_cli.diagnosis.power import Campaigns, PowerWork, Rates, chosen
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import FEWEST_ROWS
+from pkmcal_cli.workflow.state import State, all_done
 
 
-def power_of_plan(count: int, wanted: Sequence[str], campaigns: Campaigns, to: Reporter) -> tuple[Rates, ...]:
+def power_of_plan(
+    count: int, wanted: Sequence[str], campaigns: Campaigns, workers: Workers, state: State, to: Reporter
+) -> tuple[Rates, ...]:
     """How often effects are found in so many campaigns of each, where that is asked for: of those that are wanted, else
     of every kind the hardest one."""
     problem = campaigns.plan.problem
@@ -23,5 +27,5 @@ def power_of_plan(count: int, wanted: Sequence[str], campaigns: Campaigns, to: R
     seen = [v for v in effects if v.detected < v.plausible]
     lost = [v.hypothesis.name for v in effects if v not in seen]
     to.notes([f"{name} is not detected within its plausible size, and not simulated" for name in lost])
-    with to.progress("simulated campaign", count * (1 + len(seen))) as tick:
-        return tuple(campaigns.rates(effect, count, tick) for effect in (None, *seen))
+    work = PowerWork(campaigns, (None, *seen), count)
+    return work.rates(all_done(work, len(work), "simulated campaign", workers, state, to))

@@ -12,6 +12,7 @@ from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.complete_fit import FitOptions
+from pkmcal_cli.csv_files.origin import SIMULATED
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
@@ -24,6 +25,7 @@ from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.sections import sheet
 from pkmcal_cli.sheet.sheet_json import sheet_json
+from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.arguments import given, one_stdin
@@ -83,11 +85,12 @@ def run_report(request: ReportRequest) -> int:
     report, inputs = found.report, dict(found.setting.inputs)
     head = provenance(inputs, seed=request.seed, status=report.status)
     improved, why = _improved(request, to)
-    verified = None
+    verified, notes = None, [*found.setting.measured.notes]
     if request.after is not None:
         improved_here = improved if improved is not None and improved.improvement.confirmed else None
-        verified, read = _verified(request, found, improved_here, tolerance)
-        inputs |= read
+        verified, after = _verified(request, found, improved_here, tolerance)
+        inputs |= after.inputs
+        notes += after.notes
     results = Results(
         loaded=found.setting.loaded,
         measured=found.setting.measured,
@@ -98,6 +101,8 @@ def run_report(request: ReportRequest) -> int:
         tolerance=tolerance,
         feed=None if request.circle_feed is None else request.circle_feed / _MM_PER_MIN,
         head=head | {"inputs": inputs},
+        notes=tuple(dict.fromkeys(notes)),
+        simulated=tuple(note for note in dict.fromkeys(notes) if SIMULATED in note),
     )
     return _written(request, results, inputs, to)
 
@@ -164,8 +169,8 @@ def _verified(
     calibrated: Calibrated,
     improved: ImprovementReport | None,
     tolerance: tuple[float, Unit] | None,
-) -> tuple[VerificationReport, dict[str, str]]:
-    """The second table against what was identified, with the causes that were found; sha256 of what was read."""
+) -> tuple[VerificationReport, Measurements]:
+    """The second table against what was identified, with the causes that were found; the table."""
     assert request.after is not None
     with tempfile.TemporaryDirectory() as folder:
         machine, file = request.machine, Path(folder) / "identified.params.yaml"
@@ -184,7 +189,7 @@ def _verified(
             raise UsageError(f"--after: the rows of `{request.after}` are those that were calibrated", hint=hint)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), str(file))
         found = verify(loaded, measured, start, str(file), tolerance, Recorder())
-    return found, dict(measured.inputs)
+    return found, measured
 
 
 def _written(request: ReportRequest, results: Results, inputs: dict[str, str], to: Reporter) -> int:

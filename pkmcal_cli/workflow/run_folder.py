@@ -2,7 +2,7 @@
 
     DIR/2026-05-04T10-20-30_calibrate/
       run.yaml      command line, date, versions, verdict, exit code, sha256 of inputs and results
-      inputs/       copies of all inputs, which link to each other as they did
+      inputs/       copies of all inputs, which link to each other as they did, and what is told beside a table of it
       result.json   what `--json` writes
       params.yaml   and what else the command has made
 """
@@ -22,6 +22,7 @@ from typing import Any
 from pkmcal_cli.base.errors import BadInput, Location, OutputError, UsageError
 from pkmcal_cli.base.files import is_stream, sha256
 from pkmcal_cli.base.outputs import check_folder, make_folder
+from pkmcal_cli.csv_files.origin import beside
 from pkmcal_cli.loading.plain_files import plain_map
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.provenance import provenance
@@ -89,6 +90,8 @@ def _copied(part: Path, inputs: Mapping[str, str]) -> dict[str, str]:
         shutil.copyfile(name, target)
         if sha256(target) != inputs[name]:
             raise OutputError("this input has changed while the command ran; no run was kept", name, "run it again")
+        if os.path.isfile(beside(name)):  # that a table is simulated must not be lost
+            shutil.copyfile(beside(name), beside(target))
         kept[name] = str(target.relative_to(part))
     return kept
 

@@ -33,6 +33,7 @@ _CANDIDATES: dict[Dimension, tuple[str, ...]] = {
     LENGTH: ("nm", "um", "mm", "m"),
     FORCE: ("mN", "N", "kN", "MN"),
     MASS: ("g", "kg", "t"),
+    ANGLE: ("urad", "arcsec", "mrad", "deg", "rad"),
     MODULUS: ("Pa", "kPa", "MPa", "GPa"),
     STIFFNESS: ("N/m", "N/mm", "N/um", "kN/mm"),
     DENSITY: ("kg/m^3", "g/cm^3", "kg/mm^3"),
@@ -101,7 +102,7 @@ class MagnitudeCheck:
         dimension: Dimension,
     ) -> None:  # fmt: skip
         number = value / unit.scale
-        guess = _guess(number, unit, plausible, dimension)
+        guess = unit_meant(number, unit, plausible, dimension)
         far = value > plausible[1] * _SLIP or value < plausible[0] / _SLIP
         if guess is None and not far:
             return
@@ -128,7 +129,7 @@ def _broken(sign: str, value: float) -> tuple[str, str] | None:
     return None
 
 
-def _guess(number: float, unit: Unit, plausible: tuple[float, float], dimension: Dimension) -> str | None:
+def unit_meant(number: float, unit: Unit, plausible: tuple[float, float], dimension: Dimension) -> str | None:
     """The unit with which the same number would be plausible; None if there is none."""
     best: tuple[float, str] | None = None
     for text in _CANDIDATES.get(dimension, ()):

@@ -1,0 +1,151 @@
+"""Repeated calibrations of simulated machines: what is left of their errors, by the number of measured points.
+
+A repetition draws the parameters about nominal by half their ranges, points of a region and noise; machines that are
+compared have the same errors in parameters of the same name, and are measured at the same points with the same noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.stages import Observer, unobserved
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.problem import Problem, design_problem, usable
+from pkmcal_cli.loading.covariates import at_rest
+from pkmcal_cli.loading.nearby_poses import rows_before
+from pkmcal_cli.model.model import Model
+from pkmcal_cli.model.tool_channels import tcp_model
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+from pkmcal_cli.prediction import Rows, predict
+from pkmcal_cli.prediction.inverse_kinematics import drive_positions
+
+_ROUNDS = 40  # of points that are drawn; a region of which a machine reaches a tenth takes some ten
+
+Outcome = list[float] | None
+"""Of one machine: errors of its parameters (p,), SI, and mean distance of the tool point at other points, m; None where
+the calibration has failed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudiedMachine:
+    """A machine, its name, the parameters that are drawn and identified, coordinates that a pose holds.
+
+    sigma (C,): standard uncertainties of channels, nan where the machine's own hold.
+    """
+
+    name: str
+    model: Model
+    selected: tuple[str, ...]
+    held: tuple[str, ...]
+    sigma: Array
+
+    @property
+    def index(self) -> list[int]:
+        """Places of the selected parameters among all."""
+        return [self.model.names.index(n) for n in self.selected]
+
+    def problem(self, readings: Array) -> Problem:
+        """What will be measured at drive readings (N, A)."""
+        rows = at_rest(self.model, replace(Rows.at(readings), partner=rows_before(self.model, len(readings))))
+        stated = design_problem(self.model, rows)
+        sigma = np.where(np.isnan(self.sigma), stated.sigma, self.sigma)
+        return usable(replace(stated, sigma=sigma, measured=~np.isnan(sigma)))
+
+    def true_values(self, drawn: dict[str, float]) -> Array:
+        """Parameter values (P,) from normal numbers by name: about nominal, standard deviation range / 2, in bounds."""
+        values, index = self.model.nominal, self.index
+        low, high = np.array([self.model.parameters[k].bounds for k in index]).reshape(-1, 2).T
+        moved = np.array([drawn[n] for n in self.selected]) * self.model.ranges[index] / 2
+        values[index] = np.clip(values[index] + moved, low, high)
+        return values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A box of coordinates of the tool point (names and limits, SI), within the workspaces of the machines."""
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+
+    def drawn(self, machines: tuple[StudiedMachine, ...], count: int, rng: np.random.Generator) -> list[Array]:
+        """Drive readings (count, A) of each machine at the same random poses. Raises BadInput where few are reached."""
+        found: list[list[Array]] = [[] for _ in machines]
+        for _ in range(_ROUNDS):
+            poses = np.full((2 * count, len(DIRECTIONS)), np.nan)
+            shares = rng.uniform(size=(2 * count, len(self.names)))
+            poses[:, [DIRECTIONS.index(n) for n in self.names]] = self.low + shares * (self.high - self.low)
+            made = [drive_positions(m.model, poses, held=m.held) for m in machines]
+            inside = np.ones(len(poses), dtype=bool)
+            for machine, inverse in zip(machines, made, strict=True):
+                space = machine.model.workspace
+                inside &= inverse.reached if space is None else space.holds(inverse.poses, inverse.readings)
+            for parts, inverse in zip(found, made, strict=True):
+                parts.append(inverse.readings[inside])
+            if sum(map(len, found[0])) >= count:
+                return [np.concatenate(parts)[:count] for parts in found]
+        what = f"too few points that {' and '.join(m.name for m in machines)} reach: less than one of {2 * _ROUNDS}"
+        raise BadInput.single(what, None, "make the region smaller: `--within`, or `workspace` in the machine file")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Repetitions by number: each with the next one of the numbers of points, from the first on again and again.
+
+    validation: number of other points at which the tool point is compared.
+    """
+
+    machines: tuple[StudiedMachine, ...]
+    region: Region
+    counts: tuple[int, ...]
+    validation: int
+    seed: int
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> list[Outcome]:
+        """Of every machine."""
+        count = self.counts[number % len(self.counts)]
+        seeds = np.random.SeedSequence(self.seed, spawn_key=(number,)).spawn(3)
+        places, errors, noise = (np.random.default_rng(s) for s in seeds)
+        readings = self.region.drawn(self.machines, count + self.validation, places)
+        names = dict.fromkeys(n for m in self.machines for n in m.selected)
+        drawn = dict(zip(names, errors.normal(size=len(names)), strict=True))
+        most = max(len(m.model.channels) + len(m.model.actuators) for m in self.machines)
+        normal = noise.normal(size=(count, 2 * most))
+        return [_once(m, q, drawn, normal) for m, q in zip(self.machines, readings, strict=True)]
+
+
+def _once(machine: StudiedMachine, readings: Array, drawn: dict[str, float], normal: Array) -> Outcome:
+    """One calibration by the first points, as many as there is noise for, judged at the others."""
+    true, count = machine.true_values(drawn), len(normal)
+    problem = _measured(machine.problem(readings[:count]), true, normal)
+    try:
+        fit = identify(problem, machine.selected)
+    except (RowsFailed, np.linalg.LinAlgError):
+        return None
+    off = _tool_distance(machine.model, true, fit.values, Rows.at(readings[count:]))
+    if not fit.usable or np.isnan(off):
+        return None
+    return [*(float(v) for v in (fit.values - true)[machine.index]), off]
+
+
+def _measured(problem: Problem, true: Array, normal: Array) -> Problem:
+    """The problem with readings at true parameters (P,), and noise from standard normal numbers (N, at least C + A)."""
+    channels, drives = problem.sigma.shape[1], problem.drive_sigma.shape[1]
+    moved = np.nan_to_num(problem.reading_sigma) * normal[:, channels : channels + drives]
+    found = predict(problem.model, true, problem.rows.moved(moved))
+    noise = (np.linalg.cholesky(problem.noise) @ normal[:, :channels, None])[..., 0]
+    readings = found.values + np.where(problem.measured, noise, 0.0)
+    return usable(replace(problem, readings=readings, measured=problem.measured & np.isfinite(readings)))
+
+
+def _tool_distance(model: Model, true: Array, found: Array, rows: Rows) -> float:
+    """Mean distance of the tool point as it is and as it was found to be, m; nan where a row has no prediction."""
+    bare = tcp_model(model).with_options(())
+    along = [k for k, c in enumerate(bare.channels) if c.name in DIRECTIONS[:3]]
+    rows = at_rest(model, rows)
+    apart = predict(bare, found, rows).values - predict(bare, true, rows).values
+    return float(np.sqrt((apart[:, along] ** 2).sum(axis=1)).mean())

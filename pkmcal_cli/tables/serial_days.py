@@ -1,0 +1,41 @@
+"""Times that are a spreadsheet's day numbers, read as seconds: 44546.4375 is 2021-12-16 10:30."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+import numpy as np
+
+from pkmcal_cli.csv_files.cell_values import FloatArray
+from pkmcal_cli.csv_files.dialect import Flaw
+
+_FIRST, _LAST = 32_000.0, 62_000.0  # days since the end of 1899: 1987 to 2069
+_EPOCH = datetime(1899, 12, 30)
+_STEP = 0.5  # s: a campaign whose poses follow faster than this is none
+
+
+@dataclass
+class Times:
+    """The times of a file so far: how many, the smallest and the largest, s."""
+
+    count: int = 0
+    least: float = np.inf
+    most: float = -np.inf
+
+    def add(self, times: FloatArray | None) -> None:
+        """Take those of some rows (n,)."""
+        known = np.zeros(0) if times is None else times[np.isfinite(times)]
+        if len(known):
+            self.count += len(known)
+            self.least, self.most = min(self.least, float(known.min())), max(self.most, float(known.max()))
+
+    def flaw(self, line: int, cell: int) -> Flaw | None:
+        """What is to be said of the column, where its times look like day numbers."""
+        if self.count < 2 or not _FIRST <= self.least <= self.most <= _LAST:
+            return None
+        if self.most - self.least > _STEP * (self.count - 1) or self.most == self.least:
+            return None
+        when = _EPOCH + timedelta(days=self.least)
+        what = f"column `time` is read in seconds, but {self.least:g} looks like a spreadsheet's day ({when:%Y-%m-%d})"
+        return Flaw("csv-time", what, "write times as `2021-12-16T10:30`, or seconds since the start", line, cell)

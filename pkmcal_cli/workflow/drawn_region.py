@@ -1,0 +1,52 @@
+"""Where points are drawn: a box of the tool point's coordinates, "x=0:950,y=160:390", or the machine's workspace."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pkmcal_cli.base.errors import BadInput, UsageError
+from pkmcal_cli.calibration.study import Region
+from pkmcal_cli.loading.grid import parse_grid
+from pkmcal_cli.loading.load_machine import LoadedMachine
+from pkmcal_cli.loading.tool_coordinates import tool_motion
+from pkmcal_cli.model.tool_motion import DIRECTIONS
+
+_OPTION = "--within"
+
+
+def region_of(loaded: LoadedMachine, text: str | None) -> Region:
+    """The box that `--within` states, or what limits the workspace. Raises UsageError and BadInput."""
+    return _of_workspace(loaded) if text is None else _of_box(loaded, text)
+
+
+def _of_box(loaded: LoadedMachine, text: str) -> Region:
+    """A box of coordinates that move independently; the others are as in the reference configuration."""
+    for part in text.split(","):
+        if part.count("=") != 1 or part.count(":") != 1:
+            what = f"{_OPTION}: `{part.strip()}` is no side of a box"
+            raise UsageError(what, hint='write NAME=LOWEST:HIGHEST, e.g. "x=0:950,y=160:390"')
+    axes = parse_grid(loaded, ",".join(f"{part}:2" for part in text.split(",")), _OPTION).axes
+    for axis in axes:
+        if axis.start >= axis.stop:
+            raise UsageError(f"{_OPTION}: `{axis.name}` has no room", hint="give the lower limit first")
+    low, high = np.array([(a.start, a.stop) for a in axes]).T
+    return Region(names=tuple(a.name for a in axes), low=low, high=high)
+
+
+def _of_workspace(loaded: LoadedMachine) -> Region:
+    """The box around the workspace, in as many coordinates as move independently. Raises UsageError without one."""
+    space, motion = loaded.model.workspace, tool_motion(loaded)
+    if space is None:
+        what = f"{loaded.model.name} has no workspace to draw points from"
+        raise UsageError(
+            what, hint=f'give a box: `{_OPTION} "x=0:950,y=160:390"`, or add `workspace` to the machine file'
+        )
+    low, high = space.bounds
+    limited = [c for c, one, other in zip(DIRECTIONS, low, high, strict=True) if np.isfinite([one, other]).all()]
+    names = tuple(c for c in motion.most_of([c for c in limited if c in motion.names]) if c in limited)
+    if not names:
+        what = "the workspace limits no coordinate of the tool point"
+        hint = f"add a `box` or a `cylinder` to it, or give `{_OPTION}`"
+        raise BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
+    places = [DIRECTIONS.index(c) for c in names]
+    return Region(names=names, low=low[places], high=high[places])

@@ -1,0 +1,141 @@
+"""Results of tasks that are kept in a file, so that a work which is stopped goes on where it was.
+
+The file is written anew, whole or not at all, every second while results come, and when the work is stopped. It holds
+what results depend on: another machine, table or option is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from pkmcal_cli import __version__
+from pkmcal_cli.base.errors import BadInput, Location, UsageError
+from pkmcal_cli.base.files import is_stream, open_input
+from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.base.tasks import Work
+from pkmcal_cli.base.workers import Workers
+from pkmcal_cli.report.console import Reporter
+
+Result = TypeVar("Result")
+_FORM = "pkmcal/state/1"
+_EVERY = 1.0  # s
+_OTHER = "name another file, or delete this one to begin anew"
+
+
+def check_state(file: str | None, inputs: Collection[str], *outputs: str | None) -> None:
+    """Before the work: the file could be written, and is no other result's. Raises UsageError and OutputError."""
+    if file is None:
+        return
+    if is_stream(file):
+        raise UsageError("--state: `-` is no file that the work could go on from", hint="name a file")
+    check_target(file, inputs, force=True)
+    for other in outputs:
+        if other is not None and os.path.realpath(other) == os.path.realpath(file):
+            raise UsageError(f"--state: `{file}` is to hold another result", hint="choose another name")
+
+
+@dataclass(frozen=True)
+class State:
+    """Results by number so far; where they are kept, None for nowhere; what they depend on, by name."""
+
+    file: str | None
+    asked: Mapping[str, Any]
+    results: dict[int, Any] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, file: str | None, command: str, asked: Mapping[str, Any], inputs: Mapping[str, str]) -> State:
+        """What is kept of a work, nothing where there is no file yet. Raises BadInput for a file of another work."""
+        files = hashlib.sha256(" ".join(inputs.values()).encode()).hexdigest()
+        head = {"command": command, "version": __version__, **_versions(), "inputs": files, **asked}
+        asked = json.loads(json.dumps(head))
+        if file is None or not os.path.exists(file):
+            return cls(file, asked)
+        told = _parsed(file)
+        for name in (*told["asked"], *asked):
+            if told["asked"].get(name) != asked.get(name):
+                what = f"this state is of another work: {name} was {told['asked'].get(name)}, now {asked.get(name)}"
+                raise BadInput.single(what, Location(file), _OTHER, "state")
+        return cls(file, asked, {int(number): result for number, result in told["results"].items()})
+
+    def write(self) -> None:
+        """Keep what there is. Raises OutputError."""
+        if self.file is not None:
+            told = {"form": _FORM, "asked": self.asked, "results": self.results}
+            with write_text(self.file, (), force=True) as file:
+                json.dump(told, file)
+
+
+def _versions() -> dict[str, str]:
+    import numpy
+    import scipy
+
+    return {"numpy": numpy.__version__, "scipy": scipy.__version__}
+
+
+def _parsed(file: str) -> dict[str, Any]:
+    """The content of a state. Raises BadInput for anything else."""
+    with open_input(file) as opened:
+        content = opened.read()
+    try:
+        told = json.loads(content)
+        if told["form"] == _FORM and all(number.isdigit() for number in told["results"]) and dict(told["asked"]):
+            return dict(told)
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        pass
+    raise BadInput.single("this file is no state of a work", Location(file), _OTHER, "state")
+
+
+def all_done(
+    work: Work[Result], count: int, name: str, workers: Workers, state: State, to: Reporter
+) -> Mapping[int, Result]:
+    """Results of tasks 0 to `count` - 1, those that are kept and the others. Raises what a task raises.
+
+    Stopped (Ctrl-C, SIGTERM), it keeps what there is, and raises KeyboardInterrupt.
+    """
+    left = [number for number in range(count) if number not in state.results]
+    if state.results and left:
+        to.say(f"{count - len(left)} of {count} are done (`{state.file}`)")
+    written = time.monotonic()
+    try:
+        with _stoppable(), to.stages() as observe:
+            for some in workers.done(work, left, name, observe):
+                state.results.update(some)
+                if time.monotonic() - written > _EVERY:
+                    state.write()
+                    written = time.monotonic()
+    except KeyboardInterrupt:
+        where = (
+            f"; the same command goes on from `{state.file}`" if state.file else "; nothing is kept without `--state`"
+        )
+        to.say(f"{len(state.results)} of {count} are done{where}")
+        raise
+    finally:
+        if left:
+            state.write()
+    return state.results
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """SIGTERM ends a work as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,158 @@
+"""`pkmcal study`: errors by the law of large numbers, the same whoever computes, stopped and gone on, refusals."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from tests.command import ROOT, SCISSORS, TRIGLIDE, run, timeless
+from tests.json_schemas import faults_of
+
+PLAIN = TRIGLIDE.replace("triglide", "triglide-nonredundant")
+BOX = ("--within", "x=0:950,y=160:390")
+
+
+def results(*arguments: str) -> Any:
+    done = run("study", *arguments, "--json")
+    assert done.code == 0, done.err
+    assert faults_of("study", done.json) == []
+    told = done.json
+    del told["provenance"]
+    return told
+
+
+@pytest.fixture(scope="module")
+def both() -> Any:
+    return results(TRIGLIDE, PLAIN, *BOX, "--points", "5,45", "--repeat", "7", "--noise", "10 um")
+
+
+def case(told: Any, machine: str, points: int) -> Any:
+    return next(c for c in told["cases"] if (c["machine"], c["points"]) == (machine, points))
+
+
+def test_nine_times_the_points_make_a_third_of_the_error(both: Any) -> None:
+    """Of the tool point of the non-redundant machine, whose six parameters few points determine already."""
+    few, many = (case(both, "triglide-nonredundant", n)["tool"] for n in (5, 45))
+    assert 2 < few["mean"] / many["mean"] < 7 and many["std"] < few["std"]
+    assert both["verdict"] == "complete" and case(both, "triglide", 5)["n_calibrations"] == 7
+
+
+def test_the_redundant_leg_leaves_more_in_the_parameters(both: Any) -> None:
+    """As in the paper's figure 12: more parameters, of which the points determine no more."""
+    (length,) = case(both, "triglide", 45)["kinds"]
+    (plain,) = case(both, "triglide-nonredundant", 45)["kinds"]
+    assert length["mean"] > plain["mean"] == pytest.approx(plain["common"]["mean"])
+    told = next(d for d in both["differences"] if d["points"] == 45)
+    assert told["kinds"][0]["mean"] == pytest.approx(plain["common"]["mean"] - length["common"]["mean"])
+
+
+def test_ten_times_the_noise_makes_ten_times_the_error() -> None:
+    """Of well determined parameters: the same points, and the same noise but for its size."""
+    told = [results(PLAIN, *BOX, "--points", "60", "--repeat", "3", "--noise", n) for n in ("0.1 um", "1 um")]
+    small, large = (t["cases"][0]["tool"]["mean"] for t in told)
+    assert large / small == pytest.approx(10, rel=0.02)
+
+
+def test_two_processes_and_more_repetitions_go_on_with_the_same_bits(tmp_path: Path) -> None:
+    state, asked = str(tmp_path / "state.json"), (SCISSORS, "--points", "10,15", "--noise", "5 um")
+    whole = results(*asked, "--repeat", "4")
+    results(*asked, "--repeat", "2", "--state", state)
+    assert results(*asked, "--repeat", "4", "--state", state, "--jobs", "2") == whole
+    kept = json.loads(Path(state).read_text())
+    assert len(kept["results"]) == 8
+    assert results(*asked, "--repeat", "4", "--state", state) == whole  # nothing is left to be done
+
+
+def test_tables_and_pictures(tmp_path: Path) -> None:
+    table, picture = tmp_path / "s.csv", tmp_path / "s.svg"
+    done = run("study", SCISSORS, "--points", "12", "--repeat", "2", "-o", table, "--plot", picture)
+    assert done.code == 0 and "mean error of the tool point" in done.err
+    written = pd.read_csv(table)
+    assert written["points"].tolist() == [12] and written["machine"].tolist() == ["scissors"]
+    assert (written[["tool [um]", "u_tool [um]", "error.l3 [um]"]] > 0).all(axis=None)
+    assert "measured points" in picture.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("jobs", [pytest.param("1"), pytest.param("2", marks=pytest.mark.slow)])
+def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jobs: str) -> None:
+    state = tmp_path / "state.json"
+    asked = (SCISSORS, "--points", "10", "--seed", "4")
+    command = [sys.executable, "-m", "pkmcal_cli", "study", *asked, "--repeat", "5000", "--jobs", jobs]
+    with subprocess.Popen(
+        [*command, "--state", str(state)], cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        deadline = time.monotonic() + 100
+        while not state.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        os.killpg(process.pid, how) if how is signal.SIGINT else process.send_signal(how)
+        told = process.communicate()[1]
+    assert process.returncode == 130 and "of 5000 are done; the same command goes on" in told, told
+    assert "Traceback" not in told
+    done = len(json.loads(state.read_text())["results"])
+    assert 1 <= done < 5000
+    few = str(max(2, min(done, 6)))
+    kept = results(*asked, "--repeat", few, "--state", str(state))
+    assert timeless(json.dumps(kept)) == timeless(json.dumps(results(*asked, "--repeat", few)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ((SCISSORS, "--points", "2"), "2 points give 4 values, but scissors has"),
+        ((SCISSORS, "--points", "10,ten"), "no list of different numbers"),
+        ((SCISSORS, "--points", "10,10"), "no list of different numbers"),
+        ((SCISSORS, "--noise", "-1 um"), "no noise of a channel"),
+        ((SCISSORS, "--noise", "0 um"), "no noise of a channel"),
+        ((SCISSORS, "--noise", "1 kg"), "1 kg"),
+        ((SCISSORS, SCISSORS), "given twice"),
+        ((SCISSORS, "--within", "x=5"), "no side of a box"),
+        ((SCISSORS, "--within", "x=5:1"), "has no room"),
+        ((SCISSORS, "--within", "u=1:5"), "--within: `u` is not a coordinate"),
+        ((TRIGLIDE,), "no workspace to draw points from"),
+        ((SCISSORS, "--state", "-"), "--state"),
+        ((SCISSORS, "--jobs", "2", "--cluster", "tcp://a:1"), "exclude"),
+    ],
+)
+def test_what_does_not_go_together_is_a_usage_error(arguments: tuple[str, ...], told: str) -> None:
+    done = run("study", *arguments)
+    assert done.code == 2 and told in done.err and "help: " in done.err
+
+
+def test_points_out_of_reach_are_bad_input() -> None:
+    done = run("study", TRIGLIDE, "--within", "x=90000:91000,y=90000:91000")
+    assert done.code == 3 and "too few points that triglide reach" in done.err
+
+
+def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
+    state = tmp_path / "state.json"
+    asked = ("study", SCISSORS, "--points", "10", "--repeat", "2", "--state", state)
+    assert run(*asked, "--noise", "5 um").code == 0
+    other = run(*asked, "--noise", "6 um")
+    assert other.code == 3 and "noise was 5 um, now 6 um" in other.err
+    for text in ("", "{}", "[1]", '{"form": "pkmcal/state/1", "asked": 3, "results": {}}'):
+        state.write_text(text)
+        done = run(*asked)
+        assert done.code == 3 and "no state of a work" in done.err, text
+
+
+def test_campaigns_of_a_plan_go_on_too(tmp_path: Path) -> None:
+    """What is kept counts: a result that was changed by hand is counted as it is."""
+    state, asked = tmp_path / "state.json", ("plan", SCISSORS, "--power", "1", "--aim", "backlash@q1", "--json")
+    first = run(*asked, "--state", state)
+    assert first.code == 0, first.err
+    kept = json.loads(state.read_text())
+    assert kept["asked"]["power"] == 1 and sum(len(r) > 0 for r in kept["results"].values()) == len(kept["results"]) > 0
+    kept["results"]["0"] = "lost"
+    state.write_text(json.dumps(kept))
+    assert run(*asked, "--state", state).json["power"][0]["lost"] == 1
+    assert run("plan", SCISSORS, "--jobs", "2").code == 2
