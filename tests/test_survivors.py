@@ -10,6 +10,8 @@ import pytest
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.positioning_accuracy import axis_accuracy
+from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.diagnosis import search as search_module
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, _held_out
@@ -18,7 +20,7 @@ from pkmcal_cli.diagnosis.scoring import Search
 from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.elements import JointElement, LinkGeometry
-from pkmcal_cli.equilibrium.stability import stable
+from pkmcal_cli.equilibrium.stability import definite
 from pkmcal_cli.prediction import Request
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.benchmark.setting import Setting
@@ -29,7 +31,8 @@ def test_linear_is_one_step_without_geometric_stiffness() -> None:
     """Three bars at one point: K = sum k n n^T at the rigid pose, without the tension over length across each bar."""
     machine = model("biglide")
     short = 2e-3  # m by which the leg is commanded shorter than the pose that the carriages hold
-    readings = drive_positions(machine, machine.tool.reference[None]).readings
+    pose = machine.tool.reference[None] + [0.08, 0.02, 0, 0, 0, 0]  # not above the middle: the leg is turned
+    readings = drive_positions(machine, pose).readings
     rigid = at(machine, readings, Request("rigid")).values[0, :2]
     base = np.array([[readings[0, 0], 0.1], [readings[0, 1], 0.1], [0.36, 0.65]])
     chord = rigid - base
@@ -131,6 +134,22 @@ def test_a_drive_may_be_a_little_behind_its_command(ahead: float) -> None:
 
 def test_a_saddle_is_not_stable_whatever_rows_are_beside_it() -> None:
     """Tangents of one constraint x = 0 beside a stiffness: only what is free of it decides."""
-    free = np.array([[-5.0, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.0]])  # unstable along x, which is held
-    saddle = np.array([[5.0, 0.0, 1.0], [0.0, -2.0, 0.0], [1.0, 0.0, 0.0]])
-    np.testing.assert_array_equal(stable(np.stack([free, saddle, free, saddle]), 2), [True, False, True, False])
+    along = np.array([[[1.0, 0.0]]] * 4)  # gradient of what is held
+    well, saddle = np.diag([-5.0, 2.0]), np.diag([5.0, -2.0])
+    found = definite(np.stack([well, saddle, well, saddle]), along)
+    np.testing.assert_array_equal(found, [True, False, True, False])
+
+
+def test_a_range_is_two_standard_deviations_of_its_prior() -> None:
+    machine = model("biglide")
+    prior = prior_of_ranges(machine, ("l1", "k3"))
+    off = machine.nominal.copy()
+    off[[machine.names.index("l1"), machine.names.index("k3")]] += 0.1e-3, -2e6  # the ranges of the file
+    np.testing.assert_allclose(prior.errors(machine, off), [-2.0, 2.0], rtol=1e-9)
+
+
+def test_repeatability_of_an_axis_is_four_standard_deviations_without_reversal() -> None:
+    """ISO 230-2: the larger of 2 s + 2 s + |B| and of 4 s of either side; here only one side scatters."""
+    still, wide = np.zeros(5), np.array([-1.0, 0.0, 1.0, 0.0, 0.0])  # variance 1/2
+    found = axis_accuracy(np.arange(5.0), ((still, wide),) * 5)
+    assert pytest.approx(4 * np.sqrt(0.5)) == found.R

@@ -10,7 +10,6 @@ _CURVATURE = _E + "test_curvature_is_the_derivative_of_the_force"
 _SMALL = _E + "test_small_strains_are_motions_of_j_against_i"
 _ENERGY = "tests/test_equilibrium.py::test_exact_is_the_least_energy"
 _SHIPPED = "tests/test_jacobian.py::test_every_column_at_strained_poses"
-_LOADS = "tests/test_load_derivatives.py::test_loads_follow_readings_and_parameters"
 _ROPES = "tests/test_slack_ropes.py::test_which_ropes_carry_follows_from_the_energy"
 _BEAM = "tests/test_beam_stiffness.py"
 
@@ -54,7 +53,12 @@ ENGINE = (
     Mutant(
         "elements/orientation.py", "b[..., THETA_J], b[..., THETA_I] = rows, -rows", "b[..., THETA_J] = rows", _GRADIENT
     ),
-    Mutant("equilibrium/assembly.py", "residual[:, where[k]] -= numbers", "residual[:, where[k]] += numbers", _ENERGY),
+    Mutant(
+        "equilibrium/assembly.py",
+        "residual[:, where[k]] -= numbers",
+        "residual[:, where[k]] += numbers",
+        "tests/test_frames.py",
+    ),
     Mutant("equilibrium/assembly.py", "np.where(pushing, 0.0, stress[..., 0])", "stress[..., 0]", _ROPES),
     Mutant(
         "equilibrium/stability.py",
@@ -68,7 +72,7 @@ ENGINE = (
         "_RANK = 1e-1",
         "tests/test_mobility.py::test_counts_of_the_shipped_machines",
     ),
-    Mutant("equilibrium/newton.py", "~stable(balanced", "stable(balanced", _ENERGY),
+    Mutant("equilibrium/newton.py", "rows[~tangent.stable(rows)]", "rows[tangent.stable(rows)]", _ENERGY),
     Mutant(
         "equilibrium/kinematics.py",
         "rotation + times(skew(theta)",
@@ -79,7 +83,7 @@ ENGINE = (
         "equilibrium/derivative.py",
         "-= multipliers[:, :, where[k]]",
         "+= multipliers[:, :, where[k]]",
-        _SHIPPED + "[delta4]",
+        "tests/test_jacobian.py::test_a_parameter_in_every_place_of_the_machine_file",
     ),
     Mutant("equilibrium/derivative.py", "(0.5 if k == l else 1.0)", "1.0", _SHIPPED + "[biglide]"),
     Mutant("equilibrium/energy.py", "energy = 0.5 * (e * stress)", "energy = (e * stress)", _ENERGY),
@@ -100,12 +104,6 @@ ENGINE = (
         "prediction/solving.py", "np.nonzero(after < before)", "np.nonzero(after > before)", "tests/test_branches.py"
     ),
     Mutant(
-        "prediction/rigid_pose.py",
-        "REACH = 0.01",
-        "REACH = 10.0",
-        "tests/test_equilibrium.py::test_rows_without_a_solution_say_why",
-    ),
-    Mutant(
         "prediction/displacements.py", "before * np.exp(moved) if", "before * (1 + moved) if", "tests/test_effects.py"
     ),
     Mutant(
@@ -121,7 +119,6 @@ ENGINE = (
         "tests/test_effects.py",
     ),
     Mutant("prediction/forces.py", "drive.force_sign * balanced.stresses[index]", "balanced.stresses[index]", _ENERGY),
-    Mutant("prediction/forces.py", "sign * strain**2 / 2", "sign * strain**2", _LOADS + "[ropes]"),
     Mutant(
         "prediction/inputs.py",
         "before * (weight - decay)",
