@@ -145,6 +145,7 @@ def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
         assert done.code == 3 and "no state of a work" in done.err, text
 
 
+@pytest.mark.slow
 def test_campaigns_of_a_plan_go_on_too(tmp_path: Path) -> None:
     """What is kept counts: a result that was changed by hand is counted as it is."""
     state, asked = tmp_path / "state.json", ("plan", SCISSORS, "--power", "1", "--aim", "backlash@q1", "--json")
