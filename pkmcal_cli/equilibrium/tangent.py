@@ -152,4 +152,4 @@ def tangent_of(entries: Array, layout: FrontLayout | None, size: int, unknowns: 
     """The tangent of entries (N, width): laid out by fronts, or flat matrices column by column."""
     if layout is not None:
         return FrontTangent(entries, layout)
-    return DenseTangent(np.swapaxes(entries.reshape(-1, size, size), 1, 2), unknowns)
+    return DenseTangent(np.swapaxes(entries.reshape(len(entries), size, size), 1, 2), unknowns)
