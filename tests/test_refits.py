@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from pkmcal_cli.calibration import step
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
@@ -29,6 +31,26 @@ def test_a_fit_settles_before_it_has_converged() -> None:
     assert fits[6].chi2 == pytest.approx(fits[60].chi2, rel=1e-3) and fits[1].chi2 > 1.01 * fits[60].chi2
     once = identify(problem, selected, fits[6].values, 1, shift=fits[6].shift)
     assert (once.status, once.usable) == ("not_converged", False), "two values alike are no standstill"
+
+
+@pytest.mark.parametrize(("hopeless", "given_up"), [(np.inf, False), (1e30, False), (1.0, True)])
+def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
+    hopeless: float, given_up: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no step leads to a solved prediction, only a fit above `hopeless` ends after the first four dampings."""
+    problem, _ = measured("2021-12-16")
+    tried: list[float] = []
+    plain = step._moved
+
+    def lost(*given: Any) -> Any:
+        tried.append(0.0)
+        end = plain(*given)
+        return replace(end, residual=np.full_like(end.residual, np.nan))
+
+    monkeypatch.setattr(step, "_moved", lost)
+    fit = identify(problem, select(problem.model, "auto"), hopeless=hopeless)
+    assert (fit.status, fit.stopped) == ("not_converged", "no_descent")
+    assert (len(tried) == 4) == given_up and len(tried) >= 4
 
 
 @pytest.mark.parametrize(("flat", "found"), [(True, ["backlash@q3"]), (False, [])])

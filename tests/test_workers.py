@@ -37,6 +37,14 @@ class Draws:
 
 
 @dataclass(frozen=True)
+class Silent:
+    """Tells no steps."""
+
+    def __call__(self, number: int, observe: Observer = unobserved) -> int:
+        return number
+
+
+@dataclass(frozen=True)
 class Refuses:
     """Finds its input bad."""
 
@@ -62,7 +70,16 @@ def test_what_a_task_refuses_is_told_as_if_it_were_here() -> None:
 def test_steps_of_a_task_are_told_in_this_process() -> None:
     told: list[Stage] = []
     ALONE.results(Draws(), 2, "task", told.append)
-    assert [(s.name, s.inside) for s in told] == [("drawing", Stage("task", k, 2)) for k in range(2)]
+    assert [(s.name, s.inside) for s in told if s.inside] == [("drawing", Stage("task", k, 2)) for k in range(2)]
+
+
+def test_tasks_without_steps_are_told_too() -> None:
+    """Whoever watches sees which task it is and how many there are, however many processes do them."""
+    for workers in (ALONE, TWO):
+        told: list[Stage] = []
+        workers.results(Silent(), 3, "task", told.append)
+        assert told[0] == Stage("task", 0, 3) and {(s.name, s.total) for s in told} == {("task", 3)}
+        assert [s.done for s in told][-1] == 2
 
 
 def test_batches_grow_with_quick_tasks_and_shrink_towards_the_end() -> None:

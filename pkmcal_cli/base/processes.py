@@ -39,6 +39,13 @@ class _Sealed:
     content: bytes
 
 
+@dataclass(frozen=True, eq=False)
+class _Refused:
+    """What a task raised."""
+
+    error: Exception
+
+
 @lru_cache(maxsize=2)
 def _opened(content: bytes) -> Work[Any]:
     """The work, in a worker; the next batches find it here."""
@@ -54,12 +61,18 @@ def _opened(content: bytes) -> Work[Any]:
 
 
 def _batch(sealed: _Sealed, numbers: Sequence[int]) -> tuple[bytes, float]:
-    """Results by number, pickled, and how long a task took, s; in a worker."""
+    """Results by number, pickled, up to the first task that raises, and how long a task took, s; in a worker."""
     import cloudpickle
 
     work, begun = _opened(sealed.content), time.perf_counter()
+    results: dict[int, Any] = {}
     with one_thread():
-        results = {number: work(number) for number in numbers}
+        for number in numbers:
+            try:
+                results[number] = work(number)
+            except Exception as error:
+                results[number] = _Refused(error)
+                break
     return cloudpickle.dumps(results), (time.perf_counter() - begun) / len(numbers)
 
 
@@ -88,14 +101,20 @@ def in_batches(
     import cloudpickle
 
     left, sealed = dict.fromkeys(numbers), _Sealed(cloudpickle.dumps(work))
+    refused: dict[int, Exception] = {}
     with ExitStack() as stack:
         settings = _settings(stack, cluster)
         for attempt in range(_ATTEMPTS):
             try:
                 for results in _once(sealed, list(left), jobs, settings):
-                    for number in results:
+                    for number, result in results.items():
                         del left[number]
-                    yield results
+                        if isinstance(result, _Refused):
+                            refused[number] = result.error
+                    if found := {n: r for n, r in results.items() if n not in refused}:
+                        yield found
+                    if refused and not any(n < min(refused) for n in left):
+                        raise refused[min(refused)]  # the first one, as if one process did all
                 return
             except _lost(cluster) as error:
                 if attempt == _ATTEMPTS - 1:

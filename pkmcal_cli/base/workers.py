@@ -43,8 +43,10 @@ class Workers:
         """
         if self.cluster is None and (self.jobs == 1 or len(numbers) < 2):
             for k, number in enumerate(numbers):
+                stage = Stage(name, k, len(numbers))
+                observe(stage)
                 with one_thread():
-                    result = work(number, within(observe, Stage(name, k, len(numbers))))
+                    result = work(number, within(observe, stage))
                 yield {number: result}
             return
         from pkmcal_cli.base.processes import in_batches

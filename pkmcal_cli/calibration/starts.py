@@ -174,7 +174,6 @@ class _Starts:
     def __call__(self, number: int, observe: Observer = unobserved) -> Fit | None:
         if number < len(self.known):
             return self.known[number]
-        observe(Stage("fit"))
         if number == len(self.known):
             return _led(self.problem, self.selected, self.start)
         return _tried(self.problem, self.selected, self.start, self.scattered[number - len(self.known) - 1])

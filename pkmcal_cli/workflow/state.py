@@ -9,11 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import signal
-import threading
 import time
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -106,7 +103,7 @@ def all_done(
         to.say(f"{count - len(left)} of {count} are done (`{state.file}`)")
     written = time.monotonic()
     try:
-        with _stoppable(), to.stages() as observe:
+        with to.stages() as observe:
             for some in workers.done(work, left, name, observe):
                 state.results.update(some)
                 if time.monotonic() - written > _EVERY:
@@ -122,20 +119,3 @@ def all_done(
         if left:
             state.write()
     return state.results
-
-
-@contextmanager
-def _stoppable() -> Iterator[None]:
-    """SIGTERM ends a work as Ctrl-C does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
