@@ -97,7 +97,7 @@ def _time(cell: str, decimal: str, column: str) -> Iterator[str]:
     if column == "time":
         yield _TIME_HINT
     elif _CLOCK.fullmatch(cell):
-        yield "times stand only in column `time`; write angles as decimal numbers"
+        yield "times belong in column `time` only; write angles as decimal numbers"
     else:
         yield "use dates only in column `time`, and there in all rows; a spreadsheet may have made a date of a number"
 
