@@ -103,7 +103,7 @@ def test_ctrl_c_ends_with_130_and_leaves_no_file(kind: signal.Signals, tmp_path:
     arguments = ["simulate", TRIGLIDE, "--grid", "x=200:700:3000,y=200:350:3000", "-o", str(out)]
     running = subprocess.Popen(
         [*PROGRAM, *arguments], cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # what runs in the background ignores it
+        preexec_fn=lambda: signal.signal(kind, signal.SIG_DFL),  # what runs in the background ignores some
     )  # fmt: skip
     for _ in range(600):
         if list(tmp_path.glob(".out.csv.*.part")):

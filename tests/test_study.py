@@ -89,8 +89,9 @@ def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jo
     asked = (SCISSORS, "--points", "10", "--seed", "4")
     command = [sys.executable, "-m", "pkmcal_cli", "study", *asked, "--repeat", "5000", "--jobs", jobs]
     with subprocess.Popen(
-        [*command, "--state", str(state)], cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
+        [*command, "--state", str(state)], cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(how, signal.SIG_DFL),  # what runs in the background ignores some
+    ) as process:  # fmt: skip
         deadline = time.monotonic() + 100
         while not state.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
