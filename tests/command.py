@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli import app
+from tests.compiled_once import compiling_once
 from tests.csv_tables import Table, read_table
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,7 +63,7 @@ def run(*arguments: str | Path, stdin: str | None = None) -> Done:
     if stdin is not None:
         sys.stdin = io.TextIOWrapper(io.BytesIO(stdin.encode()))
     try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), compiling_once():
             code = app.run(texts)
     finally:
         sys.argv, sys.stdin = old

@@ -146,16 +146,16 @@ def test_colours_only_on_a_terminal_and_not_with_no_color() -> None:
 
 def test_progress_only_on_a_terminal() -> None:
     """Only where the work takes more than a second."""
-    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:600,y=200:350:600")
+    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:400,y=200:350:500")
     shown = _on_a_terminal(*arguments)
-    assert "row " in shown and " of 360000" in shown and "360000 rows simulated" in shown
-    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n360000 rows simulated\n"
+    assert "row " in shown and " of 200000" in shown and "200000 rows simulated" in shown
+    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n200000 rows simulated\n"
     assert _on_a_terminal(*arguments, "-q") == ""
 
 
 def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
     """The rotation and the step in it; how long the rest takes, once a rotation is over; the line is taken away."""
-    arguments = ("improve", SCISSORS, SHOPFLOOR)
+    arguments = ("improve", SCISSORS, SHOPFLOOR, "--only", "backlash@q3,thermal_strut@all")
     shown = _on_a_terminal(*arguments)
     assert "all rows, " in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
     assert re.search(r"rotation 5 of 5.* about \d+ s left", shown)
