@@ -24,7 +24,9 @@ SHARING = ("test_commands_improve", "test_commands_diagnose", "test_docs", "test
 """Files whose tests look at the same diagnoses (`computed_once`)."""
 LONGEST = (
     *SHARING, "test_diagnosis_cases", "test_commands_odd", "test_spoilt_tables", "test_gross_faults",
-    "test_calibration_proof", "test_commands_plan", "test_commands_process", "test_commands_check",
+    "test_commands_process", "test_commands_json", "test_far_causes", "test_effects", "test_commands_plan",
+    "test_calibration_proof", "test_plots", "test_detection", "test_draw", "test_compare", "test_commands_report",
+    "test_instrument_effects", "test_gates", "test_improve_kept", "test_commands_check",
 )  # fmt: skip
 """They begin, so that no process ends long after the others."""
 

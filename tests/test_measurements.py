@@ -108,7 +108,7 @@ def test_everything_in_si(triglide: Machine, read: Callable[..., Measurements]) 
     assert (found.sessions, found.files, found.ids) == (("s1",), ("s1.csv",), ("p1", "p2"))
     assert found.line.tolist() == [2, 3]
     assert found.place(1) == "s1.csv:3 (p2)"
-    assert found.has_actuators and found.has_readings
+    assert found.has_actuators and found.measured.any()
     assert found.notes == (
         "s1.csv: columns not used: `n`",
         "s1.csv: no units in the header; the units of the machine file are used: mm (q1, q3, x, sigma.x, sigma.q2), "
@@ -179,7 +179,7 @@ def test_poses_that_are_none(triglide: Machine, read: Callable[..., Measurements
 
 def test_actuators_only(triglide: Machine, read: Callable[..., Measurements]) -> None:
     found = read(triglide, "q1,q2,q3\n1,2,3\n", require="actuators")
-    assert found.has_actuators and not found.has_readings
+    assert found.has_actuators and not found.measured.any()
     with pytest.raises(BadInput, match="no measurements"):
         read(triglide, "q1,q2,q3\n1,2,3\n")
 
@@ -263,7 +263,7 @@ def test_take_and_concatenate(triglide: Machine, read: Callable[..., Measurement
 def test_shipped_files_are_read(path: Path) -> None:
     machine = max((m for m in MACHINES.glob("*.yaml") if path.stem.startswith(m.stem)), key=lambda m: len(m.stem))
     found = read_measurements([path], read_machine(machine))
-    assert found.has_actuators and found.has_readings
+    assert found.has_actuators and found.measured.any()
     assert not np.isnan(found.actuators).any()
 
 

@@ -53,7 +53,7 @@ def test_long_work_shows_step_and_remaining_time() -> None:
     options = ("--starts", "20", "--holdout", "none")
     ((code, text),) = on_terminal(100, ("calibrate", HANGPRINTER, HANGPRINTER_DATA, *options))
     assert code == 0
-    assert re.search(r"start \d+ of 20 .*about \d+ s left", text)
+    assert re.search(r"start \d+ of 20, fit .*about \d+ s left", text)
     assert "about" not in run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none").err
 
 

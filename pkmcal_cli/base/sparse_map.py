@@ -61,13 +61,10 @@ class SparseMap:
         """Where products go in an image of so many rows; kept, as numbers of rows come again."""
         return {}
 
-    def __call__(self, x: Array, apart: bool = False) -> Array:
-        """The image (height, N) of x (columns, N), real or complex.
-
-        What is not finite may spoil its whole row of machines, or, `apart`, only its targets.
-        """
+    def __call__(self, x: Array) -> Array:
+        """The image (height, N) of x (columns, N), real or complex; what is not finite spoils its targets only."""
         rows = x.shape[1]
-        if self._full is not None and not apart:
+        if self._full is not None:
             return _product(self._full, x)
         if rows > 1 and rows * len(self.factor) > _FEW:
             return np.asarray(self._matrix @ x)
@@ -82,7 +79,16 @@ class SparseMap:
 
 
 def _product(matrix: Array, x: Array) -> Array:
-    """A real matrix times x, real or complex."""
+    """A real matrix times x, real or complex; zeros of the matrix are no entries."""
+    lost = ~np.isfinite(x)
+    if not lost.any():
+        return _all_products(matrix, x)
+    image = _all_products(matrix, np.where(lost, 0.0, x))
+    image[(matrix != 0.0) @ lost] = np.nan
+    return image
+
+
+def _all_products(matrix: Array, x: Array) -> Array:
     if x.dtype == complex:
         return np.asarray((matrix @ np.ascontiguousarray(x).view(float)).view(complex))
     return np.asarray(matrix @ x)

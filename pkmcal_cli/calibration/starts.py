@@ -149,30 +149,35 @@ def _further(
     """Ends of `count` starts; with 0, until one explains the data, so one after the other."""
     total = count or ON_FAILURE
     scattered = _scattered(problem, selected, start, total - len(ends) - 1, seed)
-    further = _Starts(problem, selected, start, tuple(scattered))
+    further = _Starts(problem, selected, start, tuple(ends), tuple(scattered))
     if count:
-        return [*ends, *workers.results(further, total - len(ends), "start", observe)]
-    for number in range(total - len(ends)):
-        if number and any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends):
-            break  # help has helped
-        observe(Stage("start", len(ends), total))
+        return workers.results(further, total, "start", observe)
+    for number in range(len(further.known), total):
+        helped = any(e is not None and e.status == "converged" and e.excess == 1.0 for e in ends)
+        if helped and number > len(further.known):
+            break
+        observe(Stage("start", number, total))
         ends = [*ends, further(number)]
     return ends
 
 
 @dataclass(frozen=True)
 class _Starts:
-    """Ends of starts by number: the first is led nearer, the others begin at values (P,)."""
+    """Ends of starts by number: after the known ones the first is led nearer, the others begin at values (P,)."""
 
     problem: Problem
     selected: tuple[str, ...]
     start: Array
+    known: tuple[Fit | None, ...]
     scattered: tuple[Array, ...]
 
     def __call__(self, number: int, observe: Observer = unobserved) -> Fit | None:
-        if not number:
+        if number < len(self.known):
+            return self.known[number]
+        observe(Stage("fit"))
+        if number == len(self.known):
             return _led(self.problem, self.selected, self.start)
-        return _tried(self.problem, self.selected, self.start, self.scattered[number - 1])
+        return _tried(self.problem, self.selected, self.start, self.scattered[number - len(self.known) - 1])
 
 
 def _apart(problem: Problem, one: Fit, best: Fit) -> float:

@@ -131,7 +131,7 @@ def constant_offset_vectors(topology: Topology, coefficients: Array) -> Array:
     used = topology.offset_map.used
     same = bool((coefficients[:, used] == coefficients[:1, used]).all())
     own = rows_last(coefficients[:1] if same else coefficients)
-    return topology.offset_vector_block.of(topology.offset_map(own, apart=True))
+    return topology.offset_vector_block.of(topology.offset_map(own))
 
 
 def group_numbers(system: System, group: GroupMap, coefficients: Array) -> GroupNumbers:

@@ -68,11 +68,6 @@ class Measurements:
         return not np.isnan(self.actuators).all()
 
     @property
-    def has_readings(self) -> bool:
-        """Whether anything was measured."""
-        return not np.isnan(self.readings).all()
-
-    @property
     def measured(self) -> NDArray[np.bool_]:
         """Whether a channel was measured (N, C)."""
         return ~np.isnan(self.readings)

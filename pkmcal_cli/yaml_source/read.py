@@ -26,6 +26,7 @@ MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 64
 MAX_NODES = 200_000
 MAX_ALIASES = 1000
+_TOO_DEEP = f"more than {MAX_DEPTH} levels of nesting"
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _PREFIX = "tag:yaml.org,2002:"
@@ -128,6 +129,8 @@ class _Builder:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             where = self.place(mark) if mark else Location(self.file, 0)
+            if "nesting depth" in (error.problem or ""):  # newer parsers look ahead, and have a limit of their own
+                raise self.fault("yaml", _TOO_DEEP, where, _LARGE) from None
             what = f"not valid YAML: {error.problem or error.context}"
             if error.context and error.context_mark:
                 what += f" ({error.context}, started in line {error.context_mark.line + 1})"
@@ -180,8 +183,7 @@ class _Builder:
             node = self.scalar(event, where)
         else:
             if depth >= MAX_DEPTH:
-                what = f"more than {MAX_DEPTH} levels of nesting"
-                raise self.fault("yaml", what, where, _LARGE)
+                raise self.fault("yaml", _TOO_DEEP, where, _LARGE)
             node = SourceNode({} if isinstance(event, yaml.MappingStartEvent) else [], where)
             opened = _Open(node, event.anchor or "")
             self.open_anchors.add(event.anchor or "")

@@ -73,7 +73,7 @@ def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
         what = f"words for orientations ({', '.join(case.turned)}) differ between controls"
         raise case.refuse(keyword, what, "use `--as gcode-drives`")
     if len(held) != len(case.drives):
-        what = f"no point of the tool stands for set values of {len(case.drives)} drives ({len(held)} coordinates)"
+        what = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
         raise case.refuse(keyword, what, "use `--as gcode-drives`, or tables of single drives")
     poses = _moved_points(case, keyword)
     columns = [DIRECTIONS.index(c) for c in held]

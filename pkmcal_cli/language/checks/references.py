@@ -117,7 +117,7 @@ class NameCheck:
             if first == second and len(between) == 2:
                 self._fault("value", f"both ends are `{first}`", (*path, 1), "give two different points")
             elif first == second:
-                what = f"`{first}` stands twice in a row"
+                what = f"`{first}` is listed twice in succession"
                 self._fault("value", what, (*path, index), "delete one of the two, or name the point between them")
 
     def _check_pulleys(self, rope: Rope[Written], path: Path) -> None:
