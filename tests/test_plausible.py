@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 
 from tests.command import MACHINES, Done, clean, run
 
@@ -68,6 +69,52 @@ def test_a_result_that_nobody_should_believe(
     assert written["status"] == "implausible" and "accepted" not in written
     again = run("sensitivity", MACHINE, "-p", file)
     assert f"warning: {file}: the fit ended with status `implausible`" in again.err
+
+
+def constant(head: list[str], rows: Rows) -> None:
+    """The instrument repeats the first y."""
+    k = head.index("y [mm]")
+    for row in rows:
+        row[k] = rows[0][k]
+
+
+def in_inches(head: list[str], rows: Rows) -> None:
+    """x in inches under a heading of millimetres."""
+    k = head.index("x [mm]")
+    for row in rows:
+        row[k] = repr(float(row[k]) / 25.4)
+
+
+def shuffled(head: list[str], rows: Rows) -> None:
+    """Readings belong to other rows."""
+    move_readings(head, rows, np.random.default_rng(7).permutation(len(rows)))
+
+
+def late(head: list[str], rows: Rows) -> None:
+    """Readings are those of the row before."""
+    move_readings(head, rows, np.roll(np.arange(len(rows)), 1))
+
+
+def move_readings(head: list[str], rows: Rows, source: NDArray[np.intp]) -> None:
+    """Readings of each row are taken from another."""
+    places = [head.index(name) for name in ("x [mm]", "y [mm]")]
+    old = [[row[k] for k in places] for row in rows]
+    for row, other in zip(rows, source, strict=True):
+        for k, value in zip(places, old[other], strict=True):
+            row[k] = value
+
+
+def some_gross(head: list[str], rows: Rows) -> None:
+    """One row in thirteen is 20 mm off."""
+    k = head.index("y [mm]")
+    for row in rows[::13]:
+        row[k] = repr(float(row[k]) + 20.0)
+
+
+@pytest.mark.parametrize("change", [constant, in_inches, shuffled, late, some_gross])
+def test_no_table_that_lies_is_good(change: Callable[[list[str], Rows], None], tmp_path: Path) -> None:
+    done = calibrated(spoilt(tmp_path, change), "--starts", "1")
+    assert done.code == 1 and done.json["status"] in ("implausible", "not_converged")
 
 
 def test_it_can_be_accepted_which_is_recorded_and_repeated(tmp_path: Path) -> None:

@@ -70,11 +70,13 @@ def gross_rows(
     least: float = 6.0,
     *,
     start: Array | None = None,
+    most: float = MOST,
 ) -> tuple[Rows, Fit | None]:
     """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others.
 
     least: standard deviations, as the others scatter, that they are off at least. start (P,): values, SI, that fits
-    begin with and that held parameters have; default: nominal.
+    begin with and that held parameters have; default: nominal. most: share of a larger table that may be gross; more is
+    an effect.
     """
     begin = problem.model.nominal if start is None else start
     values, fit = begin, None
@@ -84,7 +86,7 @@ def gross_rows(
         if len(by_row.rows) < _FEWEST:
             return (), None
         again = _judged(by_row, _trimmed(by_row, seed), alpha, least)
-        if len(again) > _most(len(by_row.rows)):
+        if len(again) > _most(len(by_row.rows), most):
             return (), None
         if again == found:
             break
@@ -99,9 +101,9 @@ def gross_rows(
     return (found, fit) if found and fit is not None else ((), None)
 
 
-def _most(rows: int) -> int:
+def _most(rows: int, share: float) -> int:
     """How many rows of a table may be gross; more are an effect."""
-    return min(max(_ALWAYS, int(MOST * rows)), int(_TRIMMED * rows))
+    return min(max(_ALWAYS, int(share * rows)), int(_TRIMMED * rows))
 
 
 def _by_row(problem: Problem, values: Array, selected: tuple[str, ...]) -> _ByRow:

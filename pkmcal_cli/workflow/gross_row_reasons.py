@@ -10,6 +10,7 @@ from pkmcal_cli.diagnosis.gross_rows import gross_rows
 from pkmcal_cli.loading.poses import Place
 
 _CHANCE, _GROSS = 1e-3, 15.0  # chance, and standard deviations, from which on a row is no noise
+_MOST = 0.1  # share of the rows; twice what a diagnosis takes out, since nothing is taken out here
 _LISTED = 5
 
 
@@ -18,7 +19,7 @@ def gross_row_reasons(problem: Problem, calibration: Calibration, place: Callabl
     fit = calibration.robust.fit
     if fit.status != "converged" or calibration.robust.loss != "squares":
         return ()
-    rows, _ = gross_rows(problem, fit.selected, _CHANCE, 0, _GROSS, start=fit.before.values)
+    rows, _ = gross_rows(problem, fit.selected, _CHANCE, 0, _GROSS, start=fit.before.values, most=_MOST)
     if not rows:
         return ()
     listed = ", ".join(str(place(row)) for row in rows[:_LISTED])
