@@ -53,8 +53,8 @@ def best_fit(problem: Problem, values: Array, parameters: tuple[str, ...], weigh
     q, upper = np.linalg.qr(own @ moved)
     imitated = q.T @ shape  # (d, K)
     left = shape - q @ imitated
-    told, vectors = np.linalg.eigh(left.T @ left)
-    hidden = vectors[:, told < _TOLD]
+    eigenvalues, vectors = np.linalg.eigh(left.T @ left)
+    hidden = vectors[:, eigenvalues < _TOLD]
     hidden = hidden[:, ((imitated @ hidden) ** 2).sum(axis=0) > _FREE]
     return BestFit(parameters, hidden.T, -moved @ np.linalg.solve(upper, imitated @ hidden))
 
@@ -68,10 +68,10 @@ def _evenly(
     if not poses or not set(poses) <= set(DIRECTIONS):
         return None
     box = np.array([(x.min(), x.max()) for x in poses.values()])
-    wanted = np.full((_POSES, len(DIRECTIONS)), np.nan)
+    poses_of_box = np.full((_POSES, len(DIRECTIONS)), np.nan)
     share = even_points(_POSES, len(box))
-    wanted[:, [DIRECTIONS.index(c) for c in poses]] = box[:, 0] + share * (box[:, 1] - box[:, 0])
-    reached = drive_positions(model, wanted, held=tuple(poses)).readings
+    poses_of_box[:, [DIRECTIONS.index(c) for c in poses]] = box[:, 0] + share * (box[:, 1] - box[:, 0])
+    reached = drive_positions(model, poses_of_box, held=tuple(poses)).readings
     reached = reached[np.isfinite(reached).all(axis=1)]
     low, high = np.nanmin(problem.rows.readings, axis=0), np.nanmax(problem.rows.readings, axis=0)
     margin = 0.02 * (high - low)

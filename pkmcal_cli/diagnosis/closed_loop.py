@@ -90,12 +90,12 @@ class Improvement:
     @property
     def failures(self) -> tuple[str, ...]:
         """Why the loop is not at its end: something significant is missing still, or report rows do not confirm."""
-        found = {
+        holds = {
             "missing": bool(self.whole.unknown) or any(not s.accepted for s in self.steps),
             "not_confirmed": any(s.accepted and not s.confirmed for s in self.steps) or not self._falls,
             "sigma_too_small": self.whole.verdict == "sigma_too_small",
         }
-        return tuple(name for name in FAILURES if found[name])
+        return tuple(name for name in FAILURES if holds[name])
 
     @property
     def _falls(self) -> bool:
@@ -181,8 +181,8 @@ def _all_tried(
 
 def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: Diagnosis, seed: int) -> _Progress:
     """The loop after one more effect; `clean`: all rows but the bad ones."""
-    told = whole.not_told_from(hypothesis)
-    chosen = [t.chose(told) for t in progress.folds]
+    distinguishable = whole.not_told_from(hypothesis)
+    chosen = [t.chose(distinguishable) for t in progress.folds]
     accepted = (*progress.accepted, hypothesis)
     try:
         trial = tuple(_with(t, hypothesis, whole) if c else t for t, c in zip(progress.folds, chosen, strict=True))

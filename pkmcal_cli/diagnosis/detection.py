@@ -98,7 +98,7 @@ class Detection:
         run, unit = self._run(k, direction, procedure), float(direction @ self.scores[k].whole @ direction)
         tried = [run.campaigns(s / np.sqrt(unit)) for s in np.linspace(0.0, _SHOWN, _TRIED)]
         sizes = np.sqrt(np.concatenate([statistic for statistic, _ in tried]))
-        accepted = np.concatenate([told for _, told in tried]).astype(float)
+        accepted = np.concatenate([accepts for _, accepts in tried]).astype(float)
         grid = np.arange(0.0, _SHOWN, _SMOOTH / 2)
         weight = np.exp(-0.5 * ((grid[:, None] - sizes) / _SMOOTH) ** 2)
         chance = (weight @ accepted) / np.maximum(weight.sum(axis=1), 1e-300)

@@ -111,10 +111,10 @@ def _best(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -
         own = [h for h in far if h is hypothesis or not h.akin(hypothesis)]
         weight = np.exp([cost[hypothesis] - cost[h] for h in own])
         rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(own, weight, strict=True)]
-        told = FarOff(offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL))
-        found = _with(search, hypothesis, ends[hypothesis], told)
-        if not held_out_gain(found, found.accepted[-1]).contradicts:
-            return found
+        far_off = FarOff(offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL))
+        extended = _with(search, hypothesis, ends[hypothesis], far_off)
+        if not held_out_gain(extended, extended.accepted[-1]).contradicts:
+            return extended
     return None
 
 
@@ -190,7 +190,7 @@ def _fitted(search: Search, hypothesis: Hypothesis, screened: Fit) -> Fit | None
     return min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
 
 
-def _with(search: Search, hypothesis: Hypothesis, fit: Fit, told: FarOff) -> Search:
+def _with(search: Search, hypothesis: Hypothesis, fit: Fit, far_off: FarOff) -> Search:
     """The search with a far-off cause accepted, from whose size later fits begin."""
     model = search.problem.model
     begin = tuple((n, float(fit.values[model.names.index(n)])) for n in hypothesis.unknown)
@@ -202,7 +202,7 @@ def _with(search: Search, hypothesis: Hypothesis, fit: Fit, told: FarOff) -> Sea
         fit=fit,
         p_values=search.p_values | {hypothesis.name: float("nan")},  # no linear test finds it
         evidence=search.evidence | {hypothesis.name: 0.5 * gain / max(fit.chi2_per_dof, 1.0)},
-        far_off={**search.far_off, hypothesis.name: told},
+        far_off={**search.far_off, hypothesis.name: far_off},
     )
 
 

@@ -108,7 +108,7 @@ def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bo
     model, fit = search.problem.model, search.fit
     places = {n: k for k, n in enumerate(fit.selected)}
     spread = np.sqrt(last.scale.variance * search.inflation)
-    gain, told = held_out_gain(search, hypothesis), search.far_off[hypothesis.name]
+    gain, far_off = held_out_gain(search, hypothesis), search.far_off[hypothesis.name]
     return Finding(
         hypothesis=hypothesis,
         estimate=tuple(float(fit.values[model.names.index(n)]) for n in hypothesis.parameters),
@@ -123,7 +123,7 @@ def _far_finding(search: Search, hypothesis: Hypothesis, last: Scored, doubt: bo
         beyond=False,
         provisional=doubt or not gain.confirmed,
         selected=None,
-        run_away=told.offsets,
+        run_away=far_off.offsets,
     )
 
 
@@ -141,8 +141,8 @@ def _selected(
     if not score.count or not size > 0 or not abs(estimate[j]) > 0 or not np.isfinite(std[j]):
         return None
     detection = Detection(without.linear, search.problem, [hypothesis], [score], seed)
-    told = detection.acceptance(0, deviation / length, Procedure(search.critical, without.scale))
-    corrected = told.corrected(size)
+    acceptance = detection.acceptance(0, deviation / length, Procedure(search.critical, without.scale))
+    corrected = acceptance.corrected(size)
     return None if corrected is None else corrected.widened(size * std[j] / abs(estimate[j]))
 
 

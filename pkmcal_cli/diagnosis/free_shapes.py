@@ -104,22 +104,22 @@ def _bare(problem: Problem) -> list[PlacedEffect]:
 def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[Place]) -> list[FittedShape]:
     """The likeliest shape at each place, best first; the number of places and widths is counted."""
     price = float(np.log(max(len(kinds), 1) * len(_WIDTHS))) + _HYPERPARAMETERS
-    found = [(f, place) for place in kinds if (f := _likeliest(linear, scale, place, price)) is not None]
-    found.sort(key=lambda pair: -pair[0].evidence)
-    refined = [_refined(linear, scale, *pair, price) for pair in found[:_REFINED]]
-    return sorted([*refined, *(f for f, _ in found[_REFINED:])], key=lambda f: -f.evidence)
+    coarse = [(f, place) for place in kinds if (f := _likeliest(linear, scale, place, price)) is not None]
+    coarse.sort(key=lambda pair: -pair[0].evidence)
+    refined = [_refined(linear, scale, *pair, price) for pair in coarse[:_REFINED]]
+    return sorted([*refined, *(f for f, _ in coarse[_REFINED:])], key=lambda f: -f.evidence)
 
 
 def _likeliest(linear: Linear, scale: Scale, place: Place, price: float) -> FittedShape | None:
     """The shape of most evidence, with even knots."""
     low, high = place.span
     distinct = len(np.unique(np.round((np.concatenate(place.x) - low) / (high - low), 3)))
-    found = []
+    candidates = []
     for width in (share * (high - low) for share in _WIDTHS):
         knots = even_knots(low, high, width / 2, _MOST_KNOTS)
         if len(knots) * _FEWEST <= distinct:
-            found.append(_with_spread(linear, scale, place, knots, width, price))
-    return max((f for f in found if f is not None), key=lambda f: f.evidence, default=None)
+            candidates.append(_with_spread(linear, scale, place, knots, width, price))
+    return max((f for f in candidates if f is not None), key=lambda f: f.evidence, default=None)
 
 
 def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: Place, price: float) -> FittedShape:

@@ -80,25 +80,25 @@ def gross_rows(
     """
     begin = problem.model.nominal if start is None else start
     values, fit = begin, None
-    found: Rows = ()
+    gross: Rows = ()
     for _ in range(_ROUNDS):
         by_row = _by_row(problem, values, selected)
         if len(by_row.rows) < _FEWEST:
             return (), None
-        again = _judged(by_row, _trimmed(by_row, seed), alpha, least)
-        if len(again) > _most(len(by_row.rows), most):
+        judged = _judged(by_row, _trimmed(by_row, seed), alpha, least)
+        if len(judged) > _most(len(by_row.rows), most):
             return (), None
-        if again == found:
+        if judged == gross:
             break
-        found = again
+        gross = judged
         try:
-            fit = identify(problem.without(found), selected, begin)
+            fit = identify(problem.without(gross), selected, begin)
         except RowsFailed:
             return (), None
         if not fit.usable:
             return (), None
         values = fit.values
-    return (found, fit) if found and fit is not None else ((), None)
+    return (gross, fit) if gross and fit is not None else ((), None)
 
 
 def _most(rows: int, share: float) -> int:

@@ -42,15 +42,15 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     ways = []
     for removed in _removals(search):
         linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
-        found = _found(search, removed, linear, scale)
-        if found and _stands_out(search, found[0], linear, scale):
-            gain = found[0].evidence - evidence_of_effects(search, removed, linear, scale)
-            ways.append((gain, removed, found))
-    gain, removed, found = max(ways, key=lambda way: way[0], default=(0.0, (), []))
+        shapes = _found(search, removed, linear, scale)
+        if shapes and _stands_out(search, shapes[0], linear, scale):
+            gain = shapes[0].evidence - evidence_of_effects(search, removed, linear, scale)
+            ways.append((gain, removed, shapes))
+    gain, removed, shapes = max(ways, key=lambda way: way[0], default=(0.0, (), []))
     if gain <= _BETTER:
         return None
-    linear = linear_without(search, removed, _alike(search, found[0])).prewhitened(last.linear.memory)
-    return None if _is_named(search, found[0], linear) else _accepted(search, gain, removed, found)
+    linear = linear_without(search, removed, _alike(search, shapes[0])).prewhitened(last.linear.memory)
+    return None if _is_named(search, shapes[0], linear) else _accepted(search, gain, removed, shapes)
 
 
 def with_all_in_one(search: Search, first: Scored) -> Search:
@@ -61,13 +61,13 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     linear, scale = first.linear, first.scale
     if search.accepted or chance_of_noise(linear) > _SURE:
         return search
-    found = _found(search, (), linear, scale)
+    shapes = _found(search, (), linear, scale)
     named = float(first.log_bayes.max(initial=0.0))
-    if not found or found[0].evidence < named + _BETTER or _is_named(search, found[0], linear):
+    if not shapes or shapes[0].evidence < named + _BETTER or _is_named(search, shapes[0], linear):
         return search
-    if not _stands_out(search, found[0], linear, scale):
+    if not _stands_out(search, shapes[0], linear, scale):
         return search
-    after = _accepted(search, found[0].evidence, (), found)
+    after = _accepted(search, shapes[0].evidence, (), shapes)
     return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
 
 
@@ -116,9 +116,9 @@ def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale
     return best is None or shape.evidence > best.evidence
 
 
-def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], found: list[FittedShape]) -> Search | None:
+def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], shapes: list[FittedShape]) -> Search | None:
     """The search fitted with the best of some shapes; None where no fit has it."""
-    shape = found[0].placed
+    shape = shapes[0].placed
     parameters = weights_of(shape)
     model = search.problem.model.with_effects((shape,), parameters)
     candidates = search.candidates
@@ -129,9 +129,9 @@ def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], found:
     fitted = replace(search, accepted=kept, shapes=()).selected
     own = best_fit(problem, values, fitted, shape.parameters)
     others = tuple(h for h in candidates.hypotheses if not any(_of_site(shape, p) for p in h.placed))
-    weight = np.exp(np.array([f.evidence - found[0].evidence for f in found]))
+    weight = np.exp(np.array([f.evidence - shapes[0].evidence for f in shapes]))
     last = int(np.searchsorted(np.cumsum(weight / weight.sum()), _CREDIBLE)) + 1
-    rivals = tuple((f.placed.at, float(w)) for f, w in zip(found[:last], weight / weight.sum(), strict=False))
+    rivals = tuple((f.placed.at, float(w)) for f, w in zip(shapes[:last], weight / weight.sum(), strict=False))
     new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=own)
     after = replace(
         search,

@@ -66,9 +66,9 @@ class _Squares:
 
 def noise_growth(linear: Linear, problem: Problem, scale: Scale, alpha: float) -> tuple[NoiseGrowth, ...]:
     """Of each sensor the strongest growth of its noise, where that is significant at alpha for all of them together."""
-    every = [found for found in _growths(linear, problem, scale) if found]
+    every = [growths for growths in _growths(linear, problem, scale) if growths]
     tests = sum(map(len, every))
-    strongest = (min(found, key=lambda g: g.p_value) for found in every)
+    strongest = (min(growths, key=lambda g: g.p_value) for growths in every)
     return tuple(g for g in strongest if g.p_value * tests < alpha)
 
 
@@ -87,8 +87,8 @@ def _growths(linear: Linear, problem: Problem, scale: Scale) -> Iterator[list[No
         if squares is None:
             continue
         there = {name: axis for name, axis in axes.items() if np.ptp(axis[squares.rows]) > 0}
-        found = [_towards_side(sensor.name, name, axis, squares, problem) for name, axis in there.items()]
-        yield found + _with_distance(sensor.name, squares, problem)
+        by_side = [_towards_side(sensor.name, name, axis, squares, problem) for name, axis in there.items()]
+        yield by_side + _with_distance(sensor.name, squares, problem)
 
 
 def _squares(linear: Linear, problem: Problem, scale: Scale, channels: list[int]) -> _Squares | None:
@@ -177,8 +177,8 @@ def _slope(grown: Array, values: Array) -> tuple[float, float, float]:
 
 def _least(cost: Callable[[float], float], low: float, high: float) -> float:
     """Where a cost is least between bounds."""
-    found = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
-    return float(found.x)
+    minimum = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
+    return float(minimum.x)
 
 
 def _factor(problem: Problem, squares: _Squares, variance: Array) -> Array:

@@ -231,8 +231,8 @@ def waterfall(diagnosis: Diagnosis) -> list[Share]:
     nominal, calibrated = problem.model.nominal, diagnosis.before.values
     out = [Share("nominal", _chi2(problem, nominal)), Share("calibrated", _chi2(problem, calibrated))]
     if diagnosis.shapes:
-        found = [f.hypothesis.name for f in diagnosis.findings] + [s.hypothesis.name for s in diagnosis.shapes]
-        out.append(Share(f"+ {', '.join(found)}", _chi2(search.problem, search.fit.values)))
+        names = [f.hypothesis.name for f in diagnosis.findings] + [s.hypothesis.name for s in diagnosis.shapes]
+        out.append(Share(f"+ {', '.join(names)}", _chi2(search.problem, search.fit.values)))
         return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
     for k in range(1, len(diagnosis.findings)):
         part = refit(replace(search, accepted=tuple(f.hypothesis for f in diagnosis.findings[:k])), {})

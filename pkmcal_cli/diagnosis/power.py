@@ -98,11 +98,11 @@ class PowerWork:
         effect, campaign = divmod(number, self.count)
         return self.campaigns.told(self.effects[effect], campaign)
 
-    def rates(self, told: Mapping[int, str]) -> tuple[Rates, ...]:
+    def rates(self, outcomes: Mapping[int, str]) -> tuple[Rates, ...]:
         """Counted, by effect."""
         out = []
         for k, effect in enumerate(self.effects):
-            counted = Counter(told[number] for number in range(k * self.count, (k + 1) * self.count))
+            counted = Counter(outcomes[number] for number in range(k * self.count, (k + 1) * self.count))
             out.append(Rates(effect=effect, size=_size(effect), **counted))
         return tuple(out)
 
@@ -114,10 +114,10 @@ def _size(effect: Visibility | None) -> float:
 def measured(problem: Problem, values: Array, rng: np.random.Generator) -> Problem | None:
     """A campaign of a plan at true parameters (P,), with noise; None where half of its rows cannot be predicted."""
     driven = problem.rows.moved(np.nan_to_num(problem.reading_sigma) * rng.normal(size=problem.rows.readings.shape))
-    found = predict(problem.model, values, driven, Request())
-    if 2 * found.solved.sum() < len(problem):
+    prediction = predict(problem.model, values, driven, Request())
+    if 2 * prediction.solved.sum() < len(problem):
         return None
-    readings = found.values + np.nan_to_num(problem.sigma) * rng.normal(size=problem.sigma.shape)
+    readings = prediction.values + np.nan_to_num(problem.sigma) * rng.normal(size=problem.sigma.shape)
     return usable(replace(problem, readings=readings, measured=problem.measured & np.isfinite(readings)))
 
 

@@ -173,9 +173,9 @@ def _confirmed_rival(search: Search, hypothesis: Hypothesis, dropped: Collection
         k = without.hypotheses.index(rival.hypothesis)
         if rival.hypothesis in dropped or not without.p_values[k] < search.critical:
             continue
-        found = _replaced(search, hypothesis, without, k)
-        if found is not None and not held_out_gain(found, rival.hypothesis).contradicts:
-            return _renamed(found, without, k)
+        replaced = _replaced(search, hypothesis, without, k)
+        if replaced is not None and not held_out_gain(replaced, rival.hypothesis).contradicts:
+            return _renamed(replaced, without, k)
     return None
 
 
@@ -253,12 +253,12 @@ def credible_set(scores: Scored, evidence: Array, kept: NDArray[np.bool_]) -> tu
 
 def _needless_groups(hypotheses: Sequence[Hypothesis], evidence: Array) -> NDArray[np.bool_]:
     """Of which hypotheses (H,), but the accepted one (first), something of the same effect has as much evidence."""
-    found = np.zeros(len(hypotheses), dtype=bool)
+    needless = np.zeros(len(hypotheses), dtype=bool)
     for k in (k for k, h in enumerate(hypotheses) if h.members and k > 0):
         group = hypotheses[k]
         parts = [len(h.members) < len(group.members) and h.akin(group) for h in hypotheses]
-        found[k] = evidence[parts].max(initial=-np.inf) >= evidence[k]
-    return found
+        needless[k] = evidence[parts].max(initial=-np.inf) >= evidence[k]
+    return needless
 
 
 def _fitted_evidence(search: Search, hypothesis: Hypothesis, scores: Scored, evidence: Array, k: int) -> float:

@@ -107,8 +107,8 @@ def _inner(fold: OuterFold, folds: int = 3) -> list[tuple[Problem, Fit]]:
     labels = cells(fold.train, folds)
     out = []
     for k in np.unique(labels):
-        rest, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        out.append((fold.train.take(rows), identify(fold.train.take(rest), fold.fit.selected, fold.start)))
+        remaining_rows, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
+        out.append((fold.train.take(rows), identify(fold.train.take(remaining_rows), fold.fit.selected, fold.start)))
     return out
 
 

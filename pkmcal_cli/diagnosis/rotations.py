@@ -44,10 +44,10 @@ def rotations(
     trains = tuple(train for train, _, _ in parts)
     alone = replace(options, observe=unobserved, workers=ALONE)
     work = _Rotations(candidates, trains, selected, alone)
-    found = options.workers.results(work, len(parts), "rotation", options.observe)
+    sets_and_fits = options.workers.results(work, len(parts), "rotation", options.observe)
     return tuple(
         OuterFold(train=train, report=report, rows=rows, sets=sets, fit=fit, start=work.start(train))
-        for (train, report, rows), (sets, fit) in zip(parts, found, strict=True)
+        for (train, report, rows), (sets, fit) in zip(parts, sets_and_fits, strict=True)
     )
 
 

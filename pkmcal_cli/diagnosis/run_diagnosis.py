@@ -125,12 +125,12 @@ def _weighed(candidates: Candidates, problem: Problem, selected: tuple[str, ...]
     named: frozenset[str] = frozenset()
     for _ in range(ROUNDS):
         seen, robust = weighed(replace(problem, model=model), fit, options.loss)
-        found = _diagnosis(candidates, replace(seen, model=problem.model), selected, options)
-        found = replace(found, weighed=robust)
-        if found.search.state[0] == named:
+        diagnosis = _diagnosis(candidates, replace(seen, model=problem.model), selected, options)
+        diagnosis = replace(diagnosis, weighed=robust)
+        if diagnosis.search.state[0] == named:
             break
-        named, fit, model = found.search.state[0], found.search.fit, found.search.problem.model
-    return found
+        named, fit, model = diagnosis.search.state[0], diagnosis.search.fit, diagnosis.search.problem.model
+    return diagnosis
 
 
 def _diagnosis(
@@ -258,8 +258,8 @@ def _same_as_parameters(first: Scored) -> dict[str, str]:
         name: other
         for name, (h, column) in free.items()
         if h.effect != RELEASE
-        for other, theirs in releases
-        if abs(float(column @ theirs)) > _SAME
+        for other, of_release in releases
+        if abs(float(column @ of_release)) > _SAME
     }
 
 

@@ -65,5 +65,5 @@ class Acceptance:
     def _beyond(self, size: float, true: float) -> float:
         """Share of what is told of an effect of this true size that is larger."""
         z = np.arange(-true - _BEYOND, true + 2 * _BEYOND, _STEP)
-        told = self.at(z) * np.exp(-0.5 * (z - true) ** 2)
-        return float(told[np.abs(z) > size].sum() / max(float(told.sum()), 1e-300))
+        density = self.at(z) * np.exp(-0.5 * (z - true) ** 2)
+        return float(density[np.abs(z) > size].sum() / max(float(density.sum()), 1e-300))

@@ -103,13 +103,13 @@ def _movements(problem: Problem, values: Array, hypothesis: Hypothesis, still: P
         k = model.names.index(name)
         moved = values.copy()
         moved[k] += model.parameters[k].range
-        found = predict(model, moved, problem.rows, Request(), still.start)
-        change = np.where(before.measured, -residuals(before, found.values), np.nan)
+        prediction = predict(model, moved, problem.rows, Request(), still.start)
+        change = np.where(before.measured, -residuals(before, prediction.values), np.nan)
         on = np.isfinite(change)
         count = np.maximum(on.sum(axis=0), 1)
         largest = np.where(on.any(axis=0), np.where(on, np.abs(change), 0.0).max(axis=0, initial=0.0), np.nan)
         rms = np.where(on.any(axis=0), np.sqrt(np.where(on, change**2, 0.0).sum(axis=0) / count), np.nan)
-        lost = {int(row): found.reason(int(row)) for row in np.nonzero(~found.solved)[0]}
+        lost = {int(row): prediction.reason(int(row)) for row in np.nonzero(~prediction.solved)[0]}
         yield Movement(name, model.parameters[k].range, largest, rms, lost)
 
 
@@ -151,5 +151,5 @@ def _why_still(hypothesis: Hypothesis, movements: tuple[Movement, ...], nothing:
     lost = {reason for m in movements for reason in m.lost.values()}
     if lost and all(np.isnan(m.largest).all() for m in movements):
         return f"no pose has a solution with it: {sorted(lost)[0]}"
-    rest = [_AT_REST[need] for need in effect.needs if need in _AT_REST]
-    return rest[0] if rest else "no reading feels it"
+    reasons_at_rest = [_AT_REST[need] for need in effect.needs if need in _AT_REST]
+    return reasons_at_rest[0] if reasons_at_rest else "no reading feels it"

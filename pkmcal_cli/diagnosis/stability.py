@@ -56,10 +56,10 @@ def stability(
     best_of = [
         int(np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)) for w in weights
     ]
-    found = np.bincount(best_of, minlength=len(chosen)) / len(weights)
-    order = (int(k) for k in np.argsort(-found, kind="stable") if found[k] > 0 and not right[k])
-    others = tuple((scores.hypotheses[chosen[k]], float(found[k])) for k in order)
-    return Stability(float(found[right].sum()), others)
+    shares = np.bincount(best_of, minlength=len(chosen)) / len(weights)
+    order = (int(k) for k in np.argsort(-shares, kind="stable") if shares[k] > 0 and not right[k])
+    others = tuple((scores.hypotheses[chosen[k]], float(shares[k])) for k in order)
+    return Stability(float(shares[right].sum()), others)
 
 
 def _grams(scores: Scored, problem: Problem, hypothesis: Hypothesis, chosen: Sequence[int]) -> tuple[Array, list[int]]:
