@@ -87,8 +87,8 @@ def _data_set(d: DataInformation, own: Array, shared: Array, right: Array) -> Da
     """Equations without what is the set's own, in units of its noise."""
     if own.shape[1]:
         u, s, _ = np.linalg.svd(own)
-        rest = u[:, int((s > _RANK * s.max(initial=0.0)).sum()) :]
-        shared, right = rest.T @ shared, rest.T @ right
+        null_directions = u[:, int((s > _RANK * s.max(initial=0.0)).sum()) :]
+        shared, right = null_directions.T @ shared, null_directions.T @ right
     gone = len(d.right) - len(right)
     u, s, vt = np.linalg.svd(shared)
     rank = int((s > max(_SEEN, _RANK * s.max(initial=0.0))).sum())

@@ -171,8 +171,8 @@ def _intervals(
     if fit.status != "converged" or options.uncertainty == "linear":
         return linear_intervals(fit, budget, index)
     if options.uncertainty == "profile":
-        found = profile_intervals(robust.problem, fit, budget, index, observe, options.workers)
-        return with_held(found, fit, budget, index)
+        intervals = profile_intervals(robust.problem, fit, budget, index, observe, options.workers)
+        return with_held(intervals, fit, budget, index)
     observe(Stage("bootstrap"))
-    found = bootstrap_intervals(robust.problem, fit, index, session, options.seed, robust.gain)
-    return with_held(found, fit, budget, index)
+    intervals = bootstrap_intervals(robust.problem, fit, index, session, options.seed, robust.gain)
+    return with_held(intervals, fit, budget, index)

@@ -196,11 +196,11 @@ def _independent(rows: dict[str, Array]) -> list[str]:
     basis: list[NDArray[np.float64]] = []
     for least in (_CLEARLY, _HARDLY):
         for name in (n for n in rows if n not in chosen):
-            rest = rows[name].astype(float)
+            remainder = rows[name].astype(float)
             for known in basis:
-                rest = rest - (known @ rest) * known
-            length = float(np.sqrt(rest @ rest))
+                remainder = remainder - (known @ remainder) * known
+            length = float(np.sqrt(remainder @ remainder))
             if length > least * float(np.sqrt(rows[name] @ rows[name])):
                 chosen.append(name)
-                basis.append(rest / length)
+                basis.append(remainder / length)
     return chosen

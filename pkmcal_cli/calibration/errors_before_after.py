@@ -114,15 +114,15 @@ def length_residuals(problem: Problem, values: Array) -> Array:
     """
     model = problem.model
     drives = [a for a, drive in enumerate(model.topology.drives) if sets_length(model, drive)]
-    found = measured_poses(problem, values)
+    measured = measured_poses(problem, values)
     out = np.full((len(problem), len(drives)), np.nan)
-    if not drives or not len(found.rows):
+    if not drives or not len(measured.rows):
         return out
-    needed = found.drive_readings(values)
+    needed = measured.drive_readings(values)
     coefficients = model.topology.coefficients.values(model.by_name(values))
     gains = np.array([coefficients[model.actuators[a].gain_coefficient] for a in drives])
     travels = drive_travels(model, values, drive_readings(problem), problem.rows)
-    out[found.rows] = travels[found.rows][:, drives] - needed[:, drives] * gains
+    out[measured.rows] = travels[measured.rows][:, drives] - needed[:, drives] * gains
     return out
 
 

@@ -67,7 +67,7 @@ def errors_at_poses(problem: Problem, values: Array, readings: Array) -> Array:
     out = np.full(problem.rows.readings.shape, np.nan)
     uncertain = uncertain_drives(problem)
     if uncertain.any():
-        found = poses_of(problem, values, readings)
-        if len(found.rows):
-            out[found.rows] = found.drive_readings(values) - problem.rows.readings[found.rows]
+        measured = poses_of(problem, values, readings)
+        if len(measured.rows):
+            out[measured.rows] = measured.drive_readings(values) - problem.rows.readings[measured.rows]
     return np.where(uncertain, out, np.nan)

@@ -92,8 +92,8 @@ def circle_deviation(path: Array, nominal_radius: float) -> CircleDeviation:
         radii = np.linalg.norm(scaled - centre, axis=1)
         return np.asarray(radii - radii.mean())
 
-    found = least_squares(off, np.zeros(2), jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    radii = np.linalg.norm(path - middle - nominal_radius * found.x, axis=1)
+    optimum = least_squares(off, np.zeros(2), jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    radii = np.linalg.norm(path - middle - nominal_radius * optimum.x, axis=1)
     return CircleDeviation(
         float(radii.mean()),
         float(np.ptp(radii)),

@@ -43,10 +43,10 @@ class PredictedLine:
         return float(np.abs(self.deviations[:, 0] - self.deviations[:, 1]).max())
 
 
-def predicted_lines(problem: Problem, values: Array, rest: Rows) -> list[PredictedLine]:
+def predicted_lines(problem: Problem, values: Array, at_rest: Rows) -> list[PredictedLine]:
     """Lines along each coordinate through the middle of the measured region, at parameter values (P,).
 
-    rest: one row with the conditions that effects need. Lines of which fewer than 5 of 21 targets can be reached are
+    at_rest: one row with the conditions that effects need. Lines of which fewer than 5 of 21 targets can be reached are
     left out, and machines whose tool point no coordinates place by themselves.
     """
     places = {name: at for name, at in problem.nominal_poses.items() if name in "xyz"}
@@ -57,28 +57,28 @@ def predicted_lines(problem: Problem, values: Array, rest: Rows) -> list[Predict
         for other, coordinate in places.items():
             poses[:, DIRECTIONS.index(other)] = float(np.median(coordinate))
         poses[:, DIRECTIONS.index(name)] = np.linspace(low, high, _TARGETS)
-        line = _line(problem, values, rest, poses, name)
+        line = _line(problem, values, at_rest, poses, name)
         if high > low and line is not None:
             others = tuple((n, float(np.median(c))) for n, c in places.items() if n != name)
             lines.append(PredictedLine(name, others, *line))
     return lines
 
 
-def _line(problem: Problem, values: Array, rest: Rows, poses: Array, name: str) -> tuple[Array, Array] | None:
+def _line(problem: Problem, values: Array, at_rest: Rows, poses: Array, name: str) -> tuple[Array, Array] | None:
     """Targets (m,) and deviations (m, 2); None where too few are reached."""
     model = tcp_model(problem.model)
-    found = drive_positions(model, poses, model.nominal)
-    readings = found.readings[found.reached]
-    targets = poses[found.reached, DIRECTIONS.index(name)]
+    inverse = drive_positions(model, poses, model.nominal)
+    readings = inverse.readings[inverse.reached]
+    targets = poses[inverse.reached, DIRECTIONS.index(name)]
     if len(targets) < _FEWEST:
         return None
     ways = np.sign(np.gradient(readings, axis=0))
     channel = [c.name for c in model.channels].index(name)
     attained = []
     for side in (1, -1):
-        columns = {key: np.full(len(targets), column[0]) for key, column in rest.columns.items()}
+        columns = {key: np.full(len(targets), column[0]) for key, column in at_rest.columns.items()}
         columns |= {f"dir.{a.name}": side * ways[:, k] for k, a in enumerate(model.actuators)}
-        rows = Rows(readings, np.repeat(rest.forces, len(targets), axis=0), columns)
+        rows = Rows(readings, np.repeat(at_rest.forces, len(targets), axis=0), columns)
         attained.append(predict(model, values, rows).values[:, channel])
     deviations = np.column_stack(attained) - targets[:, None]
     known = np.isfinite(deviations).all(axis=1)

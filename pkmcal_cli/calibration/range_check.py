@@ -39,8 +39,8 @@ class RangeCheck:
     @property
     def far(self) -> dict[str, float]:
         """Offsets that nobody would expect, largest first."""
-        found = sorted(self.offsets.items(), key=lambda item: -abs(item[1]))
-        return {name: offset for name, offset in found if abs(offset) > _FAR}
+        by_size = sorted(self.offsets.items(), key=lambda item: -abs(item[1]))
+        return {name: offset for name, offset in by_size if abs(offset) > _FAR}
 
 
 def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:

@@ -115,9 +115,9 @@ class Scales:
 def drawn_scales(evidence: Evidence, seed: int = 0) -> Scales:
     """Draws of the scales after the data, the same in whatever order parameters and instruments are named."""
     order, instruments = _order(evidence)
-    found = _drawn(evidence.taken(order, instruments), seed)
+    drawn = _drawn(evidence.taken(order, instruments), seed)
     back = np.argsort(order)
-    return replace(found, variances=found.variances[:, back], noise=found.noise[:, np.argsort(instruments)])
+    return replace(drawn, variances=drawn.variances[:, back], noise=drawn.noise[:, np.argsort(instruments)])
 
 
 def _order(evidence: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

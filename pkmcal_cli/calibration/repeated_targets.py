@@ -115,16 +115,16 @@ def axis_runs(targets: MeasuredTargets) -> list[AxisRun]:
 
 def _run(targets: MeasuredTargets, k: int, groups: NDArray[np.intp]) -> AxisAccuracy | None:
     """Figures along coordinate k of those targets that were approached often enough; None for too few."""
-    found = []
+    positions = []
     for g in groups:
         rows = targets.group == g
         sides = tuple(targets.errors[rows & (targets.side[:, k] == s), k] for s in (1, -1))
         if min(len(s) for s in sides) >= FEWEST_APPROACHES:
-            found.append((float(targets.commanded[rows, k].mean()), sides))
-    if len(found) < FEWEST_TARGETS:
+            positions.append((float(targets.commanded[rows, k].mean()), sides))
+    if len(positions) < FEWEST_TARGETS:
         return None
-    found.sort(key=lambda f: f[0])
-    return axis_accuracy(np.array([t for t, _ in found]), tuple((s[0], s[1]) for _, s in found))
+    positions.sort(key=lambda f: f[0])
+    return axis_accuracy(np.array([t for t, _ in positions]), tuple((s[0], s[1]) for _, s in positions))
 
 
 def pose_runs(targets: MeasuredTargets) -> list[PoseRun]:

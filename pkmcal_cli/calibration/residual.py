@@ -178,8 +178,8 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     jacobian = np.zeros(prediction.jacobian.shape)
     moved = np.where(problem.measured[:, :, None], prediction.jacobian, 0.0)
     drives = []
-    for part, rest in _whitened(problem, evaluation, free):
-        residual[part.cluster] = rest
+    for part, whitened in _whitened(problem, evaluation, free):
+        residual[part.cluster] = whitened
         jacobian[part.cluster] = part.apply(moved)
         drives.append((part.cluster, part.drives))
     root = None if problem.weight is None else np.sqrt(problem.weight)

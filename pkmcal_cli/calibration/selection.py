@@ -21,7 +21,7 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
     shape without a name go together: `unexplained@q1` frees them. Raises UsageError.
     """
     chosen: set[str] = set()
-    asked: set[str] = set()  # by names and patterns
+    matched: set[str] = set()  # by names and patterns
     for part in (p.strip() for p in text.split(",")):
         remove = part.startswith("-")
         pattern = part[1:] if remove else part
@@ -35,11 +35,11 @@ def select(model: Model, text: str, option: str = "--select") -> tuple[str, ...]
             )
         chosen = chosen - matching if remove else chosen | matching
         if not remove and pattern not in _WORDS:
-            asked |= matching
+            matched |= matching
     for effect in model.effects:
         of_effect = set(effect.parameters)
-        if of_effect & asked:
-            chosen -= of_effect - asked
+        if of_effect & matched:
+            chosen -= of_effect - matched
     return tuple(n for n in model.names if n in chosen)
 
 

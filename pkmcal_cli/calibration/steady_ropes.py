@@ -31,11 +31,11 @@ def steady_fit(problem: Problem, fit: Fit) -> Fit:
         if not near:
             break
         left_out |= near
-        rest = problem.without(left_out)
-        if 2 * len(left_out) > len(problem) or rest.count <= len(fit.selected):
+        remaining = problem.without(left_out)
+        if 2 * len(left_out) > len(problem) or remaining.count <= len(fit.selected):
             return replace(fit, kinked=tuple(left_out))
         try:
-            other = identify(rest, fit.selected, best.values)
+            other = identify(remaining, fit.selected, best.values)
         except RowsFailed:
             return replace(fit, kinked=tuple(left_out))
         if fit.status == "converged" and other.directions.held.sum() > fit.directions.held.sum():
@@ -51,12 +51,12 @@ def near_kinks(problem: Problem, fit: Fit) -> Mapping[int, str]:
     if not model.exact.ropes:
         return {}
     request = Request(parameters=fit.selected, by_drive=True, ropes=True)
-    found = predict(model, fit.values, problem.rows.moved(fit.shift), request, fit.last.start)
-    assert found.ropes is not None
-    slopes = found.ropes.jacobian
+    prediction = predict(model, fit.values, problem.rows.moved(fit.shift), request, fit.last.start)
+    assert prediction.ropes is not None
+    slopes = prediction.ropes.jacobian
     variance = np.einsum("nrp,pq,nrq->nr", slopes, fit.directions.determined_covariance(), slopes)
-    variance += np.einsum("nra,na->nr", found.ropes.by_drive**2, problem.reading_sigma**2)
-    near = np.abs(found.ropes.values) < _NEAR * np.sqrt(np.maximum(variance, 0.0))
-    near &= (found.solved & problem.measured.any(axis=1))[:, None]
+    variance += np.einsum("nra,na->nr", prediction.ropes.by_drive**2, problem.reading_sigma**2)
+    near = np.abs(prediction.ropes.values) < _NEAR * np.sqrt(np.maximum(variance, 0.0))
+    near &= (prediction.solved & problem.measured.any(axis=1))[:, None]
     reason = "a rope is taut or slack (within 2 std)"
     return {int(row): reason for row in np.nonzero(near.any(axis=1))[0]}

@@ -74,7 +74,7 @@ class Region:
 
     def drawn(self, machines: tuple[StudiedMachine, ...], count: int, rng: np.random.Generator) -> list[Array]:
         """Drive readings (count, A) of each machine at the same random poses. Raises BadInput where few are reached."""
-        found: list[list[Array]] = [[] for _ in machines]
+        readings_of: list[list[Array]] = [[] for _ in machines]
         for _ in range(_ROUNDS):
             poses = np.full((2 * count, len(DIRECTIONS)), np.nan)
             shares = rng.uniform(size=(2 * count, len(self.names)))
@@ -84,10 +84,10 @@ class Region:
             for machine, inverse in zip(machines, made, strict=True):
                 space = machine.model.workspace
                 inside &= inverse.reached if space is None else space.holds(inverse.poses, inverse.readings)
-            for parts, inverse in zip(found, made, strict=True):
+            for parts, inverse in zip(readings_of, made, strict=True):
                 parts.append(inverse.readings[inside])
-            if sum(map(len, found[0])) >= count:
-                return [np.concatenate(parts)[:count] for parts in found]
+            if sum(map(len, readings_of[0])) >= count:
+                return [np.concatenate(parts)[:count] for parts in readings_of]
         what = f"too few points that {' and '.join(m.name for m in machines)} reach: less than one of {2 * _ROUNDS}"
         raise BadInput.single(what, None, "make the region smaller: `--within`, or `workspace` in the machine file")
 
@@ -136,16 +136,16 @@ def _measured(problem: Problem, true: Array, normal: Array) -> Problem:
     """The problem with readings at true parameters (P,), and noise from standard normal numbers (N, at least C + A)."""
     channels, drives = problem.sigma.shape[1], problem.drive_sigma.shape[1]
     moved = np.nan_to_num(problem.reading_sigma) * normal[:, channels : channels + drives]
-    found = predict(problem.model, true, problem.rows.moved(moved))
+    prediction = predict(problem.model, true, problem.rows.moved(moved))
     noise = (np.linalg.cholesky(problem.noise) @ normal[:, :channels, None])[..., 0]
-    readings = found.values + np.where(problem.measured, noise, 0.0)
+    readings = prediction.values + np.where(problem.measured, noise, 0.0)
     return usable(replace(problem, readings=readings, measured=problem.measured & np.isfinite(readings)))
 
 
-def _tool_distance(model: Model, true: Array, found: Array, rows: Rows) -> float:
+def _tool_distance(model: Model, true: Array, identified: Array, rows: Rows) -> float:
     """Mean distance of the tool point as it is and as it was found to be, m; nan where a row has no prediction."""
     bare = tcp_model(model).with_options(())
     along = [k for k, c in enumerate(bare.channels) if c.name in DIRECTIONS[:3]]
     rows = at_rest(model, rows)
-    apart = predict(bare, found, rows).values - predict(bare, true, rows).values
+    apart = predict(bare, identified, rows).values - predict(bare, true, rows).values
     return float(np.sqrt((apart[:, along] ** 2).sum(axis=1)).mean())
