@@ -176,12 +176,12 @@ def _rings(table: _Table, matches: dict[int, _Match]) -> list[Hint]:
         before = rms(np.array([matches[i].before for i in ring]))
         after = rms(np.array([matches[i].after for i in ring]))
         holder = sorted((matches[i].source, i) for i in ring)  # column `source` has the readings of column i
-        said = [f"`{table.names[j]}` has the readings of `{table.names[i]}`" for j, i in holder[:1]]
-        said += [f"`{table.names[j]}` those of `{table.names[i]}`" for j, i in holder[1:]]
+        parts = [f"`{table.names[j]}` has the readings of `{table.names[i]}`" for j, i in holder[:1]]
+        parts += [f"`{table.names[j]}` those of `{table.names[i]}`" for j, i in holder[1:]]
         order = sorted(ring)
         by_one = [i for _, i in holder] in (order[1:] + order[:1], order[-1:] + order[:-1])
         look = "look shifted by one column" if by_one else "look exchanged in a cycle"
-        message = f"{table.quoted(order)} {look} ({', '.join(said)})"
+        message = f"{table.quoted(order)} {look} ({', '.join(parts)})"
         message += f": {evidence(table.units[first], before, after)} after correction"
         hints.append(Hint("rotated", tuple(table.names[i] for i in order), message, before, after))
     return hints

@@ -81,11 +81,11 @@ def _predicted(
         return
     drives = [part.rows.readings[:, change.source.astype(int)] * change.factor for change in changes]
     rows = joined_rows([replace(part.rows, readings=q) for q in drives])
-    found = predict(frozen(part.model, part.rows), values, rows, Request(compare=False))
-    predicted = np.where(found.solved[:, None], found.values, np.nan)
+    prediction = predict(frozen(part.model, part.rows), values, rows, Request(compare=False))
+    predicted = np.where(prediction.solved[:, None], prediction.values, np.nan)
     for k, readings in enumerate(drives):
         own = slice(k * len(part), (k + 1) * len(part))
-        yield readings, predicted[own], found.solved[own]
+        yield readings, predicted[own], prediction.solved[own]
 
 
 def _changes(problem: Problem, kind: str) -> Iterator[_Change]:

@@ -151,10 +151,10 @@ def _drives(sample: Sample) -> _Reason:
     """What explains the drives, by the positions that they have at the measured poses."""
     few = np.linspace(0, len(sample.rows) - 1, min(_POSES, len(sample.rows))).round().astype(int)
     part, values, model = sample.part.take(few), sample.evaluation.values, sample.part.model
-    found = measured_poses(part, values)
-    if len(found.rows) < _FEWEST:
+    measured = measured_poses(part, values)
+    if len(measured.rows) < _FEWEST:
         return _Reason((), np.inf, np.inf)
-    expected, readings = found.drive_readings(values), part.rows.readings[found.rows]
+    expected, readings = measured.drive_readings(values), part.rows.readings[measured.rows]
     explanation = explain_columns(
         readings, expected, [a.name for a in model.actuators], [a.unit for a in model.actuators]
     )

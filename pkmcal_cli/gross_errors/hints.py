@@ -62,10 +62,12 @@ def measurement_hints(
     names, units = [a.name for a in model.actuators], [a.unit for a in model.actuators]
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
     declared = {p.name for p in model.parameters if p.identify}
-    asked = [p.name for p in problem.model.parameters if p.shared_name in declared]
+    names_to_fit = [p.name for p in problem.model.parameters if p.shared_name in declared]
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)
-    hints += gross_faults(problem, values, asked, sessions, lambda row: str(place_of(measured, row)), measured.sessions)
+    hints += gross_faults(
+        problem, values, names_to_fit, sessions, lambda row: str(place_of(measured, row)), measured.sessions
+    )
     return tuple(h.message for h in hints)
 
 

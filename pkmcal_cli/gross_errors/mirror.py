@@ -59,12 +59,12 @@ def _motion(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray
 
 @dataclass(frozen=True)
 class _Change:
-    """Columns times a factor, those `told`; or exchanged with others of the same number."""
+    """Columns times a factor, those that are `suspects`; or exchanged with others of the same number."""
 
     columns: tuple[int, ...]
     factor: float = 1.0
     others: tuple[int, ...] = ()
-    told: tuple[int, ...] = ()
+    suspects: tuple[int, ...] = ()
 
     def of(self, readings: FloatArray) -> FloatArray:
         """The readings (N, C), changed."""
@@ -76,8 +76,8 @@ class _Change:
 
     def hint(self, names: Sequence[str], unit: Unit, before: float, after: float) -> Hint:
         """What is suspected, with the evidence."""
-        told = self.told or (*self.columns, *self.others)
-        words = [f"`{names[k]}`" for k in told]
+        columns = self.suspects or (*self.columns, *self.others)
+        words = [f"`{names[k]}`" for k in columns]
         proof = f"{evidence(unit, before, after)} after the best rigid motion"
         kind: Kind
         if self.others:
@@ -91,13 +91,13 @@ class _Change:
             kind, look = "unit", f"look{'s' if len(words) == 1 else ''}"
             message = f"{', '.join(words)} {look} {times(self.factor)}{unit_words(unit, self.factor)}: "
             message += f"{proof} when multiplied by {self.factor:.4g}"
-        return Hint(kind, tuple(names[k] for k in told), message, before, after)
+        return Hint(kind, tuple(names[k] for k in columns), message, before, after)
 
 
 def _changes(points: Points, unit: Unit) -> Iterator[_Change]:
     """A mirror image; units of all, of one axis, of one point; points exchanged, or one axis of them."""
     every = tuple(k for p in points for k in p)
-    yield _Change(tuple(p[0] for p in points), -1.0, told=every)
+    yield _Change(tuple(p[0] for p in points), -1.0, suspects=every)
     axes = [tuple(p[k] for p in points) for k in range(len(points[0]))]
     for columns in dict.fromkeys((every, *axes, *(tuple(p) for p in points))):
         for factor in factors_of(unit):

@@ -44,9 +44,9 @@ class Sample:
         of_unknown_frames = {
             n for e in problem.model.effects if e.at in problem.model.fitted_frames for n in e.parameters
         }
-        asked = tuple(n for n in parameters if n not in of_unknown_frames)
-        evaluation = evaluate(sample, values, asked)
-        return cls(problem, rows, sample, evaluation, _prior_rms(sample, evaluation, asked))
+        without_frames = tuple(n for n in parameters if n not in of_unknown_frames)
+        evaluation = evaluate(sample, values, without_frames)
+        return cls(problem, rows, sample, evaluation, _prior_rms(sample, evaluation, without_frames))
 
     @cached_property
     def predicted(self) -> Array:
