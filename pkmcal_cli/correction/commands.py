@@ -62,13 +62,13 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
     commands = np.where(nominal.reached[kept, None], nominal.readings[kept], strainless.readings)
     given = replace(own.rows, readings=commands)
     own = replace(own, rows=_directed(model, given))
-    before = LoadedTool(model, aim.held).at(values, own.rows, own.wanted)
+    before = LoadedTool(model, aim.held).at(values, own.rows, own.targets)
     before = before.without(np.nonzero(~nominal.reached[kept])[0])
-    found, turned = _from_own_sides(model, values, own, given.columns, strainless, choice)
+    solution, turned = _from_own_sides(model, values, own, given.columns, strainless, choice)
     failed = {int(k): OUT_OF_REACH for k in np.setdiff1d(np.arange(len(aim.rows)), kept)}
-    failed |= {int(kept[k]): why for k, why in found.failed.items()}
+    failed |= {int(kept[k]): why for k, why in solution.failed.items()}
     return Correction(
-        kept=kept, aim=own, rows=found.rows, before=before, after=found.after, internal=found.internal,
+        kept=kept, aim=own, rows=solution.rows, before=before, after=solution.after, internal=solution.internal,
         failed=dict(sorted(failed.items())), turned=turned,
     )  # fmt: skip
 
@@ -82,17 +82,17 @@ def _from_own_sides(
     model: Model, values: Array, aim: Aim, given: Mapping[str, Array], strainless: DrivePositions, choice: Choice
 ) -> tuple[Found, NDArray[np.bool_]]:
     """Set values, and which rows (n,) they approach from another side; `given`: columns that stay."""
-    found = set_values(model, values, aim, strainless, choice)
+    solution = set_values(model, values, aim, strainless, choice)
     if not depends_on_sides(model):
-        return found, np.zeros(len(aim.rows), dtype=bool)
+        return solution, np.zeros(len(aim.rows), dtype=bool)
     for left in reversed(range(_ROUNDS)):
-        own = _directed(model, replace(found.rows, columns=given))
-        turned = _differ(found.rows, own)
+        own = _directed(model, replace(solution.rows, columns=given))
+        turned = _differ(solution.rows, own)
         if not (turned.any() and left):
             break
         nominal = replace(own, readings=aim.rows.readings)
-        found = set_values(model, values, replace(aim, rows=nominal), strainless, choice)
-    return found, turned
+        solution = set_values(model, values, replace(aim, rows=nominal), strainless, choice)
+    return solution, turned
 
 
 def _directed(model: Model, rows: Rows) -> Rows:

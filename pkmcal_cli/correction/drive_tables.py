@@ -57,11 +57,11 @@ class DriveTable:
 def drive_tables(case: ExportCase, digits: Callable[[int], Digits]) -> list[DriveTable]:
     """A table for every drive that a control commands, in the digits of a format."""
     sides = 2 if case.sided else 1
-    told = case.wanted.size / (_PER_KNOT * sides * len(case.drives))
-    count = int(np.clip(told, 2, MOST))
+    determined = case.targets.size / (_PER_KNOT * sides * len(case.drives))
+    count = int(np.clip(determined, 2, MOST))
     grids = [_grid(case.commanded[:, a], count, digits(a).position) for a in case.drives]
-    found = _fitted(case, grids)
-    return [t.rounded(digits(a).correction) for a, t in zip(case.drives, found, strict=True)]
+    tables = _fitted(case, grids)
+    return [t.rounded(digits(a).correction) for a, t in zip(case.drives, tables, strict=True)]
 
 
 def sent(case: ExportCase, tables: Sequence[DriveTable]) -> Array:
@@ -85,14 +85,14 @@ def _fitted(case: ExportCase, grids: Sequence[tuple[float, float, int]]) -> list
     own = [_basis(case.commanded[:, a], grid) for a, grid in zip(case.drives, grids, strict=True)]
     if case.sided:
         own = [sparse.hstack([b, sparse.diags(sides[:, k]) @ b]).tocsr() for k, b in enumerate(own)]
-    weights, wanted = case.weights, (case.corrected - case.commanded)[:, case.drives]
+    weights, corrections = case.weights, (case.corrected - case.commanded)[:, case.drives]
     design = sparse.vstack(
         [
             sparse.hstack([sparse.diags(weights[:, r, k]) @ b for k, b in enumerate(own)])
             for r in range(weights.shape[1])
         ]
     ).tocsr()
-    target = np.einsum("nrd,nd->rn", weights, wanted).ravel()
+    target = np.einsum("nrd,nd->rn", weights, corrections).ravel()
     normal = (design.T @ design).toarray()
     blocks = [_smooth(case.sided, count) for _, _, count in grids]
     solution = np.linalg.solve(normal + _scaled(normal, blocks), design.T @ target)

@@ -84,9 +84,9 @@ class ExportCase:
         return self.made.aim.poses[self.usable]
 
     @property
-    def wanted(self) -> Array:
+    def targets(self) -> Array:
         """Wanted coordinates (n, h)."""
-        return self.made.aim.wanted[self.usable]
+        return self.made.aim.targets[self.usable]
 
     @property
     def circumstances(self) -> Rows:
@@ -115,7 +115,7 @@ class ExportCase:
         So what is fitted to corrected set values is good at the tool point, and its redundant drives hardly fight.
         """
         rows = self.made.rows.take(self.usable)
-        by_tool = self.tool.at(self.values, rows, self.wanted, "readings").by_tool[:, :, self.drives]
+        by_tool = self.tool.at(self.values, rows, self.targets, "readings").by_tool[:, :, self.drives]
         size = np.where(self.tool.turning, self.model.length, 1.0)
         gains = self.model.gains[self.drives]
         by_travel = by_tool * size[:, None] / gains
@@ -124,26 +124,26 @@ class ExportCase:
         kept = (_SMALL * np.eye(count) + _INTERNAL * internal) * gains
         return np.concatenate([by_tool * size[:, None], kept], axis=1)
 
-    def slopes(self, rows: Rows, wanted: Array) -> Array | None:
+    def slopes(self, rows: Rows, targets: Array) -> Array | None:
         """Derivatives (n, D, p) of corrected set values by the parameters of the covariance; None where unknown.
 
         At rows that are corrected already: what keeps the tool point there, with the least travel.
         """
         if self.covariance is None:
             return None
-        by_reading = self.tool.at(self.values, rows, wanted, "readings").by_tool[:, :, self.drives]
-        by_parameter = self.tool.at(self.values, rows, wanted, self.covariance[0]).by_tool
+        by_reading = self.tool.at(self.values, rows, targets, "readings").by_tool[:, :, self.drives]
+        by_parameter = self.tool.at(self.values, rows, targets, self.covariance[0]).by_tool
         gains = self.model.gains[self.drives]
         return np.asarray(-(np.linalg.pinv(by_reading / gains) @ by_parameter) / gains[:, None])
 
     @property
     def own_slopes(self) -> Array | None:
         """The same at the usable targets."""
-        return self.slopes(self.made.rows.take(self.usable), self.wanted)
+        return self.slopes(self.made.rows.take(self.usable), self.targets)
 
     def installed(self, draft: Draft) -> StrainedPose:
         """The machine with a draft installed: a prediction from scratch, as by `simulate`."""
-        return self.tool.at(draft.values, self._directed(draft.commands), self.wanted)
+        return self.tool.at(draft.values, self._directed(draft.commands), self.targets)
 
     def unit(self, drive: int) -> Unit:
         """In which unit controls count a drive: mm, in for files in inches, deg."""

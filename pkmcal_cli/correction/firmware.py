@@ -47,12 +47,12 @@ def nominal_machine(case: ExportCase, keyword: str) -> Nominal:
     wide = np.maximum(0.5 * (high - low), _WIDE * case.model.length)
     poses = np.tile(case.poses[:1], (_SPREAD, 1))
     poses[:, columns] = 0.5 * (low + high) + wide * (2.0 * even_points(_SPREAD, len(columns)) - 1.0)
-    found = drive_positions(case.model, poses, None, held)
-    kept = np.nonzero(found.reached)[0]
+    inverse = drive_positions(case.model, poses, None, held)
+    kept = np.nonzero(inverse.reached)[0]
     if len(kept) < _LEAST:
         what = "the nominal machine reaches hardly anything around the targets"
         raise case.refuse(keyword, what, "give targets within its workspace")
-    return Nominal(positions=np.nan_to_num(poses[kept, :3]), readings=found.readings[kept])
+    return Nominal(positions=np.nan_to_num(poses[kept, :3]), readings=inverse.readings[kept])
 
 
 def recognised(case: ExportCase, keyword: str, what: str, formula: Formula, start: Array, nominal: Nominal) -> Array:
@@ -65,39 +65,39 @@ def recognised(case: ExportCase, keyword: str, what: str, formula: Formula, star
     hint = "use `--as gcode-drives`, or tables of single drives (`linuxcnc`, `beckhoff`, `csv`)"
     if not np.isfinite(start).all() or not np.isfinite(missed(start)).all():
         raise case.refuse(keyword, f"this machine is no {what}", hint)
-    found = least_squares(missed, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    most = float(np.abs(missed(found.x)).max())
+    optimum = least_squares(missed, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    most = float(np.abs(missed(optimum.x)).max())
     if most > _OTHER * case.model.length:
-        told = f"this machine is no {what}: the formula misses its drives by up to {1e3 * most:.3g} mm"
-        raise case.refuse(keyword, told, hint)
-    return np.asarray(found.x)
+        misfit = f"this machine is no {what}: the formula misses its drives by up to {1e3 * most:.3g} mm"
+        raise case.refuse(keyword, misfit, hint)
+    return np.asarray(optimum.x)
 
 
 @dataclass(frozen=True)
-class Wanted:
+class AimedReadings:
     """Set values (n, A), and their derivatives (n, D, p) by parameters that are known by a covariance, or None."""
 
     readings: Array
     slopes: Array | None
 
 
-def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, aim: Wanted) -> tuple[Array, Array]:
+def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, aim: AimedReadings) -> tuple[Array, Array]:
     """Constants (c,) with which the tool point is best at the targets, their standard uncertainties, nan if unknown.
 
     steps (c,): sizes of the constants, by which those that the targets do not determine are held at `nominal`.
     """
-    wanted = aim.readings
+    aimed = aim.readings
     weights, drives = case.weights, case.drives
-    others = np.setdiff1d(np.arange(wanted.shape[1]), drives)
+    others = np.setdiff1d(np.arange(aimed.shape[1]), drives)
     gains = case.model.gains
 
     def errors(scaled: Array) -> Array:
-        off = formula(nominal + scaled * steps, case.positions) - wanted
+        off = formula(nominal + scaled * steps, case.positions) - aimed
         own = np.einsum("nrd,nd->nr", weights, off[:, drives])
         return np.concatenate([own.ravel(), (off * gains)[:, others].ravel(), _PRIOR * scaled])
 
-    found = least_squares(errors, np.zeros(len(nominal)), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return np.asarray(nominal + found.x * steps), steps * _std(case, np.asarray(found.jac), aim.slopes)
+    optimum = least_squares(errors, np.zeros(len(nominal)), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return np.asarray(nominal + optimum.x * steps), steps * _std(case, np.asarray(optimum.jac), aim.slopes)
 
 
 def _std(case: ExportCase, jacobian: Array, slopes: Array | None) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.commands import corrected
 from pkmcal_cli.correction.export_case import ExportCase
-from pkmcal_cli.correction.firmware import Formula, Nominal, Wanted, fitted, nominal_machine, recognised
+from pkmcal_cli.correction.firmware import AimedReadings, Formula, Nominal, fitted, nominal_machine, recognised
 from pkmcal_cli.correction.set_values import Aim
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
@@ -62,8 +62,8 @@ def ways(anchors: Array, positions: Array) -> Array:
 def line_constants(case: ExportCase, keyword: str, motors: LineMotors) -> LineConstants:
     """The best constants. Raises BadInput where the machine does not hang on a line from every motor."""
     count = len(case.model.actuators)
-    nominal, rest = nominal_machine(case, keyword), _at_origin(case, keyword, None)
-    anchors, gains = _start(nominal, rest)
+    nominal, at_origin = nominal_machine(case, keyword), _at_origin(case, keyword, None)
+    anchors, gains = _start(nominal, at_origin)
 
     def formula_from(home: Array) -> Formula:
         def formula(numbers: Array, positions: Array) -> Array:
@@ -73,14 +73,14 @@ def line_constants(case: ExportCase, keyword: str, motors: LineMotors) -> LineCo
         return formula
 
     start = np.concatenate([anchors.ravel(), motors.start(gains)])
-    found = recognised(case, keyword, "machine of lines from anchors", formula_from(rest), start, nominal)
+    constants = recognised(case, keyword, "machine of lines from anchors", formula_from(at_origin), start, nominal)
     home, home_slopes = _home(case, keyword)
     slopes = case.own_slopes
     if slopes is not None:
         slopes = slopes - (0.0 if home_slopes is None else home_slopes)
-    aim = Wanted(_all_corrected(case), slopes)
-    steps = np.concatenate([np.ones(3 * count), motors.steps(found[3 * count :])])
-    best, u = fitted(case, formula_from(home), found, steps, aim)
+    aim = AimedReadings(_all_corrected(case), slopes)
+    steps = np.concatenate([np.ones(3 * count), motors.steps(constants[3 * count :])])
+    best, u = fitted(case, formula_from(home), constants, steps, aim)
     (anchors, more), (u_anchors, u_more) = ((c[: 3 * count].reshape(count, 3), c[3 * count :]) for c in (best, u))
     u_anchors[np.setdiff1d(np.arange(count), case.drives)] = np.nan  # of a drive without set values nobody knows
     return LineConstants(anchors=anchors, more=more, home=home, u_anchors=u_anchors, u_more=u_more)
@@ -93,11 +93,11 @@ def line_gains(case: ExportCase, keyword: str) -> Array:
 
 def _at_origin(case: ExportCase, keyword: str, values: Array | None) -> Array:
     """Readings (A,) of the unstrained machine with its tool at x = y = z = 0. Raises BadInput out of reach."""
-    found = drive_positions(case.model, _origin(case), values, case.made.aim.held)
-    if not found.reached.all():
+    inverse = drive_positions(case.model, _origin(case), values, case.made.aim.held)
+    if not inverse.reached.all():
         what = "the tool cannot stand at x = y = z = 0, where the firmware is homed"
         raise case.refuse(keyword, what, "shift the coordinates of the machine file")
-    return np.asarray(found.readings[0])
+    return np.asarray(inverse.readings[0])
 
 
 def _origin(case: ExportCase) -> Array:
@@ -115,15 +115,15 @@ def _home(case: ExportCase, keyword: str) -> tuple[Array, Array | None]:
     if there is None or not len(there.good):
         return out, None
     out[case.drives] = there.rows.readings[0, case.drives]
-    return out, case.slopes(there.rows, aim.wanted)
+    return out, case.slopes(there.rows, aim.targets)
 
 
 def _all_corrected(case: ExportCase) -> Array:
     """Corrected set values (n, A); of drives that hold no position, the readings of the unstrained machine."""
     out = case.corrected.copy()
-    rest = drive_positions(case.model, case.poses, case.values, case.made.aim.held)
+    uncorrected = drive_positions(case.model, case.poses, case.values, case.made.aim.held)
     others = np.setdiff1d(np.arange(out.shape[1]), case.drives)
-    out[:, others] = rest.readings[:, others]
+    out[:, others] = uncorrected.readings[:, others]
     return out
 
 
@@ -137,7 +137,7 @@ def _start(nominal: Nominal, home: Array) -> tuple[Array, Array]:
         q = reading - at_home
         size = max(float(np.abs(q).max()), 1e-12)
         design = np.column_stack([2.0 * p, -((q / size) ** 2), -q / size, np.ones_like(q)])
-        found = np.linalg.lstsq(design, (p**2).sum(axis=1), rcond=None)[0]
-        anchors.append(found[:3])
-        gains.append(-np.sign(found[4]) * np.sqrt(max(-found[3], 0.0)) / size)
+        solution = np.linalg.lstsq(design, (p**2).sum(axis=1), rcond=None)[0]
+        anchors.append(solution[:3])
+        gains.append(-np.sign(solution[4]) * np.sqrt(max(-solution[3], 0.0)) / size)
     return np.array(anchors), np.array(gains)

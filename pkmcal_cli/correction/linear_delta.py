@@ -16,7 +16,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.export_case import ExportCase
-from pkmcal_cli.correction.firmware import Nominal, Wanted, fitted, nominal_machine, recognised
+from pkmcal_cli.correction.firmware import AimedReadings, Nominal, fitted, nominal_machine, recognised
 
 TOWERS = 3
 
@@ -84,9 +84,9 @@ def fitted_delta(case: ExportCase, keyword: str, tilted: bool) -> FittedDelta:
     def formula(numbers: Array, positions: Array) -> Array:
         return towers.readings(DeltaConstants.of(numbers), positions)
 
-    found = recognised(case, keyword, "linear delta", formula, start, nominal)
-    steps = np.array([1.0, *[np.degrees(1.0 / found[0])] * 3, *[1.0] * 6, *[1.0] * (len(found) - 10)])
-    best, u = fitted(case, formula, found, steps, Wanted(case.corrected, case.own_slopes))
+    constants = recognised(case, keyword, "linear delta", formula, start, nominal)
+    steps = np.array([1.0, *[np.degrees(1.0 / constants[0])] * 3, *[1.0] * 6, *[1.0] * (len(constants) - 10)])
+    best, u = fitted(case, formula, constants, steps, AimedReadings(case.corrected, case.own_slopes))
     return FittedDelta(towers=towers, constants=DeltaConstants.of(best), u=DeltaConstants.of(u))
 
 
@@ -108,7 +108,7 @@ def _start(nominal: Nominal, tilted: bool) -> tuple[Array, Array]:
 
 def _tower(x: Array, y: Array, z: Array, reading: Array) -> tuple[float, Array, float, float]:
     """Sign, place (2,), length of the rod, height at reading 0 of one tower; the sign that fits better."""
-    found = []
+    candidates = []
     for sign in (1.0, -1.0):
         v = sign * reading - z
         design = np.stack([-2.0 * v, 2.0 * x, 2.0 * y, np.ones_like(v)], axis=1)
@@ -116,8 +116,8 @@ def _tower(x: Array, y: Array, z: Array, reading: Array) -> tuple[float, Array, 
         missed = float(np.abs(design @ solution - v**2 - x**2 - y**2).max())
         k, *place, constant = (float(s) for s in solution)
         square = constant + k**2 + place[0] ** 2 + place[1] ** 2
-        found.append((missed, sign, np.array(place), float(np.sqrt(square)) if square > 0 else np.nan, k))
-    return min(found, key=lambda each: each[0])[1:]
+        candidates.append((missed, sign, np.array(place), float(np.sqrt(square)) if square > 0 else np.nan, k))
+    return min(candidates, key=lambda each: each[0])[1:]
 
 
 def _ends(case: ExportCase, keyword: str, signs: Array) -> Array:

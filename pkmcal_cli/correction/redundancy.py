@@ -40,14 +40,14 @@ class Bounds:
 class Redundancy:
     """How the redundant drives of a machine are set.
 
-    wanted (N, A): internal forces, for `preload`; set_values (N, A): for `nominal`; internal: of all rows.
+    aimed_forces (N, A): internal forces, for `preload`; set_values (N, A): for `nominal`; internal: of all rows.
     """
 
     tool: LoadedTool
     values: Array
     choice: Choice
     internal: InternalForces
-    wanted: Array
+    aimed_forces: Array
     set_values: Array
 
     @cached_property
@@ -62,20 +62,20 @@ class Redundancy:
         lengths = [model.topology.moves_length(model.topology.drives[a]) for a in self.drives]
         return np.where(lengths, model.length, 1.0) / model.gains[self.drives]
 
-    def step(self, now: StrainedPose, readings: Array, error: Array) -> tuple[Array, Optimum]:
+    def step(self, pose: StrainedPose, readings: Array, error: Array) -> tuple[Array, Optimum]:
         """Steps (N, D) of set values from readings (N, A) that remove errors (N, h), and the optimum of the rest."""
-        jacobian = now.by_tool[:, :, self.drives] * self.spans / self.tool.sizes[:, None]
+        jacobian = pose.by_tool[:, :, self.drives] * self.spans / self.tool.sizes[:, None]
         jacobian = np.nan_to_num(jacobian)
         _, _, right = np.linalg.svd(jacobian)
         there = -(np.linalg.pinv(jacobian) @ np.nan_to_num(error / self.tool.sizes)[..., None])[..., 0] * self.spans
         free = np.swapaxes(right[:, len(self.tool.held) :], 1, 2) * self.spans[:, None]  # (N, D, r)
-        free = self._in_forces(now, free)
-        optimum = solve(self._programme(now, readings, there, free))
+        free = self._in_forces(pose, free)
+        optimum = solve(self._programme(pose, readings, there, free))
         return there + (free @ optimum.y[..., None])[..., 0], optimum
 
-    def _in_forces(self, now: StrainedPose, free: Array) -> Array:
+    def _in_forces(self, pose: StrainedPose, free: Array) -> Array:
         """The same directions, of which a unit changes the forces by one scale, each other ones."""
-        changed = np.nan_to_num(now.by_force[:, :, self.drives] / self.internal.scale[:, None]) @ free
+        changed = np.nan_to_num(pose.by_force[:, :, self.drives] / self.internal.scale[:, None]) @ free
         size = np.abs(changed).max(axis=(1, 2), initial=0.0, keepdims=True)
         size[size == 0.0] = 1.0
         upper = np.asarray(np.linalg.qr(changed / size, mode="r"))  # (N, r, r)
@@ -83,20 +83,20 @@ class Redundancy:
         upper = upper + weak[:, :, None] * np.eye(free.shape[2])
         return np.asarray(np.swapaxes(np.linalg.solve(np.swapaxes(upper, 1, 2), np.swapaxes(free, 1, 2)), 1, 2) / size)
 
-    def _programme(self, now: StrainedPose, readings: Array, there: Array, free: Array) -> Programme:
-        curvature, slope = self._objective(now, readings, there, free)
-        bounds = self._bounds(now, readings)
+    def _programme(self, pose: StrainedPose, readings: Array, there: Array, free: Array) -> Programme:
+        curvature, slope = self._objective(pose, readings, there, free)
+        bounds = self._bounds(pose, readings)
         matrix = bounds.matrix @ free
         room = bounds.bound - (bounds.matrix @ there[..., None])[..., 0]
         return Programme(curvature=curvature, slope=slope, matrix=matrix, bound=room)
 
-    def _objective(self, now: StrainedPose, readings: Array, there: Array, free: Array) -> tuple[Array, Array]:
+    def _objective(self, pose: StrainedPose, readings: Array, there: Array, free: Array) -> tuple[Array, Array]:
         """Curvature (N, r, r) and slope (N, r) of what is made least, by amounts of the free steps."""
-        by_force = np.nan_to_num(now.by_force[:, :, self.drives])
+        by_force = np.nan_to_num(pose.by_force[:, :, self.drives])
         if self.choice == "min-energy":
             work = by_force[:, self.drives] * conjugate_gains(self.tool.machine, self.values)[self.drives, None]
             work = 0.5 * (work + np.swapaxes(work, 1, 2))
-            slope = np.nan_to_num(now.by_energy[:, self.drives]) + (work @ there[..., None])[..., 0]
+            slope = np.nan_to_num(pose.by_energy[:, self.drives]) + (work @ there[..., None])[..., 0]
             back = np.swapaxes(free, 1, 2)
             return back @ work @ free, (back @ slope[..., None])[..., 0]
         if self.choice == "nominal":
@@ -104,22 +104,22 @@ class Redundancy:
             left = ((readings - self.set_values)[:, self.drives] + there) / self.spans
             return _squares(free[:, own] / self.spans[own][:, None], left[:, own])
         moved = by_force @ free
-        forces = np.nan_to_num(now.force) + (by_force @ there[..., None])[..., 0]
+        forces = np.nan_to_num(pose.force) + (by_force @ there[..., None])[..., 0]
         if self.choice == "preload":
-            return _squares(self.internal.amounts(moved), self.internal.amounts(forces - self.wanted))
+            return _squares(self.internal.amounts(moved), self.internal.amounts(forces - self.aimed_forces))
         return _squares(moved / self.internal.scale[:, None], forces / self.internal.scale)
 
-    def _bounds(self, now: StrainedPose, readings: Array) -> Bounds:
+    def _bounds(self, pose: StrainedPose, readings: Array) -> Bounds:
         """Limits of travel, of force and of tension that a step has to keep, each in its own size."""
-        parts = [*self._travel(readings), *self._force(now), *self._tension(now)] if self.choice in BOUNDED else []
+        parts = [*self._travel(readings), *self._force(pose), *self._tension(pose)] if self.choice in BOUNDED else []
         if not parts:
             return Bounds(np.zeros((len(readings), 0, len(self.drives))), np.zeros((len(readings), 0)), ())
         matrix, bound, names = zip(*parts, strict=True)
         return Bounds(np.stack(matrix, axis=1), np.stack(bound, axis=1), names)
 
-    def names(self, now: StrainedPose, readings: Array) -> tuple[str, ...]:
+    def names(self, pose: StrainedPose, readings: Array) -> tuple[str, ...]:
         """The bounds in words."""
-        return self._bounds(now, readings).names
+        return self._bounds(pose, readings).names
 
     def _travel(self, readings: Array) -> list[tuple[Array, Array, str]]:
         out = []
@@ -134,28 +134,28 @@ class Redundancy:
                     out.append((row, room, f"travel limit of `{actuator.name}` ({unit.format(limit, 6)})"))
         return out
 
-    def _force(self, now: StrainedPose) -> list[tuple[Array, Array, str]]:
+    def _force(self, pose: StrainedPose) -> list[tuple[Array, Array, str]]:
         out = []
         for a in self.drives:
             actuator = self.tool.machine.actuators[a]
             limit = actuator.force_limit * (1 - _TAUT)
             for sign in (-1.0, 1.0) if np.isfinite(limit) else ():
-                row = sign * np.nan_to_num(now.by_force[:, a][:, self.drives]) / limit
-                room = 1.0 - sign * np.nan_to_num(now.force[:, a]) / limit
+                row = sign * np.nan_to_num(pose.by_force[:, a][:, self.drives]) / limit
+                room = 1.0 - sign * np.nan_to_num(pose.force[:, a]) / limit
                 out.append((row, room, f"`force_limit` of `{actuator.name}`"))
         return out
 
-    def _tension(self, now: StrainedPose) -> list[tuple[Array, Array, str]]:
+    def _tension(self, pose: StrainedPose) -> list[tuple[Array, Array, str]]:
         """Ropes whose tension drives can change stay taut, by their `t_min` or at least just so."""
         out = []
         scale = float(np.min(self.internal.scale))
         for k, (g, e, name) in enumerate(self.tool.ropes):
-            slope = np.nan_to_num(now.by_tension[:, k][:, self.drives])
+            slope = np.nan_to_num(pose.by_tension[:, k][:, self.drives])
             if slope.any():
                 stated = [t for t in self.tool.machine.least_tensions if t.member == (g, e)]
                 least = max((t.tension / t.weight for t in stated), default=0.0)
                 size = max(least, scale)
-                room = (np.nan_to_num(now.tension[:, k]) - least * (1 + _TAUT)) / size
+                room = (np.nan_to_num(pose.tension[:, k]) - least * (1 + _TAUT)) / size
                 which = stated[0].name if stated else name
                 what = f"`t_min` of rope `{which}`" if stated else f"rope `{which}`, which would be slack"
                 out.append((-slope / size, room, what))

@@ -46,7 +46,7 @@ class Aim:
     rows: Rows
 
     @property
-    def wanted(self) -> Array:
+    def targets(self) -> Array:
         """Coordinates (N, h) that are held."""
         return self.poses[:, [DIRECTIONS.index(name) for name in self.held]]
 
@@ -75,7 +75,7 @@ def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions
     internal = InternalForces.of(model, values, strainless.by_pose)
     redundancy = Redundancy(
         tool=LoadedTool(model, aim.held, taut=True) if ropes else tool, values=values, choice=choice, internal=internal,
-        wanted=_declared(model, aim, choice), set_values=aim.rows.readings,
+        aimed_forces=_declared(model, aim, choice), set_values=aim.rows.readings,
     )  # fmt: skip
     begin, drives = aim.rows.readings.copy(), redundancy.drives
     if choice != "nominal":
@@ -85,7 +85,7 @@ def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions
     if ropes and choice not in BOUNDED:  # now with ropes that go slack
         search = _Search(replace(redundancy, tool=tool), aim, search.rows)
         search.run()
-    after = tool.at(values, search.rows, aim.wanted)
+    after = tool.at(values, search.rows, aim.targets)
     failed = _beyond(model, search.rows, _checked(tool, aim, after, search.failed))
     return Found(rows=search.rows, after=after, internal=internal, failed=failed)
 
@@ -96,13 +96,13 @@ def _declared(model: Model, aim: Aim, choice: Choice) -> Array:
         return np.zeros(aim.rows.readings.shape)
     nominal = drive_positions(model, aim.poses, None, aim.held, derivatives=True)
     assert nominal.by_pose is not None
-    there = LoadedTool(model, aim.held).at(model.nominal, aim.rows, aim.wanted)
+    there = LoadedTool(model, aim.held).at(model.nominal, aim.rows, aim.targets)
     return InternalForces.of(model, model.nominal, nominal.by_pose).part(np.nan_to_num(there.force))
 
 
 def _checked(tool: LoadedTool, aim: Aim, after: StrainedPose, failed: dict[int, str]) -> dict[int, str]:
     """Reasons of rows that a prediction from scratch does not confirm, besides those that are known."""
-    error = np.abs(after.tool - aim.wanted) / tool.sizes
+    error = np.abs(after.tool - aim.targets) / tool.sizes
     there = np.nan_to_num(error, nan=np.inf).max(axis=1, initial=0.0) < _THERE
     lost = {int(k): _ELSEWHERE for k in np.nonzero(~there & after.prediction.solved)[0]}
     lost |= {int(k): after.prediction.reason(int(k)) for k in np.nonzero(~after.prediction.solved)[0]}
@@ -122,9 +122,9 @@ def _beyond(model: Model, rows: Rows, failed: dict[int, str]) -> dict[int, str]:
     return out
 
 
-def _unsettled(now: StrainedPose, row: int) -> str:
+def _unsettled(pose: StrainedPose, row: int) -> str:
     """Why a row does not come to its end."""
-    slack = now.prediction.slack.get(row)
+    slack = pose.prediction.slack.get(row)
     if slack:
         return f"no set values found: slack ropes ({', '.join(slack)}) do not hold the tool point there"
     return "no set values found: the tool point does not settle"
@@ -144,58 +144,58 @@ class _Search:
 
     def run(self) -> None:
         """Search until no row moves; rows that do not end are `failed`."""
-        now: StrainedPose | None = None
+        pose: StrainedPose | None = None
         for _ in range(_STEPS):
-            start = None if now is None else now.prediction.start
-            now = self.redundancy.tool.at(
-                self.redundancy.values, self.rows, self.aim.wanted, "readings", start, compare=False
+            start = None if pose is None else pose.prediction.start
+            pose = self.redundancy.tool.at(
+                self.redundancy.values, self.rows, self.aim.targets, "readings", start, compare=False
             )
-            self._advance(now)
+            self._advance(pose)
             if not self.moving.any():
                 break
-        assert now is not None
-        self._end(now)
+        assert pose is not None
+        self._end(pose)
 
-    def _advance(self, now: StrainedPose) -> None:
+    def _advance(self, pose: StrainedPose) -> None:
         """One step of all rows that move; back by half where the last one led nowhere."""
         redundancy, drives = self.redundancy, self.redundancy.drives
-        error = now.tool - self.aim.wanted
+        error = pose.tool - self.aim.targets
         away = np.nan_to_num(np.abs(error) / redundancy.tool.sizes, nan=np.inf).max(axis=1)
-        solved = now.prediction.solved & ((away < _GROWN * self.away) | (away < _THERE))
+        solved = pose.prediction.solved & ((away < _GROWN * self.away) | (away < _THERE))
         back = self.moving & ~solved
         self.halved[back] += 1
         for k in np.nonzero(back & (self.halved > _HALVINGS))[0].tolist():
-            self.failed[k] = _unsettled(now, k) if now.prediction.solved[k] else now.prediction.reason(k)
+            self.failed[k] = _unsettled(pose, k) if pose.prediction.solved[k] else pose.prediction.reason(k)
             self.moving[k] = False
         readings = self.rows.readings.copy()
         readings[np.ix_(np.nonzero(back)[0], drives)] -= 0.5 * self.step[back]
         self.step[back] *= 0.5
-        step, optimum = redundancy.step(now, self.rows.readings, error)
+        step, optimum = redundancy.step(pose, self.rows.readings, error)
         step = self._limited(step)
-        settled = solved & self._settled(now, error, step)
+        settled = solved & self._settled(pose, error, step)
         go = np.nonzero(self.moving & solved & ~settled)[0]
         self.halved[go], self.step[go], self.away[go] = 0, step[go], away[go]
         readings[np.ix_(go, drives)] += step[go]
         self.moving &= ~settled
         self.beyond = {
-            k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & now.prediction.solved)[0].tolist()
-        } | {k: on for k, on in self.beyond.items() if not now.prediction.solved[k]}
+            k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & pose.prediction.solved)[0].tolist()
+        } | {k: on for k, on in self.beyond.items() if not pose.prediction.solved[k]}
         self.rows = replace(self.rows, readings=readings)
 
-    def _settled(self, now: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
+    def _settled(self, pose: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
         """Rows (N,) whose tool point is there, and whose forces a further step (N, D) changes by rounding at most."""
         redundancy = self.redundancy
         there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
-        changed = np.abs((now.by_force[:, :, redundancy.drives] @ step[..., None])[..., 0])
-        still = (changed < _SETTLED * np.maximum(redundancy.internal.scale, np.abs(now.force))).all(axis=1)
+        changed = np.abs((pose.by_force[:, :, redundancy.drives] @ step[..., None])[..., 0])
+        still = (changed < _SETTLED * np.maximum(redundancy.internal.scale, np.abs(pose.force))).all(axis=1)
         rounding = (np.abs(step / redundancy.spans) < _ROUNDING).all(axis=1)
         return np.asarray(there & (still | rounding))
 
-    def _end(self, now: StrainedPose) -> None:
+    def _end(self, pose: StrainedPose) -> None:
         """Why rows have no set values: no limits that are kept, or no end."""
-        names = self.redundancy.names(now, self.rows.readings)
+        names = self.redundancy.names(pose, self.rows.readings)
         for k in np.nonzero(self.moving)[0].tolist():
-            self.failed[k] = _unsettled(now, k)
+            self.failed[k] = _unsettled(pose, k)
         for k, binding in self.beyond.items():
             limits = ", ".join(binding_names(names, binding))
             self.failed[k] = f"no set values within all limits; in the way: {limits}"

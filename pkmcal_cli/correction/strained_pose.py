@@ -77,25 +77,25 @@ class LoadedTool:
         self,
         values: Array,
         rows: Rows,
-        wanted: Array,
+        targets: Array,
         by: Sequence[str] | str = "",
         start: WarmStart | None = None,
         compare: bool = True,
     ) -> StrainedPose:
-        """At set values and parameters (P,); wanted (N, h); `by`: "readings", or names of parameters."""
+        """At set values and parameters (P,); targets (N, h); `by`: "readings", or names of parameters."""
         names = None if isinstance(by, str) else tuple(by)
         request = Request(parameters=names, by_drive=by == "readings", forces=True, compare=compare)
-        found = predict(self.model, values, rows, request, start)
-        slopes = found.jacobian if names is not None else found.by_drive
+        prediction = predict(self.model, values, rows, request, start)
+        slopes = prediction.jacobian if names is not None else prediction.by_drive
         if slopes is None:
-            slopes = np.zeros((*found.values.shape, 0))
-        tool, by_tool = self._tool(found.values, slopes, wanted)
-        assert found.energy is not None and found.forces is not None
+            slopes = np.zeros((*prediction.values.shape, 0))
+        tool, by_tool = self._tool(prediction.values, slopes, targets)
+        assert prediction.energy is not None and prediction.forces is not None
         force, tension, energy = self._loads
         return StrainedPose(
-            prediction=found, tool=tool, by_tool=by_tool, force=found.values[:, force], by_force=slopes[:, force],
-            tension=found.values[:, tension], by_tension=slopes[:, tension], energy=found.energy,
-            by_energy=slopes[:, energy],
+            prediction=prediction, tool=tool, by_tool=by_tool, force=prediction.values[:, force],
+            by_force=slopes[:, force], tension=prediction.values[:, tension], by_tension=slopes[:, tension],
+            energy=prediction.energy, by_energy=slopes[:, energy],
         )  # fmt: skip
 
     @cached_property
@@ -105,23 +105,23 @@ class LoadedTool:
         first = last - len(self.ropes)
         return slice(first - len(self.machine.actuators), first), slice(first, last), last
 
-    def _tool(self, values: Array, slopes: Array, wanted: Array) -> tuple[Array, Array]:
+    def _tool(self, values: Array, slopes: Array, targets: Array) -> tuple[Array, Array]:
         """Coordinates that are held and their derivatives; rotations told the way round that is wanted."""
         names = [c.name for c in self.model.channels]
         turns = [names.index(n) for n in _ROTATION if n in names]
         if len(turns) == 3:
-            told = np.full((len(values), 3), np.nan)
+            rotations = np.full((len(values), 3), np.nan)
             for k, name in enumerate(self.held):
                 if name in _ROTATION:
-                    told[:, _ROTATION.index(name)] = wanted[:, k]
+                    rotations[:, _ROTATION.index(name)] = targets[:, k]
             values, slopes = values.copy(), slopes.copy()
-            values[:, turns], by = nearer_way_round(values[:, turns], slopes[:, turns], told)
+            values[:, turns], by = nearer_way_round(values[:, turns], slopes[:, turns], rotations)
             assert by is not None
             slopes[:, turns] = by
         columns = [names.index(n) for n in self.held]
         tool = values[:, columns]
         if len(turns) == 1:  # in the plane an angle may count turns
-            tool = tool + np.where(self.turning, 2 * np.pi * np.round((wanted - tool) / (2 * np.pi)), 0.0)
+            tool = tool + np.where(self.turning, 2 * np.pi * np.round((targets - tool) / (2 * np.pi)), 0.0)
         return tool, slopes[:, columns]
 
 

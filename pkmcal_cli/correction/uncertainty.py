@@ -46,12 +46,12 @@ class Spread:
 def spread(tool: LoadedTool, values: Array, aim: Aim, there: StrainedPose, rows: Rows, known: KnownTo) -> Spread:
     """Of a pose that was predicted for `rows` at parameter values (P,)."""
     start = there.prediction.start
-    by = tool.at(values, rows, aim.wanted, known.names, start)
+    by = tool.at(values, rows, aim.targets, known.names, start)
     variances = [_carried(j, known.covariance) for j in (by.by_tool, by.by_force)]
     weak = _carried(by.by_tool, _hardly_determined(known)) / tool.sizes**2
     whole = variances[0] / tool.sizes**2
     for name, std in known.conditions.items():
-        ends = [tool.at(values, _changed(rows, name, s * std), aim.wanted, "", start) for s in (1.0, -1.0)]
+        ends = [tool.at(values, _changed(rows, name, s * std), aim.targets, "", start) for s in (1.0, -1.0)]
         variances[0] += (0.5 * (ends[0].tool - ends[1].tool)) ** 2
         variances[1] += (0.5 * (ends[0].force - ends[1].force)) ** 2
     variances[0] = variances[0] + np.where(tool.turning, known.unexplained[1], known.unexplained[0]) ** 2

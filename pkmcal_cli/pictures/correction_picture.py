@@ -56,7 +56,7 @@ def _places(result: Assessment, held: Sequence[str]) -> list[Places]:
     columns = [k for k, name in enumerate(held) if not name.startswith("r")]
     if len(columns) < 2:
         return []
-    wanted, before, after = (v[good][:, columns] for v in (made.aim.wanted, made.before.tool, made.after.tool))
+    wanted, before, after = (v[good][:, columns] for v in (made.aim.targets, made.before.tool, made.after.tool))
     known = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
     if not known.any():
         return []

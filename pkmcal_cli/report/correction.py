@@ -99,7 +99,7 @@ class CorrectionReport:
         """Size (n,) of the error of a kind."""
         made, columns = result.correction, self._columns(kind)
         tool = made.after.tool if after else made.before.tool
-        return self._good(np.sqrt(((tool - made.aim.wanted)[:, columns] ** 2).sum(axis=1)))
+        return self._good(np.sqrt(((tool - made.aim.targets)[:, columns] ** 2).sum(axis=1)))
 
     def _spread(self, spread: Spread | None, kind: str) -> Array:
         """Standard uncertainty (n,) of the error of a kind, all its coordinates together."""

@@ -40,9 +40,9 @@ class ExportReport:
     @cached_property
     def _errors(self) -> dict[str, Array]:
         """Errors (n, h) at the usable targets: of the nominal set values, with the export, corrected."""
-        made, rows, wanted = self.case.made, self.case.usable, self.case.wanted
+        made, rows, targets = self.case.made, self.case.usable, self.case.targets
         tools = (made.before.tool[rows], self._installed.tool, made.after.tool[rows])
-        return {what: tool - wanted for what, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
+        return {what: tool - targets for what, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
 
     @cached_property
     def _energies(self) -> dict[str, float]:

@@ -37,13 +37,13 @@ class CommandTable(PosedTable):
         """Columns of the rows that have commands."""
         made, good = result.correction, result.correction.good
         remarks = result.remarks
-        wanted, open_ = made.aim.wanted, np.full(made.aim.wanted.shape, np.nan)
+        targets, open_ = made.aim.targets, np.full(made.aim.targets.shape, np.nan)
         cells = [*self.pose_cells(ids, made.rows.take(good)), *self.force_cells(made.rows.forces[good])]
         u_before = open_ if result.before is None else result.before.tool
         u_after = open_ if result.after is None else result.after.tool
-        for k in range(wanted.shape[1]):
-            errors = (made.before.tool - wanted, u_before, made.after.tool - wanted, u_after)
-            cells += [wanted[good, k], *(e[good, k] for e in errors)]
+        for k in range(targets.shape[1]):
+            errors = (made.before.tool - targets, u_before, made.after.tool - targets, u_after)
+            cells += [targets[good, k], *(e[good, k] for e in errors)]
         forces = made.after.force
         internal = made.internal.part(np.nan_to_num(forces))
         u_force: Array = np.full(forces.shape, np.nan) if result.after is None else result.after.force

@@ -56,12 +56,12 @@ def _draft(case: ExportCase) -> Draft:
     }
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
-        told = [
+        header = [
             "positions and values in 0.1 um (rotary: 0.0001 deg); value: actual less set position",
             "set kopf.achs_nr to the number of the axis; lr_param.ssfk 1 switches the compensation on",
             *remarks,
         ]
-        comments = [f"# {line}" for line in told]
+        comments = [f"# {line}" for line in header]
         return {
             name: "\n".join([*comments, *(f"{key:<32}{value}" for key, value in lines), ""])
             for name, lines in entries.items()

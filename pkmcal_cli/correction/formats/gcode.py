@@ -90,11 +90,11 @@ def _moved_points(case: ExportCase, keyword: str) -> Array:
     size = np.where([c in "xyz" for c in held], case.model.length, 1.0)
     poses = case.poses.copy()
     for _ in range(_STEPS):
-        found = drive_positions(case.model, poses, None, held, derivatives=True)
-        assert found.by_pose is not None
-        if not found.reached.all():
+        inverse = drive_positions(case.model, poses, None, held, derivatives=True)
+        assert inverse.by_pose is not None
+        if not inverse.reached.all():
             break
-        step = np.linalg.solve(found.by_pose[:, drives], (case.corrected - found.readings)[:, drives, None])[..., 0]
+        step = np.linalg.solve(inverse.by_pose[:, drives], (case.corrected - inverse.readings)[:, drives, None])[..., 0]
         poses[:, columns] += step
         if (np.abs(step) < _THERE * size).all():
             return poses

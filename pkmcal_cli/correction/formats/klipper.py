@@ -34,10 +34,10 @@ def _sure(u: float, unit: str = "mm") -> str:
 
 def _delta(case: ExportCase) -> Draft:
     fit = fitted_delta(case, _KEYWORD, tilted=False)
-    found, u = fit.constants, fit.u
+    constants, u = fit.constants, fit.u
     made = DeltaConstants(
-        radius=float(_rounded(np.array(found.radius), _MM)), angles=_rounded(found.angles % 360.0),
-        rods=_rounded(found.rods, _MM), stops=_rounded(found.stops, _MM), tilt=found.tilt,
+        radius=float(_rounded(np.array(constants.radius), _MM)), angles=_rounded(constants.angles % 360.0),
+        rods=_rounded(constants.rods, _MM), stops=_rounded(constants.stops, _MM), tilt=constants.tilt,
     )  # fmt: skip
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
@@ -76,9 +76,10 @@ def _winch(case: ExportCase) -> Draft:
         what = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
         raise case.refuse(_KEYWORD, what, "use tables of single drives")
     motors = _motors(case)
-    found = line_constants(case, _KEYWORD, motors)
+    constants = line_constants(case, _KEYWORD, motors)
     turn = 2.0 * np.pi
-    made = replace(found, anchors=_rounded(found.anchors, _MM), more=_rounded(found.more * turn, _MM) / turn)
+    more = _rounded(constants.more * turn, _MM) / turn
+    made = replace(constants, anchors=_rounded(constants.anchors, _MM), more=more)
     spools = [a for a in range(count) if case.model.actuators[a].dimension == "angle"]
     u_gains = np.where(np.isfinite(made.u_anchors[spools, 0]), made.u_more, np.nan)
     per_turn = {a: (turn * abs(g), turn * u) for a, g, u in zip(spools, made.more, u_gains, strict=True)}

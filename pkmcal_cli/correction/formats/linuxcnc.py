@@ -30,12 +30,12 @@ def _draft(case: ExportCase) -> Draft:
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         out = {}
         for a, table in zip(case.drives, tables, strict=True):
-            told = [
+            comments = [
                 f"drive {case.name(a)}, unit {case.unit(a).text}; [JOINT_n] COMP_FILE_TYPE = 1",
                 "position, added in forward motion, added in reverse motion; LinuxCNC reads up to this line",
                 *remarks,
             ]
-            out[case.name(a)] = "\n".join([*_lines(case, a, table), *(f"# {line}" for line in told), ""])
+            out[case.name(a)] = "\n".join([*_lines(case, a, table), *(f"# {line}" for line in comments), ""])
         return out
 
     return Draft(commands=sent(case, tables), values=case.values, texts=texts)

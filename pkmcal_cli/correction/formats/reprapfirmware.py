@@ -35,14 +35,14 @@ def _mm(values: Array | float) -> str:
 
 def _delta(case: ExportCase) -> Draft:
     fit = fitted_delta(case, _KEYWORD, tilted=True)
-    found, u = fit.constants, fit.u
-    turns = _rounded((found.angles - _USUAL + 180.0) % 360.0 - 180.0)
-    height = float(_rounded(np.array(found.stops.mean()), _MM))
-    stops = _rounded(found.stops - height, _MM)
-    tilt = _rounded(100.0 * found.tilt)
+    constants, u = fit.constants, fit.u
+    turns = _rounded((constants.angles - _USUAL + 180.0) % 360.0 - 180.0)
+    height = float(_rounded(np.array(constants.stops.mean()), _MM))
+    stops = _rounded(constants.stops - height, _MM)
+    tilt = _rounded(100.0 * constants.tilt)
     made = DeltaConstants(
-        radius=float(_rounded(np.array(found.radius), _MM)), angles=_USUAL + turns, rods=_rounded(found.rods, _MM),
-        stops=height + stops, tilt=tilt / 100.0,
+        radius=float(_rounded(np.array(constants.radius), _MM)), angles=_USUAL + turns,
+        rods=_rounded(constants.rods, _MM), stops=height + stops, tilt=tilt / 100.0,
     )  # fmt: skip
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
@@ -144,17 +144,18 @@ def _constants(case: ExportCase, spools: _Spools) -> LineConstants:
         start=lambda gains: np.append(spools.radii(gains), 0.0),
         steps=lambda more: np.append(more[:-1] / case.model.length, 1e-5),
     )
-    found = line_constants(case, _KEYWORD, motors)
-    if found.more[-1] >= _LEAST_BUILDUP:
-        return found
+    constants = line_constants(case, _KEYWORD, motors)
+    if constants.more[-1] >= _LEAST_BUILDUP:
+        return constants
     bare = replace(
         motors,
         readings=lambda moved, more: spools.readings(moved, np.append(more, _LEAST_BUILDUP)),
         start=spools.radii,
         steps=lambda more: more / case.model.length,
     )
-    found = line_constants(case, _KEYWORD, bare)
-    return replace(found, more=np.append(found.more, _LEAST_BUILDUP), u_more=np.append(found.u_more, np.nan))
+    constants = line_constants(case, _KEYWORD, bare)
+    more, u_more = np.append(constants.more, _LEAST_BUILDUP), np.append(constants.u_more, np.nan)
+    return replace(constants, more=more, u_more=u_more)
 
 
 def _lines_u(made: LineConstants) -> str:
@@ -166,8 +167,8 @@ def _lines_u(made: LineConstants) -> str:
     return f"; u: M669 {anchors}; of the radii {radii}{buildup}"
 
 
-def _rounded_lines(found: LineConstants) -> LineConstants:
-    return replace(found, anchors=_rounded(found.anchors, _MM), more=_rounded(found.more, _MM))
+def _rounded_lines(constants: LineConstants) -> LineConstants:
+    return replace(constants, anchors=_rounded(constants.anchors, _MM), more=_rounded(constants.more, _MM))
 
 
 def _draft(case: ExportCase) -> Draft:
