@@ -89,9 +89,9 @@ class _Setting:
     def predicted(self, prediction: Prediction, poses: PoseSet) -> PoseSet:
         """The poses that were predicted, the others told. Raises BadInput with rows of a table, or with none left."""
         lost = {int(k): prediction.reason(int(k)) for k in np.nonzero(~prediction.solved)[0]}
-        found = poses.without_points(lost)
-        found.failed.show(self.to)
-        return found
+        solved = poses.without_points(lost)
+        solved.failed.show(self.to)
+        return solved
 
     def show_loads(self, poses: PoseSet) -> None:
         """Warnings of forces above limits and of slack ropes."""
@@ -266,19 +266,19 @@ def run_observability(request: AnalysisRequest) -> int:
     """Show and emit what a plan determines; returns the exit code. Raises PkmcalError."""
     _check_plot(request, None)
     to = Reporter(request.quiet)
-    found = observed(request, to)
-    result = found.result
-    show_observability(to, found.problem.model, result, len(found.problem))
-    if found.unstrained and result.undetermined:
+    observation = observed(request, to)
+    result = observation.result
+    show_observability(to, observation.problem.model, result, len(observation.problem))
+    if observation.unstrained and result.undetermined:
         to.say(UNSTRAINED)
-    found.loads.show(to)
+    observation.loads.show(to)
     if request.plot is not None:
-        picture = observability_picture(result, found.problem.model, _titles(request, "observability"))
-        write_plot(picture, request.plot, found.inputs, to, force=request.force)
+        picture = observability_picture(result, observation.problem.model, _titles(request, "observability"))
+        write_plot(picture, request.plot, observation.inputs, to, force=request.force)
     if request.as_json:
-        emit_json(enveloped("observability", _verdict(result), found.json(), provenance(found.inputs)))
-    if found.missed:
-        to.fail(f"named in --select but undetermined: {', '.join(found.missed)}")
+        emit_json(enveloped("observability", _verdict(result), observation.json(), provenance(observation.inputs)))
+    if observation.missed:
+        to.fail(f"named in --select but undetermined: {', '.join(observation.missed)}")
     elif not result.directions.rank:
         to.fail("these positions determine none of the selected parameters")
-    return 1 if found.missed or not result.directions.rank else 0
+    return 1 if observation.missed or not result.directions.rank else 0

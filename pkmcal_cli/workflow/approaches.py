@@ -63,38 +63,38 @@ class Approaches:
 
 
 def approaches(
-    model: Model, values: Array, rows: Rows, poses: Array, rng: np.random.Generator, wanted: Array | None = None
+    model: Model, values: Array, rows: Rows, poses: Array, rng: np.random.Generator, sides_of_rows: Array | None = None
 ) -> Approaches:
     """Approaches of rows (N) at poses (N, 6) of the tool point, at parameter values (P,), from random directions.
 
-    wanted (N, A): sides that are preferred, 0 or nan where any will do.
+    sides_of_rows (N, A): sides that are preferred, 0 or nan where any will do.
     """
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
     overrun = np.full(rows.readings.shape[1], np.inf)
     overrun[held] = np.maximum(_OVERRUN * np.ptp(rows.readings[:, held], axis=0), _LEAST)
-    sides = np.zeros(rows.readings.shape) if wanted is None else np.nan_to_num(wanted)
-    back, found = _steps_back(model, poses, overrun, sides, rng)
-    refused = {int(k): NO_WAY for k in np.nonzero(~found)[0]}
-    back, safe = _shortened(model, values, rows, np.where(found[:, None], np.nan_to_num(back), 0.0))
-    refused |= {int(k): FORCES for k in np.nonzero(found & ~safe)[0]}
+    sides = np.zeros(rows.readings.shape) if sides_of_rows is None else np.nan_to_num(sides_of_rows)
+    back, reachable = _steps_back(model, poses, overrun, sides, rng)
+    refused = {int(k): NO_WAY for k in np.nonzero(~reachable)[0]}
+    back, safe = _shortened(model, values, rows, np.where(reachable[:, None], np.nan_to_num(back), 0.0))
+    refused |= {int(k): FORCES for k in np.nonzero(reachable & ~safe)[0]}
     still = np.abs(back) < _STILL * np.where(np.isinf(overrun), _LEAST, overrun)
     return Approaches(back, np.where(still, 0.0, -np.sign(back)), refused)
 
 
 def _steps_back(
-    model: Model, poses: Array, overrun: Array, wanted: Array, rng: np.random.Generator
+    model: Model, poses: Array, overrun: Array, sides: Array, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """By how much drives (N, A) are off where approaches begin, and which (N,) there are; shorter ones at borders."""
-    back, found = np.zeros(wanted.shape), np.zeros(len(poses), dtype=bool)
+    back, reachable = np.zeros(sides.shape), np.zeros(len(poses), dtype=bool)
     for share in _SHORTER:
-        left = np.nonzero(~found)[0]
+        left = np.nonzero(~reachable)[0]
         if len(left):
-            back[left], found[left] = _best_step(model, poses[left], share * overrun, wanted[left], rng)
-    return back, found
+            back[left], reachable[left] = _best_step(model, poses[left], share * overrun, sides[left], rng)
+    return back, reachable
 
 
 def _best_step(
-    model: Model, poses: Array, overrun: Array, wanted: Array, rng: np.random.Generator
+    model: Model, poses: Array, overrun: Array, sides: Array, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The same for one length of steps: within reach and travel, and the workspace where the poses are in it.
 
@@ -119,7 +119,7 @@ def _best_step(
     good &= (((back.readings >= limits[:, 0]) & (back.readings <= limits[:, 1])) | outside).all(axis=1)
     if model.workspace is not None:
         good &= model.workspace.holds(back.poses, back.readings) | ~model.workspace.holds(every, there)
-    suits = (np.sign(slope) * np.tile(wanted, (_TRIES, 1)) >= 0).mean(axis=1)
+    suits = (np.sign(slope) * np.tile(sides, (_TRIES, 1)) >= 0).mean(axis=1)
     moves = np.minimum(step * laziest, _ENOUGH)  # among those that move enough chance decides: all kinds of sides
     worth = np.where(good, 2.0 * suits + moves, -1.0).reshape(_TRIES, count)
     best, row = worth.argmax(axis=0), np.arange(count)
@@ -167,9 +167,9 @@ def _shortened(model: Model, values: Array, rows: Rows, back: Array) -> tuple[Ar
 
 def _safe(model: Model, values: Array, rows: Rows, back: Array, limits: Array) -> NDArray[np.bool_]:
     """Whether internal forces on the way (N,) exceed those at the pose by little, and all forces are within limits."""
-    found = drive_positions(model, tcp_places(model, values, rows), values, derivatives=True)
-    assert found.by_pose is not None
-    internal = InternalForces.of(model, values, np.nan_to_num(found.by_pose))
+    inverse = drive_positions(model, tcp_places(model, values, rows), values, derivatives=True)
+    assert inverse.by_pose is not None
+    internal = InternalForces.of(model, values, np.nan_to_num(inverse.by_pose))
     there = _forces(model, values, rows)
     good = np.asarray((np.abs(there) <= limits).all(axis=1))
     for share in _ON_THE_WAY:
@@ -181,6 +181,6 @@ def _safe(model: Model, values: Array, rows: Rows, back: Array, limits: Array) -
 
 def _forces(model: Model, values: Array, rows: Rows) -> Array:
     """Forces (N, A) of the drives; inf where the machine does not get there."""
-    found = predict(model, values, rows, Request(forces=True))
-    assert found.forces is not None
-    return np.where(found.solved[:, None], np.nan_to_num(found.forces), np.inf)
+    prediction = predict(model, values, rows, Request(forces=True))
+    assert prediction.forces is not None
+    return np.where(prediction.solved[:, None], np.nan_to_num(prediction.forces), np.inf)

@@ -39,18 +39,18 @@ def run_calibration(request: CalibrationRequest) -> int:
     s = setting(request)
     check_gates(limits, s.problem.model, measured_kinds(s.problem))
     check_target(request.output, s.inputs, force=request.force)
-    found = calibration(s, to)
-    found.report.show(to)
-    if found.report.implausible and request.accept:
+    calibrated = calibration(s, to)
+    calibrated.report.show(to)
+    if calibrated.report.implausible and request.accept:
         to.say("accepted (`--accept`)")
-    return _written(found, limits, to)
+    return _written(calibrated, limits, to)
 
 
-def _written(found: Calibrated, limits: Sequence[Gate], to: Reporter) -> int:
+def _written(calibrated: Calibrated, limits: Sequence[Gate], to: Reporter) -> int:
     """Write what is asked for; the exit code. Raises OutputError."""
-    s, report, request = found.setting, found.report, found.setting.request
+    s, report, request = calibrated.setting, calibrated.report, calibrated.setting.request
     accepted = {"accepted": list(report.implausible)} if report.implausible and request.accept else {}
-    head = parameter_head(found, **accepted)
+    head = parameter_head(calibrated, **accepted)
     text = report.parameter_file(head)
     if request.output is not None:
         with write_text(request.output, s.inputs, force=request.force) as file:
@@ -61,7 +61,7 @@ def _written(found: Calibrated, limits: Sequence[Gate], to: Reporter) -> int:
         write_plot(picture, request.plot, s.inputs, to, force=request.force)
     judged = _judged(s, report, limits)
     verdict, code = _verdict(s, report, judged, to)
-    result = enveloped("calibrate", verdict, found.json | {"gates": [each.json() for each in judged]}, head)
+    result = enveloped("calibrate", verdict, calibrated.json | {"gates": [each.json() for each in judged]}, head)
     if request.as_json:
         emit_json(result)
     if request.run is not None:
@@ -89,8 +89,8 @@ def _verdict(
     failed = report.status != "converged" and not (report.implausible and s.request.accept)
     if failed and s.request.quiet:
         to.fail(report.verdict())
-    wanted = named(report.model, s.request.select) & set(s.selected)
-    lost = [r.name for r in report.rows if r.name in wanted and r.std is None]
+    selected_by_name = named(report.model, s.request.select) & set(s.selected)
+    lost = [r.name for r in report.rows if r.name in selected_by_name and r.std is None]
     if lost:
         to.fail(f"named in --select but undetermined: {', '.join(lost)}")
     missed = missed_limits(judged, s.loaded, s.measured.files[0])

@@ -153,27 +153,27 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     if hints:  # no start mends a wrong column
         options = replace(options, starts=options.starts or 1)
     with to.stages() as observe:
-        found = _fit(s, options, to, observe)
-        fit, place = found.robust.fit, partial(place_of, s.measured)
+        robust_fit = _fit(s, options, to, observe)
+        fit, place = robust_fit.robust.fit, partial(place_of, s.measured)
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
             held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
-    gross = gross_row_reasons(s.problem, found, place)
-    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, found, held, place, (*hints, *gross)))
+    gross = gross_row_reasons(s.problem, robust_fit, place)
+    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, (*hints, *gross)))
 
 
-def parameter_head(found: Calibrated, **more: object) -> dict[str, Any]:
+def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:
     """Provenance of the parameters of a calibration; more: what it says besides."""
-    request = found.setting.request
+    request = calibrated.setting.request
     how = {} if request.method == "exact" else {"method": request.method}
-    return provenance(found.setting.inputs, seed=None, status=found.report.status, **how, **more)
+    return provenance(calibrated.setting.inputs, seed=None, status=calibrated.report.status, **how, **more)
 
 
-def parameter_text(found: Calibrated, **more: object) -> str:
+def parameter_text(calibrated: Calibrated, **more: object) -> str:
     """Text of the parameter file of a calibration; more: what its provenance says besides."""
-    return found.report.parameter_file(parameter_head(found, **more))
+    return calibrated.report.parameter_file(parameter_head(calibrated, **more))
 
 
 def _after(

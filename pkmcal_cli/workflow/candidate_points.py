@@ -56,17 +56,17 @@ def _drawn(loaded: LoadedMachine, places: Array, size: int, rng: np.random.Gener
         limited = np.isfinite(ends).all(axis=0)
         low, high = np.where(limited, ends, [low, high])
         held = model.tool_motion.most_of([c for c, some in zip(DIRECTIONS, limited, strict=True) if some])
-    found: list[tuple[Array, Array]] = []
+    parts_drawn: list[tuple[Array, Array]] = []
     for _ in range(_ROUNDS if workspace is not None else 1):
         drawn = rng.uniform(low, high, (size, len(DIRECTIONS)))
         drawn[:, [k for k, c in enumerate(DIRECTIONS) if c not in held]] = np.nan
         inverse = drive_positions(model, drawn, held=held)
         good = inverse.reached & ((inverse.readings >= limits[:, 0]) & (inverse.readings <= limits[:, 1])).all(axis=1)
         good &= True if workspace is None else workspace.holds(inverse.poses, inverse.readings)
-        found.append((inverse.poses[good], inverse.readings[good]))
-        if sum(len(poses) for poses, _ in found) >= size:
+        parts_drawn.append((inverse.poses[good], inverse.readings[good]))
+        if sum(len(poses) for poses, _ in parts_drawn) >= size:
             break
-    poses, readings = (np.concatenate(parts)[:size] for parts in zip(*found, strict=True))
+    poses, readings = (np.concatenate(parts)[:size] for parts in zip(*parts_drawn, strict=True))
     if workspace is not None and not len(poses):
         raise out_of_workspace(loaded)
     return poses, readings

@@ -108,7 +108,7 @@ def _of_tables(request: CheckRequest) -> BadInput:
     from pkmcal_cli.language.machine_yaml import read_machine
     from pkmcal_cli.tables.measurements import read_measurements
 
-    found, total = list[Fault](), 0
+    faults, total = list[Fault](), 0
     try:
         machine = read_machine(request.machine) if request.tables and not is_stream(request.machine) else None
     except BadInput:
@@ -120,8 +120,8 @@ def _of_tables(request: CheckRequest) -> BadInput:
             else:
                 check_cells(table)
         except BadInput as error:
-            found, total = [*found, *error.faults], total + error.total
-    return BadInput(found, total)
+            faults, total = [*faults, *error.faults], total + error.total
+    return BadInput(faults, total)
 
 
 def _named_files(request: CheckRequest) -> dict[str, str]:
@@ -163,10 +163,10 @@ class _End:
         """In a word: faults first, then the tolerance, then whether all readings agree with the parameters."""
         if total or "verification" not in self.result:
             return "faults" if total else "no_faults"
-        found = self.result["verification"]
-        if found["tolerance"] is not None:
-            return str(found["tolerance"]["verdict"])
-        return "compatible" if found["compatible"] else "not_compatible"
+        verification = self.result["verification"]
+        if verification["tolerance"] is not None:
+            return str(verification["tolerance"]["verdict"])
+        return "compatible" if verification["compatible"] else "not_compatible"
 
 
 def _finish(end: _End, faults: list[Fault], total: int, agrees: bool = True) -> int:
@@ -178,8 +178,8 @@ def _finish(end: _End, faults: list[Fault], total: int, agrees: bool = True) -> 
     if total > MAX_FAULTS:
         to.fail(f"... and {total - min(len(faults), MAX_FAULTS)} more faults")
     if end.as_json:
-        told = {"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]]}
-        emit_json(enveloped("check", end.verdict(total), told | end.result, provenance(end.inputs)))
+        outcome = {"ok": not total, "n_faults": total, "faults": [_json(f) for f in faults[:MAX_FAULTS]]}
+        emit_json(enveloped("check", end.verdict(total), outcome | end.result, provenance(end.inputs)))
     if total or agrees:
         to.say(count(total, "fault") if total else "no faults")
     return 0 if agrees and not total else 1
@@ -205,19 +205,19 @@ def _json(fault: Fault) -> dict[str, Any]:
 
 def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
     """A warning where the drives that are not redundant do not hold the platform in the whole workspace."""
-    found = singular_drives(loaded.model)
-    if found is None:
+    substructure = singular_drives(loaded.model)
+    if substructure is None:
         return []
     units = loaded.machine.file_units
     names = loaded.model.freedoms.coordinates
     place = ", ".join(
         f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
-        for name, value in zip(names, found.pose, strict=True)
+        for name, value in zip(names, substructure.pose, strict=True)
     )
     what = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
     hint = "only `--method linear` and `rigid` refer to the actuators that are not redundant; they may fail there"
-    if found.better:
-        hint += f". No such pose was found with {' and '.join(found.better[0])} redundant instead"
+    if substructure.better:
+        hint += f". No such pose was found with {' and '.join(substructure.better[0])} redundant instead"
     source = loaded.machine.source
     return [source.fault("substructure", what, ("actuators",), hint, at_key=True, warning=True)]
 

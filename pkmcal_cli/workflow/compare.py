@@ -118,14 +118,14 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
     report.show(to)
     if request.plot is not None:
         named = titles(", ".join(os.path.basename(m) for m in machines), "comparison", tables)
-        both = (report.found.first, report.found.second)
+        both = (report.errors.first, report.errors.second)
         picture = machines_picture(report.machines, both, report.unit, report.kind, named)
         write_plot(picture, request.plot, request.things, to, force=request.force)
-    rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.found.second, report.unit, report.kind)
-    told, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
+    rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.errors.second, report.unit, report.kind)
+    gates, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
     if request.as_json:
-        verdict = "one is better" if report.found.better else "no difference"
-        emit_json(enveloped("compare", verdict, report.json() | {"gates": told}, _origin(request.things)))
+        verdict = "one is better" if report.errors.better else "no difference"
+        emit_json(enveloped("compare", verdict, report.json() | {"gates": gates}, _origin(request.things)))
     return int(missed)
 
 
@@ -156,10 +156,10 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     if request.plot is not None:
         named = titles("calibrations", "comparison", files)
         write_plot(comparison_picture(report, named), request.plot, files, to, force=request.force)
-    told, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
+    gates, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
     if request.as_json:
         result = report.json()
-        emit_json(enveloped("compare", result["verdict"], result | {"gates": told}, _origin(files)))
+        emit_json(enveloped("compare", result["verdict"], result | {"gates": gates}, _origin(files)))
     return int(missed or not report.unchanged)
 
 
@@ -179,9 +179,9 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     times, unit = _times(known)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
     moved = chosen_by_all(c, chosen)
-    found = changes(c, moved, times, test.freedom)
+    parameter_changes = changes(c, moved, times, test.freedom)
     single = alone(c, contrasts, test, times) if test.dof else None
-    return Compared(c, test, found, single, _apart(known, c), unit)
+    return Compared(c, test, parameter_changes, single, _apart(known, c), unit)
 
 
 def _own(known: KnownParameters) -> set[str]:
@@ -201,7 +201,7 @@ def _of_other_kinds(known: Sequence[KnownParameters]) -> set[str]:
     for k in known:
         for name, p in k.parameters.items():
             kinds.setdefault(name, set()).add(p.unit.dimension)
-    return {name for name, found in kinds.items() if len(found) > 1}
+    return {name for name, of_name in kinds.items() if len(of_name) > 1}
 
 
 def _apart(known: Sequence[KnownParameters], c: Common) -> dict[str, tuple[int, ...]]:

@@ -35,12 +35,12 @@ class MachineComparison:
     machines: tuple[str, str]
     kind: str
     unit: Unit
-    found: PairedErrors
+    errors: PairedErrors
     scheme: str
 
     def show(self, to: Reporter) -> None:
         """For people."""
-        f, unit = self.found, self.unit
+        f, unit = self.errors, self.unit
         better = f"{self.machines[f.better - 1]} predicts better" if f.better else "no difference"
         change, low, high = (readable(x, unit) for x in (f.second - f.first, f.low, f.high))
         to.say(f"{better}: the held-out {self.kind} rms changes by {change}, 95 % interval {low} to {high}")
@@ -50,7 +50,7 @@ class MachineComparison:
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
-        f, scale = self.found, self.unit.scale
+        f, scale = self.errors, self.unit.scale
         return {
             "kind": "machines",
             "machines": list(self.machines),
@@ -86,13 +86,13 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
             raise BadInput([Fault("under-determined", asked.refusal, Location(p.model.name), asked.remedy)])
         with to.step(f"{name} on held-out rows"):
             squares.append(held_out_squares(p, asked.selected, p.model.nominal, labels, columns))
-    found = paired(squares[0], squares[1], replicate_groups(problems[0]))
-    if not found.count:
+    errors = paired(squares[0], squares[1], replicate_groups(problems[0]))
+    if not errors.count:
         raise BadInput.single("no row can be predicted by both machines", Location(tables[0]), code="measurements")
-    if found.count < len(problems[0]):
-        to.warn(f"warning: {len(problems[0]) - found.count} of {len(problems[0])} rows are not predicted by both")
+    if errors.count < len(problems[0]):
+        to.warn(f"warning: {len(problems[0]) - errors.count} of {len(problems[0])} rows are not predicted by both")
     dimension = problems[0].model.channels[kinds[0][kind][0]].dimension
-    return MachineComparison((first, second), kind, unit_of(loaded[0].machine, dimension), found, scheme)
+    return MachineComparison((first, second), kind, unit_of(loaded[0].machine, dimension), errors, scheme)
 
 
 def _folds(problem: Problem, measured: Measurements) -> tuple[NDArray[np.intp], str]:

@@ -30,15 +30,15 @@ def conditions(machine: Machine, text: str | None) -> Conditions:
     std: dict[str, float] = {}
     known = {c.name: c for c in columns_of(machine) if c.role == "covariate" and c.name != "replicate"}
     for part in (text or "").split(",") if text is not None else ():
-        name, equals, rest = (t.strip() for t in part.partition("="))
-        if not equals or not rest:
+        name, equals, stated = (t.strip() for t in part.partition("="))
+        if not equals or not stated:
             raise UsageError(f"--at: `{part.strip()}` is not a circumstance", hint=_EXAMPLE)
         column = known.get(name) or temperature_column(name, machine)
         if column is None:
             raise UsageError(f"--at: unknown circumstance `{name}`", hint=did_you_mean(name, known, _EXAMPLE))
         if name in values:
             raise UsageError(f"--at: `{name}` is given twice", hint="give every circumstance only once")
-        value, *more = re.split(r"\+-|\u00b1", rest)
+        value, *more = re.split(r"\+-|\u00b1", stated)
         unit = column.si_unit
         values[name] = _amount(name, value, unit)
         if name.startswith("dir.") and values[name] not in _SIDES:

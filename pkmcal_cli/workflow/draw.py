@@ -103,19 +103,19 @@ def _row(request: DrawingRequest, loaded: LoadedMachine) -> _Row:
         poses = reference_poses(loaded.model)
         return _Row(rows=poses.rows, number=0, place=poses.place(0), inputs={})
     source = PoseSource(loaded=loaded, path=request.poses, grid=request.grid)
-    seen, wanted, found = 0, request.row or 1, None
+    seen, number, drawn = 0, request.row or 1, None
     for block in source:
-        at = wanted - 1 - seen
-        if found is None and at < len(block):
+        at = number - 1 - seen
+        if drawn is None and at < len(block):
             if not block.reachable[at]:
                 raise BadInput([block.place(at).fault(OUT_OF_REACH)])
-            found = block.rows, at, block.place(at)
+            drawn = block.rows, at, block.place(at)
             if source.points is not None:
                 break
         seen += len(block)
-    if found is None:
-        raise UsageError(f"--row {wanted}: there are {count(seen, 'row')}", hint=f"give a number from 1 to {seen}")
-    return _Row(rows=found[0], number=found[1], place=found[2], inputs=source.inputs, notes=source.notes)
+    if drawn is None:
+        raise UsageError(f"--row {number}: there are {count(seen, 'row')}", hint=f"give a number from 1 to {seen}")
+    return _Row(rows=drawn[0], number=drawn[1], place=drawn[2], inputs=source.inputs, notes=source.notes)
 
 
 def _solved(loaded: LoadedMachine, start: Start, row: _Row) -> MachineShape:

@@ -119,8 +119,8 @@ class Improved:
 
     def json(self, machine: str | None, parameters: str | None, accept: bool = False) -> dict[str, Any]:
         """The result for programs; machine, parameters: files that were written."""
-        told = {"implausible": list(self.odd), "failures": list(self.failures(accept))}
-        return self.report.json(machine, parameters) | self.case.record | told
+        outcome = {"implausible": list(self.odd), "failures": list(self.failures(accept))}
+        return self.report.json(machine, parameters) | self.case.record | outcome
 
 
 def setting(
@@ -191,16 +191,16 @@ def _improved(case: Case, validation: Problem | None, request: ImproveRequest, t
 def _named(candidates: Candidates, names: str) -> Candidates:
     """Those hypotheses that are named, separated by commas. Raises UsageError for others."""
     known = {h.name: h for h in candidates.hypotheses}
-    wanted = [part.strip() for part in names.split(",") if part.strip()]
+    requested = [part.strip() for part in names.split(",") if part.strip()]
     lacking = dict(candidates.not_testable)
-    for name in wanted:
+    for name in requested:
         if (why := lacking.get(name.partition("@")[0])) and name not in known:
             raise UsageError(f"--only: this table cannot show `{name}`", hint=f"add what it needs: {why}")
         if name not in known:
             raise UsageError(f"--only: this machine has no effect `{name}`", hint=did_you_mean(name, known))
-    if not wanted:
+    if not requested:
         raise UsageError("--only names no effect", hint="write e.g. `--only zero@all,scale@upper`")
-    return replace(candidates, hypotheses=tuple(known[name] for name in dict.fromkeys(wanted)))
+    return replace(candidates, hypotheses=tuple(known[name] for name in dict.fromkeys(requested)))
 
 
 def _implausible(improvement: Improvement, hints: tuple[str, ...]) -> tuple[str, ...]:

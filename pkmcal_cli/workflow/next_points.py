@@ -71,15 +71,15 @@ class NextPoints:
         reached, unit = self.added.reached, parameter_unit(self.loaded.model, self._name)
         assert reached is not None
         known = f"{self._name} is known to {_text(reached.before, unit)}"
-        wanted = f"wanted {readable(reached.limit, unit)}"
+        aim = f"wanted {readable(reached.limit, unit)}"
         if self.status == "reached":
-            to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {wanted}")
+            to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {aim}")
         elif self.status == "not_reached":
-            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {wanted}; measure otherwise, or more")
+            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; measure otherwise, or more")
         else:
             after = _text(reached.after, unit)
             more = f"about {count(self.needed, 'further row')} needed (then {after} expected)"
-            to.say(f"continue: {known}, {wanted}; {more}; next {len(self.added.points)}:")
+            to.say(f"continue: {known}, {aim}; {more}; next {len(self.added.points)}:")
         if self.noise > _NOISY:
             what = f"warning: residuals are {self.noise:.2g} times the stated noise"
             to.warn(f"{what}: `pkmcal diagnose` looks for a cause")
@@ -122,8 +122,8 @@ def next_points(
         raise BadInput([nothing_measured(loaded, problem)])
     selected = selection(problem.model, select)
     start = load_parameters(problem.model, parameters)
-    wanted = wanted_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
-    if wanted is None or wanted.limit is None:
+    goal = wanted_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
+    if goal is None or goal.limit is None:
         raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
     try:
         session = np.asarray(measured.session)
@@ -132,7 +132,7 @@ def next_points(
     except RowsFailed as failure:
         raise unsolved(measured, failure.evaluation.prediction) from None
     done = np.nonzero(problem.measured.any(axis=1))[0]
-    now = _Now(
+    campaign = _Campaign(
         problem=problem.take(done),
         lost=np.delete(problem.rows.readings, done, axis=0),
         values=fit.robust.fit.values,
@@ -142,11 +142,11 @@ def next_points(
     )
     inputs = loaded.inputs | start.inputs | measured.inputs
     with to.step("points to measure next"):
-        return replace(_proposed(loaded, now, wanted, budget, seed), inputs=inputs)
+        return replace(_proposed(loaded, campaign, goal, budget, seed), inputs=inputs)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Now:
+class _Campaign:
     """What was measured, set values (n, A) that could not be, and what follows: values (P,), std (p,), noise."""
 
     problem: Problem
@@ -157,46 +157,47 @@ class _Now:
     noise: float
 
 
-def _proposed(loaded: LoadedMachine, now: _Now, wanted: WantedAim, budget: int, seed: int) -> NextPoints:
+def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budget: int, seed: int) -> NextPoints:
     """Next points by the design that the fitted machine asks for, with the noise that was seen."""
-    ((name,),) = wanted.aim.parameters
-    assert wanted.limit is not None
-    std = float(now.std[now.selected.index(name)]) if name in now.selected else math.nan
+    ((name,),) = goal.aim.parameters
+    assert goal.limit is not None
+    std = float(campaign.std[campaign.selected.index(name)]) if name in campaign.selected else math.nan
     std = math.inf if math.isnan(std) else std
-    planned = _design_std(now, name)
-    wider = std / planned if math.isfinite(std) and math.isfinite(planned) else max(now.noise, 1.0)
-    left = budget - len(now.problem) if std > wanted.limit else 0
-    pool, ways = candidate_points(loaded, now.problem, now.values, max(_POOL, 2 * left), seed + len(now.problem))
-    far = _far(pool.rows.readings, now)
+    planned = _design_std(campaign, name)
+    wider = std / planned if math.isfinite(std) and math.isfinite(planned) else max(campaign.noise, 1.0)
+    left = budget - len(campaign.problem) if std > goal.limit else 0
+    size, own_seed = max(_POOL, 2 * left), seed + len(campaign.problem)
+    pool, ways = candidate_points(loaded, campaign.problem, campaign.values, size, own_seed)
+    far = _far(pool.rows.readings, campaign)
     pool, ways = pool.take(far), ways.take(far)
-    linear = linear_problem(with_rows(now.problem, pool), now.values, now.selected, [], None)
-    blocks = whitened_blocks(linear, len(now.problem) + len(pool))
-    chosen = best_points(linear, blocks, len(now.problem), wanted.aim, max(left, 0), exchange=False)
-    stricter = replace(wanted, limit=wanted.limit / wider)
-    chosen, reached = fewest(now.problem, pool, chosen, stricter, now.values, now.selected)
+    linear = linear_problem(with_rows(campaign.problem, pool), campaign.values, campaign.selected, [], None)
+    blocks = whitened_blocks(linear, len(campaign.problem) + len(pool))
+    chosen = best_points(linear, blocks, len(campaign.problem), goal.aim, max(left, 0), exchange=False)
+    stricter = replace(goal, limit=goal.limit / wider)
+    chosen, reached = fewest(campaign.problem, pool, chosen, stricter, campaign.values, campaign.selected)
     needed = len(chosen.rows)
     batch = chosen.rows if needed <= _ALL_AT_ONCE else chosen.rows[: math.ceil(needed / 2)]
     batch = batch if reached.done else batch[:0]
-    told = Reached(name, wanted.limit, std, wider * reached.after)
-    added = Added(wanted.aim, pool.take(batch), replace(chosen, rows=batch), told)
+    reach = Reached(name, goal.limit, std, wider * reached.after)
+    added = Added(goal.aim, pool.take(batch), replace(chosen, rows=batch), reach)
     return NextPoints(
-        loaded=loaded, rows=len(now.problem), budget=budget, noise=now.noise, added=added, ways=ways.take(batch),
-        needed=needed, value=float(now.values[now.problem.model.names.index(name)]),
+        loaded=loaded, rows=len(campaign.problem), budget=budget, noise=campaign.noise, added=added,
+        ways=ways.take(batch), needed=needed, value=float(campaign.values[campaign.problem.model.names.index(name)]),
     )  # fmt: skip
 
 
-def _design_std(now: _Now, name: str) -> float:
+def _design_std(campaign: _Campaign, name: str) -> float:
     """What the rows promise at the stated noise, SI; inf where the parameter is not determined."""
-    found = observability(now.problem, now.values, now.selected)
-    k = found.selected.index(name)
-    return math.inf if found.directions.undetermined()[k] else float(found.std[k])
+    observed = observability(campaign.problem, campaign.values, campaign.selected)
+    k = observed.selected.index(name)
+    return math.inf if observed.directions.undetermined()[k] else float(observed.std[k])
 
 
-def _far(readings: Array, now: _Now) -> NDArray[np.intp]:
+def _far(readings: Array, campaign: _Campaign) -> NDArray[np.intp]:
     """Candidates (n, A) that are not near set values at which nothing could be measured."""
-    if not len(now.lost):
+    if not len(campaign.lost):
         return np.arange(len(readings))
-    travel = np.ptp(now.problem.rows.readings, axis=0)
+    travel = np.ptp(campaign.problem.rows.readings, axis=0)
     scale = np.where(travel > 0, travel, 1.0) * _NEAR
-    apart = np.abs(readings[:, None] - now.lost[None]) / scale
+    apart = np.abs(readings[:, None] - campaign.lost[None]) / scale
     return np.nonzero((apart.max(axis=2) > 1).all(axis=1))[0]

@@ -103,14 +103,14 @@ def run_plan(request: PlanRequest) -> int:
     problem = design_problem(candidates.model, rows, channels)
     require_measured(problem)
     problem, used, ways = _predicted(problem, used, ways, values, to)
-    wanted = wanted_aim(request.aim, candidates, loaded.model, selected)
-    tool = used.tool if wanted is None else _posed(loaded, to, used)
+    goal = wanted_aim(request.aim, candidates, loaded.model, selected)
+    tool = used.tool if goal is None else _posed(loaded, to, used)
     with to.step("what each effect would show"):
         plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
     with to.step("points to add"):
-        added, towards = (None, None) if wanted is None else _added(loaded, plan, values, selected, wanted, request)
+        added, towards = (None, None) if goal is None else _added(loaded, plan, values, selected, goal, request)
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
-    aimed = () if wanted is None else wanted.effects
+    aimed = () if goal is None else goal.effects
     rates = power_of_plan(request.power, aimed, campaigns, workers, _state(request, inputs), to)
     bench, at_nominal = _bench(problem, values, selected), request.parameters is None
     report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
@@ -160,19 +160,19 @@ def _bench(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[
 def _run_next(request: PlanRequest, to: Reporter) -> int:
     """Points to measure next, of a table that grows; 1 where the budget does not do."""
     assert request.poses is not None and request.budget is not None
-    found = next_points(
+    proposal = next_points(
         machine=request.machine, table=request.poses, parameters=request.parameters, select=request.select,
         aim=request.aim, budget=request.budget, seed=request.seed, to=to,
     )  # fmt: skip
-    found.show(to)
-    drawn = PlannedRows(found.loaded.model.nominal, None, found.added.points.rows)
-    draw_plan(_plot(request, found.inputs), None, found.loaded, drawn, to)
-    if len(found.added.points):
-        _write(request, found.loaded, found.added.points.rows, found.ways, found.inputs, to)
+    proposal.show(to)
+    drawn = PlannedRows(proposal.loaded.model.nominal, None, proposal.added.points.rows)
+    draw_plan(_plot(request, proposal.inputs), None, proposal.loaded, drawn, to)
+    if len(proposal.added.points):
+        _write(request, proposal.loaded, proposal.added.points.rows, proposal.ways, proposal.inputs, to)
     if request.as_json:
-        head = provenance(found.inputs, seed=request.seed)
-        emit_json(enveloped("plan", found.status, found.json(), head))
-    return int(found.status == "not_reached")
+        head = provenance(proposal.inputs, seed=request.seed)
+        emit_json(enveloped("plan", proposal.status, proposal.json(), head))
+    return int(proposal.status == "not_reached")
 
 
 def _write(
@@ -278,23 +278,23 @@ def _added(
     plan: Plan,
     values: Array,
     selected: tuple[str, ...],
-    wanted: WantedAim,
+    goal: WantedAim,
     request: PlanRequest,
 ) -> tuple[Added, Approaches]:
     """Points to add, out of reachable ones within and a little around the plan, and how they are approached."""
-    problem, most = plan.problem, _points(request, wanted)
+    problem, most = plan.problem, _points(request, goal)
     pool, ways = candidate_points(loaded, problem, values, max(_POOL, 2 * most), request.seed)
     both = with_rows(problem, pool)
-    others = [n for group in wanted.aim.parameters for n in group if n not in selected]
+    others = [n for group in goal.aim.parameters for n in group if n not in selected]
     linear = linear_problem(both, values, selected, others, None)
     blocks = whitened_blocks(linear, len(both))
-    chosen = best_points(linear, blocks, len(problem), wanted.aim, most, exchange=wanted.limit is None)
+    chosen = best_points(linear, blocks, len(problem), goal.aim, most, exchange=goal.limit is None)
     reached = None
-    if wanted.limit is not None:
-        chosen, reached = fewest(problem, pool, chosen, wanted, values, selected)
-    return Added(wanted.aim, pool.take(chosen.rows), chosen, reached), ways.take(chosen.rows)
+    if goal.limit is not None:
+        chosen, reached = fewest(problem, pool, chosen, goal, values, selected)
+    return Added(goal.aim, pool.take(chosen.rows), chosen, reached), ways.take(chosen.rows)
 
 
-def _points(request: PlanRequest, wanted: WantedAim) -> int:
+def _points(request: PlanRequest, goal: WantedAim) -> int:
     """How many points are added at most."""
-    return request.points or (_FEW if wanted.limit is None else _MANY)
+    return request.points or (_FEW if goal.limit is None else _MANY)

@@ -94,23 +94,23 @@ def _effect(name: str, candidates: Candidates) -> Hypothesis:
 
 
 def fewest(
-    problem: Problem, pool: Problem, chosen: Chosen, wanted: WantedAim, values: Array, selected: tuple[str, ...]
+    problem: Problem, pool: Problem, chosen: Chosen, goal: WantedAim, values: Array, selected: tuple[str, ...]
 ) -> tuple[Chosen, Reached]:
     """Of the points chosen, in the order of their gain, as few as keep the limit; all where none do."""
-    ((name,),) = wanted.aim.parameters
-    assert wanted.limit is not None
+    ((name,),) = goal.aim.parameters
+    assert goal.limit is not None
 
     def std(count: int) -> float:
         some = problem if not count else with_rows(problem, pool.take(chosen.rows[:count]))
-        found = observability(some, values, selected)
-        lost = found.directions.undetermined()[found.selected.index(name)]
-        return float("inf") if lost else float(found.std[found.selected.index(name)])
+        observed = observability(some, values, selected)
+        lost = observed.directions.undetermined()[observed.selected.index(name)]
+        return float("inf") if lost else float(observed.std[observed.selected.index(name)])
 
     before, most = std(0), len(chosen.rows)
-    low, high = (0, 0) if before <= wanted.limit else (0, most)
-    if before > wanted.limit >= std(most):
+    low, high = (0, 0) if before <= goal.limit else (0, most)
+    if before > goal.limit >= std(most):
         while high - low > 1:  # more points never tell less
             middle = (low + high) // 2
-            low, high = (low, middle) if std(middle) <= wanted.limit else (middle, high)
+            low, high = (low, middle) if std(middle) <= goal.limit else (middle, high)
     rows = np.asarray(chosen.rows[:high])
-    return Chosen(rows, chosen.before, chosen.after), Reached(name, wanted.limit, before, std(high))
+    return Chosen(rows, chosen.before, chosen.after), Reached(name, goal.limit, before, std(high))

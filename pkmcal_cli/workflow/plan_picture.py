@@ -42,10 +42,10 @@ def _places(loaded: LoadedMachine, rows: PlannedRows) -> PlanPlaces | None:
     if tool_point_of(loaded.machine) is None:
         return None
     names = DIRECTIONS[: loaded.machine.dimensions]
-    found = []
+    places_of = []
     for part in (rows.planned, rows.added):
         some = part is not None and len(part) > 0
         values = rows.values[: len(loaded.model.parameters)]
         places = tcp_places(loaded.model, values, part)[:, : len(names)] if part is not None and some else None
-        found.append(np.zeros((0, len(names))) if places is None else places[np.isfinite(places).all(axis=1)])
-    return PlanPlaces(found[0], found[1], names)
+        places_of.append(np.zeros((0, len(names))) if places is None else places[np.isfinite(places).all(axis=1)])
+    return PlanPlaces(places_of[0], places_of[1], names)

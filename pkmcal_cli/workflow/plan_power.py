@@ -12,7 +12,7 @@ from pkmcal_cli.workflow.state import State, all_done
 
 
 def power_of_plan(
-    count: int, wanted: Sequence[str], campaigns: Campaigns, workers: Workers, state: State, to: Reporter
+    count: int, names: Sequence[str], campaigns: Campaigns, workers: Workers, state: State, to: Reporter
 ) -> tuple[Rates, ...]:
     """How often effects are found in so many campaigns of each, where that is asked for: of those that are wanted, else
     of every kind the hardest one."""
@@ -23,7 +23,7 @@ def power_of_plan(
         return ()
     if not count:
         return ()
-    effects = chosen(campaigns.plan.visibilities, wanted)
+    effects = chosen(campaigns.plan.visibilities, names)
     seen = [v for v in effects if v.detected < v.plausible]
     lost = [v.hypothesis.name for v in effects if v not in seen]
     to.notes([f"{name} is not detected within its plausible size, and not simulated" for name in lost])

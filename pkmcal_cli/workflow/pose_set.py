@@ -81,21 +81,21 @@ def pose_set(to: Listener, loaded: LoadedMachine, path: str | None, grid: str | 
         to.warn(text)
     kept = np.nonzero(poses.reachable)[0]
     skipping = GRID_POINT if grid is not None else ""
-    found = PoseSet(every=poses, kept=kept, skipping=skipping, tool=source.tool, inputs=source.inputs, lost=poses.lost)
+    solved = PoseSet(every=poses, kept=kept, skipping=skipping, tool=source.tool, inputs=source.inputs, lost=poses.lost)
     if not len(kept):
-        found.failed.show(to)
-    return found
+        solved.failed.show(to)
+    return solved
 
 
 def default_poses(to: Listener, loaded: LoadedMachine) -> PoseSet:
     """Poses where none are given: spread over the workspace, else the reference configuration alone."""
     model = loaded.model
-    rest = [note] if (note := resting(model)) else []
+    at_reference = [note] if (note := resting(model)) else []
     if model.workspace is not None:
         poses, notes = workspace_poses(loaded, model.workspace, _SPREAD)
         tool = required_tool_point(loaded)
-        told = f"no poses given: {count(len(poses), 'pose')} spread over the workspace"
-        to.notes([told, tool.text, *notes, *rest])
+        summary = f"no poses given: {count(len(poses), 'pose')} spread over the workspace"
+        to.notes([summary, tool.text, *notes, *at_reference])
         return PoseSet(every=poses, kept=np.arange(len(poses)), skipping="pose", tool=tool)
-    to.notes(["no poses given: only the reference configuration is used", *rest])
+    to.notes(["no poses given: only the reference configuration is used", *at_reference])
     return PoseSet(every=reference_poses(model), kept=np.zeros(1, dtype=np.intp))

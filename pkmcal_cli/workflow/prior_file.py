@@ -78,11 +78,11 @@ def _loosened(model: Model, text: str | None) -> set[str]:
     """Parameters that patterns name, separated by commas. Raises UsageError for a pattern that names none."""
     out: set[str] = set()
     for pattern in filter(None, (part.strip() for part in (text or "").split(","))):
-        found = {n for n in model.names if fnmatchcase(n, pattern)}
-        if not found:
+        matching = {n for n in model.names if fnmatchcase(n, pattern)}
+        if not matching:
             hint = did_you_mean(pattern, model.names)
             raise UsageError(f"--loosen: the machine has no parameter `{pattern}`", hint=hint)
-        out |= found
+        out |= matching
     return out
 
 

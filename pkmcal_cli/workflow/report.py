@@ -81,19 +81,19 @@ def run_report(request: ReportRequest) -> int:
         parameters=request.parameters,
         fit_options=FitOptions(loss=request.loss, prior=request.prior, seed=request.seed),
     )
-    found = calibration(setting(calibrated), to)
-    report, inputs = found.report, dict(found.setting.inputs)
+    identified = calibration(setting(calibrated), to)
+    report, inputs = identified.report, dict(identified.setting.inputs)
     head = provenance(inputs, seed=request.seed, status=report.status)
     improved, why = _improved(request, to)
-    verified, notes = None, [*found.setting.measured.notes]
+    verified, notes = None, [*identified.setting.measured.notes]
     if request.after is not None:
         improved_here = improved if improved is not None and improved.improvement.confirmed else None
-        verified, after = _verified(request, found, improved_here, tolerance)
+        verified, after = _verified(request, identified, improved_here, tolerance)
         inputs |= after.inputs
         notes += after.notes
     results = Results(
-        loaded=found.setting.loaded,
-        measured=found.setting.measured,
+        loaded=identified.setting.loaded,
+        measured=identified.setting.measured,
         calibrated=report,
         improved=improved,
         not_searched=why,
@@ -188,8 +188,8 @@ def _verified(
             hint = "give rows that were measured after correction"
             raise UsageError(f"--after: the rows of `{request.after}` are those that were calibrated", hint=hint)
         start = load_parameters(loaded.model.for_sessions(measured.sessions), str(file))
-        found = verify(loaded, measured, start, str(file), tolerance, Recorder())
-    return found, measured
+        verification = verify(loaded, measured, start, str(file), tolerance, Recorder())
+    return verification, measured
 
 
 def _written(request: ReportRequest, results: Results, inputs: dict[str, str], to: Reporter) -> int:

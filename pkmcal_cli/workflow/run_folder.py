@@ -173,11 +173,11 @@ def history(folder: str) -> list[KeptRun]:
         names = sorted(e for e in os.listdir(folder) if not e.startswith("."))
     except OSError as error:
         raise BadInput.single(f"the folder cannot be read: {error.strerror}", Location(folder), code="file") from None
-    found = [_kept(os.path.join(folder, n)) for n in names if os.path.isfile(os.path.join(folder, n, RECORD))]
-    if not found:
+    runs = [_kept(os.path.join(folder, n)) for n in names if os.path.isfile(os.path.join(folder, n, RECORD))]
+    if not runs:
         hint = "keep runs with `--run DIR`, e.g. `pkmcal calibrate M.yaml MEAS.csv --run DIR`"
         raise BadInput.single("there is no run in this folder", Location(folder), hint, "file")
-    return sorted(found, key=lambda r: (r.created, r.folder))
+    return sorted(runs, key=lambda r: (r.created, r.folder))
 
 
 def _kept(folder: str) -> KeptRun:

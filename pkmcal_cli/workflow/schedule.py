@@ -82,13 +82,13 @@ def _told(target: str, order: list[tuple[int, bool]], together: float) -> list[s
     """Length, duration and order of a schedule in words."""
     visits = sum(datum for _, datum in order)
     minutes = max(1, round(len(order) * PACE / 60))
-    said = [
+    sentences = [
         f"written: {target} ({len(order)} rows in the order of measurement, {visits} of them at the datum pose)",
         f"about {minutes} min at {PACE:g} s a row; warm up first: go to and fro until the datum pose reads the same",
     ]
     if together > _TOLD:
-        said.append(f"time goes with sides or poses by a correlation of {together:.2f} at most")
-    return said
+        sentences.append(f"time goes with sides or poses by a correlation of {together:.2f} at most")
+    return sentences
 
 
 def _order(side: Array, readings: Array, rng: np.random.Generator) -> tuple[list[int], float]:

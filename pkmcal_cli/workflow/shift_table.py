@@ -38,7 +38,7 @@ def write_shifts(
     cells: list[Values] = [[p.id or str(p.line or 1) for p in places]]
     cells += list(np.round(result.prediction.values[done], _PLACES).T + 0.0)
     cells += list(result.shifts[done, result.coordinates.index(coordinate)].T)
-    told = Origin("shifts", f"shifts of {coordinate} by position, predicted", provenance(inputs))
-    origin = None if is_stream(target) else told
+    own_origin = Origin("shifts", f"shifts of {coordinate} by position, predicted", provenance(inputs))
+    origin = None if is_stream(target) else own_origin
     with open_writer(target, columns, inputs, origin=origin, digits=9, force=force) as writer:
         writer.write(cells)

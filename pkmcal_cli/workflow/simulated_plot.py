@@ -45,8 +45,8 @@ class KeptRows:
             return
         self.count += len(rows)
         full = tcp_model(self.model)
-        found = predict(full, self.values, rows, Request(checked_method(self.method)), start)
-        self.tool.append(found.values[:, full.measuring(Measurand.POSITION)])
+        prediction = predict(full, self.values, rows, Request(checked_method(self.method)), start)
+        self.tool.append(prediction.values[:, full.measuring(Measurand.POSITION)])
         self.readings.append(readings)
         if forces is not None and self.forces_asked:
             self.forces.append(forces)

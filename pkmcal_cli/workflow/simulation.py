@@ -235,8 +235,8 @@ class Simulation:
         if not touched.any():
             return block, touched, {}
         reading = readings_at_touch(self.model, touched)
-        wanted = reading - self.noise.of_channels(disturbed, np.nan_to_num(reading))
-        rows, done = touching(self.model, self.values, block.rows, wanted, shift)
+        trigger = reading - self.noise.of_channels(disturbed, np.nan_to_num(reading))
+        rows, done = touching(self.model, self.values, block.rows, trigger, shift)
         lost = {int(k): no_touch(self.model, touched[k]) for k in np.nonzero(~done)[0]}
         return replace(block, rows=self._directed(rows)), touched, lost
 

@@ -56,19 +56,19 @@ class State:
         asked = json.loads(json.dumps(head))
         if file is None or not os.path.exists(file):
             return cls(file, asked)
-        told = _parsed(file)
-        for name in (*told["asked"], *asked):
-            if told["asked"].get(name) != asked.get(name):
-                what = f"this state is of another work: {name} was {told['asked'].get(name)}, now {asked.get(name)}"
+        content = _parsed(file)
+        for name in (*content["asked"], *asked):
+            if content["asked"].get(name) != asked.get(name):
+                what = f"this state is of another work: {name} was {content['asked'].get(name)}, now {asked.get(name)}"
                 raise BadInput.single(what, Location(file), _OTHER, "state")
-        return cls(file, asked, {int(number): result for number, result in told["results"].items()})
+        return cls(file, asked, {int(number): result for number, result in content["results"].items()})
 
     def write(self) -> None:
         """Keep what there is. Raises OutputError."""
         if self.file is not None:
-            told = {"form": _FORM, "asked": self.asked, "results": self.results}
+            content = {"form": _FORM, "asked": self.asked, "results": self.results}
             with write_text(self.file, (), force=True) as file:
-                json.dump(told, file)
+                json.dump(content, file)
 
 
 def _versions() -> dict[str, str]:
@@ -83,9 +83,9 @@ def _parsed(file: str) -> dict[str, Any]:
     with open_input(file) as opened:
         content = opened.read()
     try:
-        told = json.loads(content)
-        if told["form"] == _FORM and all(number.isdigit() for number in told["results"]) and dict(told["asked"]):
-            return dict(told)
+        record = json.loads(content)
+        if record["form"] == _FORM and all(number.isdigit() for number in record["results"]) and dict(record["asked"]):
+            return dict(record)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         pass
     raise BadInput.single("this file is no state of a work", Location(file), _OTHER, "state")

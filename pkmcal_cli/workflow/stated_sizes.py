@@ -23,12 +23,12 @@ def stated_sizes(model: Model, selected: Sequence[str], texts: Sequence[str]) ->
         size, unit = amount("--size", value)
         if size <= 0:
             raise UsageError(f"--size: `{text}` is not above zero", hint='write, e.g., --size "30 um"')
-        meant = [n for n in units if fnmatchcase(n, pattern)] if equals else list(units)
-        if not meant:
+        matching = [n for n in units if fnmatchcase(n, pattern)] if equals else list(units)
+        if not matching:
             raise UsageError(f"--size: no selected parameter `{pattern}`", hint=did_you_mean(pattern, units))
-        fitting = [n for n in meant if units[n].dimension == unit.dimension]
-        if not fitting or (equals and len(fitting) < len(meant)):
-            other = next(n for n in meant if n not in fitting)
+        fitting = [n for n in matching if units[n].dimension == unit.dimension]
+        if not fitting or (equals and len(fitting) < len(matching)):
+            other = next(n for n in matching if n not in fitting)
             what = f"--size: `{text}`: {unit.text} does not fit " + (f"`{other}`" if equals else "any parameter")
             raise UsageError(what, hint=f"`{other}` is in {units[other].text}")
         sizes |= dict.fromkeys(fitting, size)

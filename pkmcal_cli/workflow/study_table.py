@@ -28,9 +28,9 @@ def write_study(
     cells: list[Values] = [[c.machine for c in cases]]
     cells += [np.array([getattr(c, name) for c in cases]) for name in ("points", "count", "failed")]
     means = [("tool", tool, [c.tool for c in cases]), *_kinds(report), *_parameters(report)]
-    for name, unit, found in means:
+    for name, unit, mean_errors in means:
         columns += [(name, unit), (f"u_{name}", unit)]
-        cells += [np.array([m.value for m in found]), np.array([m.std for m in found])]
+        cells += [np.array([m.value for m in mean_errors]), np.array([m.std for m in mean_errors])]
     note = "errors after calibration of simulated machines: mean and standard uncertainty of the mean"
     with open_writer(target, columns, inputs, origin=Origin("study", note, head), digits=5, force=force) as writer:
         writer.write(cells)

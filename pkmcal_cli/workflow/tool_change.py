@@ -26,14 +26,14 @@ _POSES = 200
 
 
 def tool_change(
-    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], found: Changes
+    machine: str | None, files: Sequence[str], known: Sequence[KnownParameters], changes: Changes
 ) -> ToolChange | str:
     """Of the positions of the tool point, or why it cannot be told. Raises BadInput for a machine that was named."""
     loaded = load_machine(machine) if machine is not None else _machine(files, known)
     if loaded is None:
         return "the machine file is not found, or has changed; name it with `--machine M.yaml`"
     model = loaded.model
-    names = [n for n in found.names if n in model.names]
+    names = [n for n in changes.names if n in model.names]
     if not names:
         return "the machine has none of the parameters"
     workspace = model.workspace or _measured(model, known)
@@ -51,17 +51,17 @@ def tool_change(
     prediction = predict(tool, values, poses.rows, Request(parameters=tuple(names)))
     if not prediction.solved.any():
         return "no pose of the workspace can be predicted"
-    return _change(tool, prediction, found, names, "workspace" if model.workspace is not None else "measured travel")
+    return _change(tool, prediction, changes, names, "workspace" if model.workspace is not None else "measured travel")
 
 
-def _change(tool: Model, prediction: Prediction, found: Changes, names: list[str], over: str) -> ToolChange:
+def _change(tool: Model, prediction: Prediction, changes: Changes, names: list[str], over: str) -> ToolChange:
     """By derivatives of positions with respect to parameters `names`, of rows that are predicted."""
     good, columns = prediction.solved, tool.measuring(Measurand.POSITION)
     assert prediction.jacobian is not None
     jacobian = prediction.jacobian[good][:, columns]  # (n, c, k)
-    keep = [found.names.index(n) for n in names]
-    move = jacobian @ found.values[keep]
-    spread, chance = (_sizes(jacobian, m[np.ix_(keep, keep)]) for m in (found.covariance, found.null))
+    keep = [changes.names.index(n) for n in names]
+    move = jacobian @ changes.values[keep]
+    spread, chance = (_sizes(jacobian, m[np.ix_(keep, keep)]) for m in (changes.covariance, changes.null))
     size = np.sqrt((move**2).sum(axis=1))
     worst = int(np.argmax(size))
     axes = dict(zip("xyz", prediction.values[good][worst, columns], strict=False))

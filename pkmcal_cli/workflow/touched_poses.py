@@ -26,12 +26,12 @@ def touching_poses(to: Listener, loaded: LoadedMachine, values: Array, poses: Po
     touched = touched_channels(model, loaded.machine, len(used), used.touched)
     moved, done = touching(model, values, used.rows, readings_at_touch(model, touched))
     lost = {int(k): no_touch(model, touched[k]) for k in np.nonzero(~done)[0]}
-    found = poses.with_readings(moved.readings, touched).without_points(lost)
-    if not len(found.kept):
-        found.failed.show(to)
+    touched_set = poses.with_readings(moved.readings, touched).without_points(lost)
+    if not len(touched_set.kept):
+        touched_set.failed.show(to)
     if count := int(touched[done].any(axis=1).sum()):
         to.notes([touches_text(model, count, len(touched))])
-    return found
+    return touched_set
 
 
 def no_touch(model: Model, touched: Channels) -> str:

@@ -44,12 +44,12 @@ def verify(
         raise UsageError("--tolerance: no positions were measured", hint="leave out `--tolerance`")
     left = dict((start.evidence or Evidence({})).unexplained)
     try:
-        found = verified(problem, start.values, Known(*start.covariance, left))
+        verification = verified(problem, start.values, Known(*start.covariance, left))
     except RowsFailed as failure:
         raise unsolved(measured, failure.evaluation.prediction) from None
     limit, unit = tolerance or (None, None)
-    by_limit = None if limit is None else judged(found, limit)
-    report = VerificationReport(found, by_limit, unit, partial(place_of, measured))
+    by_limit = None if limit is None else judged(verification, limit)
+    report = VerificationReport(verification, by_limit, unit, partial(place_of, measured))
     report.show(to)
     return report
 
