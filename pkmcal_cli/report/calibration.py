@@ -65,8 +65,8 @@ class CalibrationReport:
         self.budget, self.ranges = calibration.budget, range_check(problem, fit, calibration.budget)
         self.problem = problem
         self.weighed = replace(problem, weight=calibration.robust.problem.weight)
-        found = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
-        self.implausible = (*mistakes, *found) if fit.status == "converged" else ()
+        implausible = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
+        self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, place, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told

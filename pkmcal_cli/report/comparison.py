@@ -77,11 +77,11 @@ class ComparisonReport:
     @property
     def named(self) -> tuple[str, ...]:
         """What has changed: parameters by their own tests; where none tells, those of which one alone explains it."""
-        found = self.compared.named(self.alpha)
+        names = self.compared.named(self.alpha)
         one = self.compared.alone
-        if not found and not self.unchanged and one is not None and self._explains(one):
+        if not names and not self.unchanged and one is not None and self._explains(one):
             return (one.name, *one.rivals)
-        return found
+        return names
 
     def _explains(self, one: Alone) -> bool:
         return not one.p_left < _LEFT
@@ -114,8 +114,8 @@ class ComparisonReport:
         self._show_apart(to)
 
     def _show_alone(self, to: Reporter) -> None:
-        one, found = self.compared.alone, self.compared.named(self.alpha)
-        if self.unchanged or not self.compared.test.dof or one is None or (found and one.name not in found):
+        one, names = self.compared.alone, self.compared.named(self.alpha)
+        if self.unchanged or not self.compared.test.dof or one is None or (names and one.name not in names):
             return
         unit = self.unit(one.name)
         size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)
@@ -132,13 +132,13 @@ class ComparisonReport:
         return next(k.parameters[name].unit for k in self.known if name in k.parameters)
 
     def _parameter_rows(self) -> list[tuple[str, ...]]:
-        found, rows, named = self.compared.changes, list[tuple[str, ...]](), self.compared.named(self.alpha)
-        for k, name in enumerate(found.names):
+        changes, rows, named = self.compared.changes, list[tuple[str, ...]](), self.compared.named(self.alpha)
+        for k, name in enumerate(changes.names):
             unit = self.unit(name)
             values = [f"{unit.from_si(f.parameters[name].value):.8g}" for f in self.known]
-            size = uncertain(float(found.values[k]) / unit.scale, float(found.std[k]) / unit.scale, unit.text)
-            known = bool(found.determined[k])
-            p = f"{found.holm[k]:.2g}" if known else "-"
+            size = uncertain(float(changes.values[k]) / unit.scale, float(changes.std[k]) / unit.scale, unit.text)
+            known = bool(changes.determined[k])
+            p = f"{changes.holm[k]:.2g}" if known else "-"
             remark = "" if known else "not determined by all"
             rows.append((name, *values, size, p, "CHANGED" if name in named else remark))
         return rows
@@ -212,18 +212,18 @@ class ComparisonReport:
         }
 
     def _parameter_json(self, k: int) -> dict[str, Any]:
-        found = self.compared.changes
-        name = found.names[k]
+        changes = self.compared.changes
+        name = changes.names[k]
         unit = self.unit(name)
         return {
             "name": name,
             "values": [unit.from_si(f.parameters[name].value) for f in self.known],
-            "change": float(found.values[k]) / unit.scale,
-            "std": float(found.std[k]) / unit.scale,
+            "change": float(changes.values[k]) / unit.scale,
+            "std": float(changes.std[k]) / unit.scale,
             "unit": unit.text,
-            "determined": bool(found.determined[k]),
-            "p_value": finite(float(found.p_values[k])),
-            "p_value_holm": finite(float(found.holm[k])),
+            "determined": bool(changes.determined[k]),
+            "p_value": finite(float(changes.p_values[k])),
+            "p_value_holm": finite(float(changes.holm[k])),
             "changed": name in self.compared.named(self.alpha),
         }
 

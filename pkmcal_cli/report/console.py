@@ -151,8 +151,8 @@ def _nothing() -> None:
 def bar(share: float, width: int = _BAR) -> str:
     """A horizontal bar of a share between 0 and 1."""
     eighths = round(max(0.0, min(1.0, share)) * width * 8)
-    full, rest = divmod(eighths, 8)
-    return "\u2588" * full + (" \u258f\u258e\u258d\u258c\u258b\u258a\u2589"[rest] if rest else "")
+    full, eighths_left = divmod(eighths, 8)
+    return "\u2588" * full + (" \u258f\u258e\u258d\u258c\u258b\u258a\u2589"[eighths_left] if eighths_left else "")
 
 
 def enveloped(command: str, verdict: str, result: Mapping[str, Any], head: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,19 +37,19 @@ def worst_text(model: Model, sizes: VisibleSizes) -> str:
 def _parts(model: Model, sizes: VisibleSizes, vector: Array) -> str:
     """The numbers of a vector (p,), in standard deviations of their priors, that matter."""
     names = sizes.hypothesis.parameters
-    told = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= _PART * np.abs(vector).max()]
+    parts = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= _PART * np.abs(vector).max()]
     return ", ".join(
-        f"{_own(names[j])} {handy(float(vector[j] * sizes.scale[j]), parameter_unit(model, names[j]))}" for j in told
+        f"{_own(names[j])} {handy(float(vector[j] * sizes.scale[j]), parameter_unit(model, names[j]))}" for j in parts
     )
 
 
 def _names(sizes: VisibleSizes, direction: Array) -> str:
     """The numbers that take part in a direction, with their shares."""
     share = direction / np.abs(direction).max()
-    told = [j for j in np.argsort(-np.abs(share)) if abs(share[j]) >= _PART]
-    if len(told) == 1:
-        return _own(sizes.hypothesis.parameters[told[0]])
-    return ", ".join(f"{share[j]:+.2g} {_own(sizes.hypothesis.parameters[j])}" for j in told)
+    parts = [j for j in np.argsort(-np.abs(share)) if abs(share[j]) >= _PART]
+    if len(parts) == 1:
+        return _own(sizes.hypothesis.parameters[parts[0]])
+    return ", ".join(f"{share[j]:+.2g} {_own(sizes.hypothesis.parameters[j])}" for j in parts)
 
 
 def _own(parameter: str) -> str:

@@ -37,7 +37,7 @@ class ImprovementReport(ImprovedFiles):
     def json(self, machine: str | None, parameters: str | None) -> dict[str, Any]:
         """The JSON result."""
         improvement, unit = self.improvement, self.diagnosis.error_unit
-        gain, told = improvement.rms_gain, self.diagnosis.json()
+        gain, diagnosis = improvement.rms_gain, self.diagnosis.json()
         return {
             "verdict": self.verdict,
             "diagnosis": improvement.whole.verdict,
@@ -56,7 +56,7 @@ class ImprovementReport(ImprovedFiles):
                 "high": finite(gain.high / unit.scale),
                 "unit": unit.text,
             },
-            **{key: told[key] for key in ("outliers", "down_weighted")},
+            **{key: diagnosis[key] for key in ("outliers", "down_weighted")},
             **self.diagnosis.failed.json(),
             "machine": machine,
             "parameters": parameters,

@@ -17,19 +17,19 @@ _POSING = ("grids", "tables of poses")
 
 def limitations(machine: Machine, model: Model) -> list[dict[str, Any]]:
     """What the machine lacks, what that rules out (commands, poses of the tool point), and what is to be done."""
-    found: list[tuple[str, tuple[str, ...], str]] = []
+    lacks: list[tuple[str, tuple[str, ...], str]] = []
     if not model.channels:
-        found.append(("sensors", _FITTING, "declare a sensor"))
+        lacks.append(("sensors", _FITTING, "declare a sensor"))
     elif not any(math.isfinite(c.sigma) for c in model.channels):
-        found.append(("a `sigma`", _FITTING, "state the `sigma` of a sensor or encoder"))
+        lacks.append(("a `sigma`", _FITTING, "state the `sigma` of a sensor or encoder"))
     if not model.parameters:
-        found.append(("parameters", ("sensitivity", *_FITTING), "declare `parameters`"))
+        lacks.append(("parameters", ("sensitivity", *_FITTING), "declare `parameters`"))
     if tool_point_of(machine) is None:
-        found.append(("a tool point", ("sensitivity", *_POSING, "simulate --uncertainty"), "add `tool_point: NAME`"))
+        lacks.append(("a tool point", ("sensitivity", *_POSING, "simulate --uncertainty"), "add `tool_point: NAME`"))
     if all(d.force_controlled for d in model.topology.drives):
         kind = "actuators" if not model.topology.drives else "actuators that hold a position"
-        found.append((kind, _POSING, "`simulate` shows the machine as it stands, under its loads"))
-    return [{"lacking": lacking, "rules_out": list(out), "remedy": remedy} for lacking, out, remedy in found]
+        lacks.append((kind, _POSING, "`simulate` shows the machine as it stands, under its loads"))
+    return [{"lacking": lacking, "rules_out": list(out), "remedy": remedy} for lacking, out, remedy in lacks]
 
 
 def outside_text(rows: Mapping[str, int]) -> list[str]:

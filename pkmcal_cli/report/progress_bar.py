@@ -73,8 +73,8 @@ def counted_of(stage: Stage) -> Stage | None:
 class Clock:
     """How long the rest of a step takes if it goes on as it has begun."""
 
-    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
-        self._now, self._name, self._begun = now, "", 0.0
+    def __init__(self, seconds: Callable[[], float] = time.monotonic) -> None:
+        self._now, self._name, self._begun = seconds, "", 0.0
 
     def left(self, stage: Stage | None) -> str:
         """In words; "" while nobody can know, as nothing is done."""

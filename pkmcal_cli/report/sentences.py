@@ -58,8 +58,8 @@ def command(*words: str) -> str:
 
 def listed(names: Sequence[str], most: int) -> str:
     """The first names, and how many more there are."""
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+    unlisted = len(names) - most
+    return ", ".join(names[:most]) + (f" and {unlisted} more" if unlisted > 0 else "")
 
 
 def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:

@@ -79,8 +79,8 @@ class StudyReport:
     def _reached(self, cases: list[CaseFigures]) -> str:
         """The tool point's error of a machine, with the fewest and the most points."""
         ends = cases[:1] if len(cases) == 1 else [cases[0], cases[-1]]
-        told = [f"{_shown(c.tool, self.tool_unit)} with {c.points} points" for c in ends]
-        return f"{cases[0].machine}: mean error of the tool point {', '.join(told)}"
+        errors = [f"{_shown(c.tool, self.tool_unit)} with {c.points} points" for c in ends]
+        return f"{cases[0].machine}: mean error of the tool point {', '.join(errors)}"
 
     def _compared(self) -> list[str]:
         """Differences with the most points."""
@@ -139,9 +139,9 @@ def _json(mean: Mean, unit: Unit) -> dict[str, Any]:
 def _common_json(common: Mapping[str, Mean], kind: str, unit: Unit) -> dict[str, Any]:
     if kind not in common:
         return {}
-    told = _json(common[kind], unit)
-    del told["unit"]
-    return {"common": told}
+    entry = _json(common[kind], unit)
+    del entry["unit"]
+    return {"common": entry}
 
 
 def _shown(mean: Mean, unit: Unit) -> str:

@@ -71,10 +71,10 @@ def laid_out(columns: Sequence[Column], width: int, names: int, spare: Sequence[
         return Laid(*_block(kept, widths), tuple(hidden))
     lines, heads = list[str](), set[int]()
     for part in _parts(kept, width, names):
-        told, own = _block(part, _widths(part, width, 1) or [c.least[1] for c in part])
+        block, own = _block(part, _widths(part, width, 1) or [c.least[1] for c in part])
         lines += [""] if lines else []
         heads |= {k + len(lines) for k in own}
-        lines += told
+        lines += block
     return Laid(tuple(lines), frozenset(heads), tuple(hidden))
 
 
@@ -93,13 +93,13 @@ def _widths(columns: Sequence[Column], width: int, how: int) -> list[int]:
 
 def _parts(columns: list[Column], width: int, names: int) -> Iterable[list[Column]]:
     """Columns side by side as far as they fit, the rest below, with the names again."""
-    lead, rest = columns[:names], columns[names:]
-    while rest:
-        count = len(rest)
-        while count > 1 and not _widths([*lead, *rest[:count]], width, 1):
+    lead, remaining = columns[:names], columns[names:]
+    while remaining:
+        count = len(remaining)
+        while count > 1 and not _widths([*lead, *remaining[:count]], width, 1):
             count -= 1
-        yield [*lead, *rest[:count]]
-        rest = rest[count:]
+        yield [*lead, *remaining[:count]]
+        remaining = remaining[count:]
 
 
 def _block(columns: Sequence[Column], widths: Sequence[int]) -> tuple[tuple[str, ...], frozenset[int]]:

@@ -23,16 +23,16 @@ class VerificationReport:
     """A verification, ready to be shown; `judged`: by a tolerance, where there is one, in its unit."""
 
     def __init__(
-        self, found: Verification, judged: Judged | None, unit: Unit | None, place: Callable[[int], Place]
+        self, verification: Verification, judged: Judged | None, unit: Unit | None, place: Callable[[int], Place]
     ) -> None:
-        self.found, self.judged, self.unit, self.place = found, judged, unit, place
-        self.failed = FailedRows(found.failed, place, len(found.problem))
-        self.normalised = found.normalised
+        self.verification, self.judged, self.unit, self.place = verification, judged, unit, place
+        self.failed = FailedRows(verification.failed, place, len(verification.problem))
+        self.normalised = verification.normalised
 
     @property
     def verdict(self) -> str:
         """The verdict in a sentence: on the tolerance where there is one, else on all readings."""
-        v, j = self.found, self.judged
+        v, j = self.verification, self.judged
         chance = f"chi-square {v.chi2:.4g}, {count(v.dof, 'degree')} of freedom, p {v.p_value:.2g}"
         if j is None:
             return f"{'compatible' if v.compatible else 'NOT COMPATIBLE'} with the parameters: {chance}"
@@ -46,12 +46,12 @@ class VerificationReport:
     def ok(self) -> bool:
         """Whether the verdict is positive."""
         if self.judged is None:
-            return self.found.compatible
-        return self.judged.verdict == "pass" and not self.found.failed
+            return self.verification.compatible
+        return self.judged.verdict == "pass" and not self.verification.failed
 
     def show(self, to: Reporter) -> None:
         """For people."""
-        v = self.found
+        v = self.verification
         (to.say if self.ok else to.fail)(self.verdict)
         if self.judged is not None and not v.compatible and v.dof > 0:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
@@ -81,7 +81,7 @@ class VerificationReport:
         return [f"largest position error: {e} {unit.text}, U {u} {unit.text} (k = 2), at {at}"]
 
     def _channels(self) -> list[dict[str, Any]]:
-        v, out = self.found, []
+        v, out = self.verification, []
         for k, channel in enumerate(v.problem.model.channels):
             on = v.on[:, k]
             if not on.any():
@@ -105,7 +105,7 @@ class VerificationReport:
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
-        v = self.found
+        v = self.verification
         above = [(int(r), int(k)) for r, k in zip(*np.nonzero(self.normalised > 1), strict=True)]
         return {
             "compatible": v.compatible,
@@ -121,13 +121,13 @@ class VerificationReport:
 
     def _reading(self, row: int, channel: int) -> dict[str, Any]:
         """A reading whose normalised error exceeds 1."""
-        about, place = self.found.problem.model.channels[channel], self.place(row)
+        about, place = self.verification.problem.model.channels[channel], self.place(row)
         return {
             "file": place.file,
             "line": place.line,
             "id": place.id or None,
             "channel": about.name,
-            "error": float(self.found.errors[row, channel]) / parse_unit(about.unit).scale,
+            "error": float(self.verification.errors[row, channel]) / parse_unit(about.unit).scale,
             "unit": about.unit,
             "e_n": float(self.normalised[row, channel]),
         }

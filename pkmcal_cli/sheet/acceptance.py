@@ -140,7 +140,8 @@ def acceptance(results: Results) -> Acceptance | None:
     correction, the nominal ones before.
     """
     if results.verified is not None:
-        problem, values, state = results.verified.found.problem, results.verified.found.values, "after correction"
+        verification, state = results.verified.verification, "after correction"
+        problem, values = verification.problem, verification.values
     else:
         problem, values, state = results.calibrated.problem, results.calibrated.fit.before.values, "as built"
     problem = replace(problem, rows=with_directions(problem.rows, [a.name for a in problem.model.actuators]))

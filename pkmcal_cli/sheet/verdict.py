@@ -131,6 +131,6 @@ def _lines(results: Results) -> list[str]:
         lines.append(f"Provisional: {names}.")
     if results.improved is not None and results.improved.improvement.accepted and results.expected is None:
         lines.append("Rows used neither for fitting nor for selection do not confirm what was found.")
-    if results.verified is not None and not results.verified.found.compatible:
+    if results.verified is not None and not results.verified.verification.compatible:
         lines.append("The second table does not agree with the identified parameters: something has changed.")
     return lines

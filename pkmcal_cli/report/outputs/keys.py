@@ -75,10 +75,10 @@ def keys_of(text: str) -> tuple[Key, ...]:
 
 
 def _key(line: str) -> Key:
-    found = _LINE.fullmatch(line)
-    if found is None:
+    match = _LINE.fullmatch(line)
+    if match is None:
         raise ValueError(f"no key: {line}")
-    return Key(found[1], found[2], found[3] or "")
+    return Key(match[1], match[2], match[3] or "")
 
 
 def steps_of(marked: str) -> list[tuple[str, bool, bool, int]]:
