@@ -86,7 +86,7 @@ VALUES = [
 def test_values_do_not_count(old: str, new: str) -> None:
     """Nor ranges, notes, units, columns, and instruments without parameters of their own."""
     text = changed(old, new) + ("frames: {bed: {at: [0, 0]}}\n" if "bed" in new else "")
-    assert of(text).things == of(BASE).things
+    assert of(text).entries == of(BASE).entries
 
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda f: str(f.stem))
@@ -97,7 +97,7 @@ def test_every_way_of_writing_a_machine(file: Path) -> None:
     assert own.difference(own) is None and own.of == str(file)
     first = next(iter(machine.parameters))
     over = of(f"extends: {file}\nparameters: {{{first}: {{note: changed, range: 0.01}}}}\n")
-    assert over.things == own.things
+    assert over.entries == own.entries
 
     def backwards(value: object) -> object:
         return {k: backwards(v) for k, v in reversed(value.items())} if isinstance(value, dict) else value
@@ -105,7 +105,7 @@ def test_every_way_of_writing_a_machine(file: Path) -> None:
     plain = machine.source.root.plain()
     listed = yaml.safe_load(yaml.safe_dump(backwards(_listed(plain))))
     listed.pop("extends", None)
-    assert of(yaml.safe_dump(listed, sort_keys=False), "flat.yaml").things == own.things
+    assert of(yaml.safe_dump(listed, sort_keys=False), "flat.yaml").entries == own.entries
 
 
 def _listed(value: object) -> object:
@@ -123,7 +123,7 @@ def test_a_line_is_yaml_and_is_read_as_written(file: Path) -> None:
     line = own.line()
     assert "\n" not in line and len(line) < 4000
     assert read_fingerprint(yaml.safe_load(line)) == own
-    assert {len(v) for things in own.things.values() for v in things.values()} == {8}
+    assert {len(v) for things in own.entries.values() for v in things.values()} == {8}
 
 
 # --- another machine -----------------------------------------------------------------------
@@ -178,7 +178,7 @@ def test_the_order_of_held_directions_does_not_count() -> None:
     text = changed("nodes: {", "nodes: {post: {at: [0, 0], fixed: HELD}, ")
     text = text.replace("bars:", "bars:\n  strut: {between: [post, A], k: 1 kN/mm}")
     one, other, less = (of(text.replace("HELD", held)) for held in ("[x, rz, y]", "[rz, x, y]", "[x, y]"))
-    assert other.things == one.things
+    assert other.entries == one.entries
     assert told(less, one) == "changed: node `post`"
 
 

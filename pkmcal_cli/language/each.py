@@ -151,5 +151,5 @@ def _as_one(item: SourceNode) -> str:
 def _without_each(node: SourceNode) -> SourceNode:
     if not isinstance(node.value, dict) or KEY not in node.value:
         return node
-    rest = {key: child for key, child in node.value.items() if key != KEY}
-    return SourceNode(rest, node.where, node.key)
+    other_keys = {key: child for key, child in node.value.items() if key != KEY}
+    return SourceNode(other_keys, node.where, node.key)

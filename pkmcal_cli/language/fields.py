@@ -125,9 +125,9 @@ def _unit_of(*dimensions: Dimension) -> AfterValidator:
         except UnitError as error:
             raise fault("unit", error.what, error.hint) from None
         if dimensions and unit.dimension not in dimensions:
-            wanted = " or ".join(d.name for d in dimensions)
+            allowed = " or ".join(d.name for d in dimensions)
             example = ", ".join(u for u, at in UNITS.items() if at.dimension in dimensions)
-            what = f"`{text}` is a unit of {unit.dimension}, not of {wanted}"
+            what = f"`{text}` is a unit of {unit.dimension}, not of {allowed}"
             raise fault("unit", what, f"use one of {example}")
         return text
 

@@ -54,12 +54,12 @@ class Fingerprint:
     """`of`: name of the machine's file; `things`: a hash by section and name."""
 
     of: str = ""
-    things: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    entries: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def line(self) -> str:
         """One line of YAML (and JSON)."""
         shown = "".join(c if c.isprintable() else "?" for c in self.of)
-        return json.dumps({_OF: shown, **self.things}, ensure_ascii=False)
+        return json.dumps({_OF: shown, **self.entries}, ensure_ascii=False)
 
     def difference(self, other: Fingerprint) -> str | None:
         """What this machine has, lacks and has otherwise than the other, in words; None where they are alike."""
@@ -72,8 +72,8 @@ class Fingerprint:
         return "; ".join(words.format(_listed(keys)) for words, keys in parts if keys) or None
 
     def _flat(self) -> Iterator[tuple[tuple[str, str], str]]:
-        for section, things in self.things.items():
-            for name, digits in things.items():
+        for section, entries in self.entries.items():
+            for name, digits in entries.items():
                 yield (section, name), digits
 
 
@@ -87,7 +87,7 @@ def _listed(keys: list[tuple[str, str]]) -> str:
 def fingerprint_of(machine: Machine) -> Fingerprint:
     """The fingerprint of a machine as read: merged, expanded, resolved."""
     owners = {point: f"{body}.{point}" for body, about in machine.bodies.items() for point in about.points}
-    things = {
+    sections = {
         "machine": {"space": machine.space, "gravity": _form(machine.gravity)},
         "parameters": {name: p.per or "" for name, p in machine.parameters.items()},
         **{section: _forms(getattr(machine, section), owners) for section in _whole()},
@@ -96,30 +96,30 @@ def fingerprint_of(machine: Machine) -> Fingerprint:
         "sensors": _forms(_own(machine), owners),
         "effects": {name: _effect(name, entries, machine) for name, entries in machine.effects.items()},
     }
-    hashes = {section: {name: _hash(form) for name, form in forms.items()} for section, forms in things.items()}
+    hashes = {section: {name: _hash(form) for name, form in forms.items()} for section, forms in sections.items()}
     name = machine.files[0][0] if machine.files else ""
-    return Fingerprint(name, {section: found for section, found in hashes.items() if found})
+    return Fingerprint(name, {section: digests for section, digests in hashes.items() if digests})
 
 
 def read_fingerprint(plain: Any) -> Fingerprint:
     """The fingerprint of a file's plain value. Raises ValueError where it is none."""
     if not isinstance(plain, dict) or not isinstance(plain.get(_OF, ""), str):
         raise ValueError("no map")
-    things = {section: entries for section, entries in plain.items() if section != _OF}
-    for section, entries in things.items():
+    sections = {section: entries for section, entries in plain.items() if section != _OF}
+    for section, entries in sections.items():
         if not isinstance(entries, dict) or not all(isinstance(v, str) for v in entries.values()):
             raise ValueError("no hashes by name")
         if not all(text.isprintable() for text in (section, *entries)):
             raise ValueError("no names")
-    return Fingerprint(plain.get(_OF, ""), things)
+    return Fingerprint(plain.get(_OF, ""), sections)
 
 
 def _hash(form: Any) -> str:
     return hashlib.sha256(json.dumps(form, sort_keys=True).encode()).hexdigest()[:_DIGITS]
 
 
-def _forms(things: Mapping[str, Any], owners: Mapping[str, str]) -> dict[str, Any]:
-    return {name: _form(thing, owners) for name, thing in things.items()}
+def _forms(entries: Mapping[str, Any], owners: Mapping[str, str]) -> dict[str, Any]:
+    return {name: _form(entry, owners) for name, entry in entries.items()}
 
 
 def _drive(actuator: Entity) -> Any:
@@ -151,9 +151,9 @@ def _form(value: Any, owners: Mapping[str, str] | None = None, key: str = "") ->
     return None
 
 
-def _dependent(things: Mapping[str, Any]) -> dict[str, Any]:
+def _dependent(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Those that depend on parameters."""
-    return {name: thing for name, thing in things.items() if _names(thing)}
+    return {name: entry for name, entry in entries.items() if _names(entry)}
 
 
 def _names(value: Any) -> set[str]:

@@ -110,9 +110,9 @@ def _without_null(made: Schema) -> Schema:
     """`X | null` as X; a reference with further keys as allOf, as draft-07 has it."""
     choices = made.get("anyOf")
     if isinstance(choices, list) and _NULL in choices:
-        rest = [choice for choice in choices if choice != _NULL]
+        remaining = [choice for choice in choices if choice != _NULL]
         del made["anyOf"]
-        made = {**rest[0], **made} if len(rest) == 1 else {"anyOf": rest, **made}
+        made = {**remaining[0], **made} if len(remaining) == 1 else {"anyOf": remaining, **made}
     if "$ref" in made and len(made) > 1:
         made = {"allOf": [{"$ref": made.pop("$ref")}], **made}
     return made

@@ -67,10 +67,10 @@ class Resolver:
         }
         bound = {path: self._bind(binder, path, written, expected) for path, written, expected in self.uses}
         self._check_values(bound, parameters)
-        rest = self.machine.model_copy(
+        to_bind = self.machine.model_copy(
             update={"ranges": ranges, "parameters": {}, "effects": {}},
         )
-        made: Machine = replaced(rest, lambda path, written: bound[path])
+        made: Machine = replaced(to_bind, lambda path, written: bound[path])
         check_bench(made, parameters, self.slipped, self.source, self.faults)
         turning = frozenset(name for name, a in self.machine.actuators.items() if a.turns is not None)
         kinds = {name: kind_of_sensor(sensor) for name, sensor in self.machine.sensors.items()}
@@ -173,8 +173,8 @@ def filled(machine: Machine) -> Machine:
     if machine.gravity == ():
         updates["gravity"] = _zeros(ACCELERATION, counts["point"])
     for section in ("frames", "guides", "bodies", "loads", "sensors"):
-        things: Mapping[str, Entity] = getattr(machine, section)
-        updates[section] = {name: _with_zeros(thing, counts) for name, thing in things.items()}
+        entries: Mapping[str, Entity] = getattr(machine, section)
+        updates[section] = {name: _with_zeros(entry, counts) for name, entry in entries.items()}
     updates["actuators"] = {n: _filled_actuator(n, a) for n, a in machine.actuators.items()}
     return machine.model_copy(update=updates)
 
@@ -183,13 +183,13 @@ def _zeros(dimension: Dimension, count: int) -> tuple[Quantity, ...]:
     return (Quantity.constant(0.0, dimension),) * count
 
 
-def _with_zeros(thing: Entity, counts: Mapping[str, int]) -> Entity:
+def _with_zeros(entry: Entity, counts: Mapping[str, int]) -> Entity:
     empty = {
         name: _zeros(dimension, counts[kind])
-        for name, dimension, kind in _ZEROS[type(thing)]
-        if getattr(thing, name) == ()
+        for name, dimension, kind in _ZEROS[type(entry)]
+        if getattr(entry, name) == ()
     }
-    return thing.model_copy(update=empty) if empty else thing
+    return entry.model_copy(update=empty) if empty else entry
 
 
 def _filled_actuator(name: str, actuator: Actuator) -> Actuator:

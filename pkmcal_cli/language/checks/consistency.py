@@ -226,10 +226,10 @@ class ConsistencyCheck:
             what = f"body `{actuator.moves}` is not on a guide"
             self._fault(what, (*path, "moves"), "add `guide: GUIDE` to the body")
         joint = self.machine.joints.get(actuator.target) if key in ("drives", "turns") else None
-        wanted = "prismatic" if key == "drives" else "revolute"
-        if joint is not None and joint.type != wanted:
-            what = f"joint `{actuator.target}` is {joint.type}; `{key}` needs a {wanted} joint"
-            self._fault(what, (*path, key), f"use `type: {wanted}` for the joint")
+        expected_type = "prismatic" if key == "drives" else "revolute"
+        if joint is not None and joint.type != expected_type:
+            what = f"joint `{actuator.target}` is {joint.type}; `{key}` needs a {expected_type} joint"
+            self._fault(what, (*path, key), f"use `type: {expected_type}` for the joint")
 
     def _check_columns(self) -> None:
         columns: list[tuple[str, Path]] = []

@@ -33,12 +33,12 @@ def check_guides(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
 
 def _check_carriers(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
     """Carriages that stand on themselves, directly or by other guides."""
-    told: set[str] = set()
+    reported: set[str] = set()
     for name, body in machine.bodies.items():
         below = _below(machine, name)
-        if name not in below or told & below:
+        if name not in below or reported & below:
             continue
-        told |= below
+        reported |= below
         guide = machine.guides[body.guide or ""]
         key = next(key for key in reversed(_CARRIERS) if getattr(guide, key) is not None)
         what = f"guide `{body.guide}` is carried by its own carriage `{name}`"

@@ -78,9 +78,9 @@ class NameCheck:
         for name, body in machine.bodies.items():
             self._refer("guides", body.guide, ("bodies", name, "guide"))
         for section in sections_with("between"):
-            things: Mapping[str, Any] = getattr(machine, section)
-            for name, thing in things.items():
-                self._check_points(thing.between, (section, name, "between"))
+            entries: Mapping[str, Any] = getattr(machine, section)
+            for name, entry in entries.items():
+                self._check_points(entry.between, (section, name, "between"))
         for name, rope in machine.ropes.items():
             self._check_pulleys(rope, ("ropes", name, "pulleys"))
         for name, beam in machine.beams.items():
@@ -219,15 +219,15 @@ class NameCheck:
 
     def _of_sessions(self, path: Path) -> bool:
         """Whether the value at a path may differ from session to session."""
-        section, thing, machine = path[0], str(path[1]), self.machine
+        section, owner, machine = path[0], str(path[1]), self.machine
         if section == "actuators":
             return path[2] in ("zero", "offset")
         if section == "frames":
             built = {g.frame for g in machine.guides.values()}
-            return thing in {s.surface for s in machine.sensors.values()} - built
+            return owner in {s.surface for s in machine.sensors.values()} - built
         if section == "ground":
             members = (m for kind in sections_with("between") for m in getattr(machine, kind).values())
-            return thing in {s.to for s in machine.sensors.values()} - {p for m in members for p in m.between}
+            return owner in {s.to for s in machine.sensors.values()} - {p for m in members for p in m.between}
         return section == "sensors"
 
     def _unknown_parameter(self, name: str, written: WrittenValue, path: Path) -> None:

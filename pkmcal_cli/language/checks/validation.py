@@ -175,8 +175,8 @@ def _plain_words(details: Mapping[str, Any]) -> tuple[str, str | None]:
         hint = _PAIR if details["loc"][-1] == "between" else _TWO
         return f"expected {context['max_length']} entries, found {context['actual_length']}", hint
     if kind == "too_short":
-        least, found = context["min_length"], context["actual_length"]
-        return f"expected at least {least} entries, found {found}", _TWO
+        least, actual = context["min_length"], context["actual_length"]
+        return f"expected at least {least} entries, found {actual}", _TWO
     if kind in ("greater_than_equal", "less_than_equal"):
         return f"{shown} is out of range; expected a value {details['msg'].removeprefix('Input should be ')}", None
     return str(details["msg"]), None
