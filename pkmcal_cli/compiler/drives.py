@@ -195,7 +195,7 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         return drive, "", ""
     connections = (structure.connection(other, True), structure.connection(driven, True))
     stiffness = {} if actuator.stiffness is None else {"angle": number(actuator.stiffness)}
-    rest = {"angle": combined(lambda z: z - offset, zero)}
+    rest_angle = {"angle": combined(lambda z: z - offset, zero)}
     element = f"{name}.drive"
     add_joint_link(
         structure,
@@ -205,7 +205,7 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         connections=connections,
         triad=triad_about(about),
         stiffness=None,
-        rest=rest,
+        rest=rest_angle,
         extra=stiffness,
         turns=turns_of(structure, joint),
     )

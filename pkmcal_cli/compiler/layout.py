@@ -21,7 +21,7 @@ def layout_of(structure: Structure, vectors: int) -> Layout:
         if own in pieces and (not number or number.isdigit()) and _joins(member):
             bends = any(s.startswith("bend") for s in member.element.strains)
             pieces[own].append(Piece(member.name, member.links[0], bends))
-    whole = {name: tuple(found) for name, found in pieces.items()}
+    whole = {name: tuple(parts) for name, parts in pieces.items()}
     points = {n: structure.point(n) for n in names}
     used = {n: p for n, p in points.items() if all(offset < vectors for _, _, offset in p.offsets)}
     return Layout(used, dict(structure.rails.guides), whole)

@@ -31,8 +31,8 @@ def carrier(machine: Machine, point: str) -> str:
     if point in machine.ground:
         return BASE
     owner = next((name for name, body in machine.bodies.items() if point in body.points), point)
-    thing = machine.bodies.get(owner) or machine.nodes[owner]
-    return BASE if len(thing.fixed) >= (3 if machine.space == "planar" else 6) else owner
+    owning = machine.bodies.get(owner) or machine.nodes[owner]
+    return BASE if len(owning.fixed) >= (3 if machine.space == "planar" else 6) else owner
 
 
 def swivels_towards(machine: Machine, rope: Rope, visit: int) -> int | None:

@@ -54,10 +54,10 @@ class SensorTable:
 
     def quantity(self, measurand: Measurand, index: int, component: int = 0) -> int:
         """Index of an observed quantity."""
-        wanted = ObservedQuantity(measurand, index, component)
-        if wanted not in self.observed:
-            self.observed.append(wanted)
-        return self.observed.index(wanted)
+        observed_quantity = ObservedQuantity(measurand, index, component)
+        if observed_quantity not in self.observed:
+            self.observed.append(observed_quantity)
+        return self.observed.index(observed_quantity)
 
     def place_all(self, machine: Machine) -> None:
         """Points of all sensors; then their observation equations."""

@@ -174,10 +174,10 @@ class Structure(Coordinates):
         """Point of a node, or origin of a body, that a joint places on its other side."""
         joint_name, side = self.placed_by[name]
         joint = self.machine.joints[joint_name]
-        own, theirs = joint.between[side], joint.between[1 - side]
-        base = self.point(theirs)
+        own, other_end = joint.between[side], joint.between[1 - side]
+        base = self.point(other_end)
         if joint.type in ("prismatic", "cylindrical", "planar"):
-            base = base + self._slide(joint_name, joint, name, theirs, 1.0 if side == 1 else -1.0)
+            base = base + self._slide(joint_name, joint, name, other_end, 1.0 if side == 1 else -1.0)
         if own == name:
             return base
         offset = self.machine.bodies[name].points[own]

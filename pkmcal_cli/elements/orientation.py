@@ -53,12 +53,12 @@ class OrientationElement(Element):
                 out[..., where.start + k] += np.einsum("...m,...mi->...i", stress, slopes)
 
 
-def _nearest(vector: Array, wanted: Array) -> Array:
+def _nearest(vector: Array, reference: Array) -> Array:
     """The rotation vector (..., 3) of the same orientation, whole turns about its axis added, nearest to another."""
     angle = np.sqrt(dot(vector, vector))
     still = np.abs(angle) < 1e-8
-    along = np.where(still[..., None], wanted, vector)
+    along = np.where(still[..., None], reference, vector)
     size = np.sqrt(dot(along, along))
     unit = along / np.where(np.abs(size) < 1e-300, 1.0, size)[..., None]
-    turns = np.round(dot(wanted - vector, unit).real / (2 * np.pi))
+    turns = np.round(dot(reference - vector, unit).real / (2 * np.pi))
     return np.asarray(vector + (2 * np.pi * turns)[..., None] * unit)

@@ -58,12 +58,12 @@ def descend(system: System, coefficients: Array, state: State, length: float, ef
             break
         effort.add(len(active))
         some = numbers.take(active)
-        now = _Point.at(system, some, state.take(active), scale)
-        step = _damped(system, now.balanced, damping[active] * scale, unit)
-        trial = advance(system, now.state, step, scale)
+        point = _Point.at(system, some, state.take(active), scale)
+        step = _damped(system, point.balanced, damping[active] * scale, unit)
+        trial = advance(system, point.state, step, scale)
         force[active] = np.maximum(force[active], 2 * np.abs(trial.multiplier / scale).max(axis=1, initial=0.0))
         then = _Point.at(system, some, trial, scale)
-        lower = _change(system, some, step, now, then, force[active]) < 0
+        lower = _change(system, some, step, point, then, force[active]) < 0
         won = np.nonzero(lower)[0]
         state = state.put(active[won], trial.take(won))
         damping[active] = np.clip(damping[active] * np.where(lower, 0.1, 10.0), _LEAST, 10 * _MOST)
@@ -82,11 +82,11 @@ def _damped(system: System, balanced: Balance, damping: Array, unit: Array) -> A
     return np.asarray(step * np.minimum(1.0, _LONGEST / size)[:, None])
 
 
-def _change(system: System, numbers: SystemNumbers, step: Array, now: _Point, then: _Point, force: Array) -> Array:
+def _change(system: System, numbers: SystemNumbers, step: Array, point: _Point, then: _Point, force: Array) -> Array:
     """Change (N,) of potential and weighted gaps; negative where the step lowers them by more than rounding."""
     where = system.place[system.topology.force_dofs]
     held = np.nonzero(where >= 0)[0]
     work = (numbers.forces[:, held] * step[:, where[held]]).sum(axis=1) if len(held) else 0.0
-    change = then.potential - now.potential - work + force * (then.gaps - now.gaps)
-    change += _ROUNDING * np.abs(now.potential)
+    change = then.potential - point.potential - work + force * (then.gaps - point.gaps)
+    change += _ROUNDING * np.abs(point.potential)
     return np.where(np.isfinite(change), change, np.inf)

@@ -97,8 +97,8 @@ class FrontLayout:
         """The layout for a matrix with these entries that may be other than zero; None where one matrix is as fast."""
         pattern = np.eye(size, dtype=bool)
         pattern[row, column] = pattern[column, row] = True
-        found = fronts_of(pattern, unknowns)
-        return _layout(found, size, unknowns) if found else None
+        fronts = fronts_of(pattern, unknowns)
+        return _layout(fronts, size, unknowns) if fronts else None
 
 
 def _shape(front: Front) -> tuple[int, int, int, int]:

@@ -41,12 +41,12 @@ class State:
 
     def write(self, rows: Index, other: State) -> None:
         """Overwrite some rows, in place."""
-        for target, theirs in (
+        for target, source in (
             (self.travel, other.travel),
             (self.rotation, other.rotation),
             (self.multiplier, other.multiplier),
         ):
-            target.T[..., rows] = theirs.T
+            target.T[..., rows] = source.T
 
 
 def reference_state(topology: Topology, coefficients: Array, rows: int, constraints: int) -> State:

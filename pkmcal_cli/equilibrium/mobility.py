@@ -92,15 +92,15 @@ def pivots(basis: Array) -> list[int]:
 
 def pivot_columns(matrix: Array, count: int) -> list[int]:
     """The `count` columns that a QR decomposition with column pivoting takes first."""
-    rest = np.array(matrix, dtype=float)
+    remainder = np.array(matrix, dtype=float)
     order: list[int] = []
     for _ in range(count):
-        norms = np.sqrt((rest**2).sum(axis=0))
+        norms = np.sqrt((remainder**2).sum(axis=0))
         norms[order] = -1.0
         order.append(int(np.argmax(norms)))
-        column = rest[:, order[-1]]
+        column = remainder[:, order[-1]]
         size = float(np.sqrt(column @ column))
         if size > 0:
             unit = column / size
-            rest -= np.outer(unit, unit @ rest)
+            remainder -= np.outer(unit, unit @ remainder)
     return order

@@ -45,9 +45,9 @@ def fronts_of(pattern: NDArray[np.bool_], unknowns: int) -> tuple[Front, ...]:
     among = pattern[:unknowns, :unknowns] | (touches.T.astype(np.float32) @ touches.astype(np.float32) > 0)
     tree = _Tree(_eliminated(among), touches)
     tree.merge()
-    found = tree.fronts()
-    work = sum(_work(len(front.own), len(front.border) + 1) for front in found)
-    return found if work < _GAIN * _work(len(pattern), 1) else ()
+    fronts = tree.fronts()
+    work = sum(_work(len(front.own), len(front.border) + 1) for front in fronts)
+    return fronts if work < _GAIN * _work(len(pattern), 1) else ()
 
 
 def _work(size: int, right: int) -> float:

@@ -124,7 +124,7 @@ class FrontTangent(Tangent):
 
     def _eliminated(self, right: Array, transposed: bool) -> tuple[Array, NDArray[np.bool_]]:
         """Solution, and rows (N,) in which a pivot cannot be trusted."""
-        entries, found = self.entries.copy(), []
+        entries, eliminated = self.entries.copy(), []
         limit = _GROWTH * float(np.abs(entries[:1]).max(initial=0.0))
         grown = np.zeros(len(right), dtype=bool)
         for fronts in self.layout.sets:
@@ -132,13 +132,13 @@ class FrontTangent(Tangent):
             width = ahead.shape[3]
             both = np.concatenate([ahead, right[:, fronts.own]], axis=3)
             both = np.linalg.solve(own, both)
-            found.append(both)
+            eliminated.append(both)
             if width:
                 passed = fronts.summed(back @ both)  # (N, G, r, r + k)
                 if not np.abs(passed[..., :width]).max(initial=0.0) <= limit:
                     grown |= ~(np.abs(passed[..., :width]).max(axis=(1, 2, 3)) <= limit)
                 fronts.pass_on(passed, entries, right, transposed)
-        for fronts, both in zip(reversed(self.layout.sets), reversed(found), strict=True):
+        for fronts, both in zip(reversed(self.layout.sets), reversed(eliminated), strict=True):
             width = both.shape[3] - right.shape[2]
             own = both[..., width:]
             if width:

@@ -207,17 +207,17 @@ def together(sites: EffectSites, effect: Effect, groups: EffectGroups) -> dict[s
 
 def _some(named: Mapping[str, object], groups: EffectGroups) -> dict[str, tuple[str, ...]]:
     """The places in each group, `left.x` with `left`: several, and not all; those of one group are in no other."""
-    found = {g: tuple(n for n in named if n.partition(".")[0] in members) for g, members in groups.items()}
-    found = {g: inside for g, inside in found.items() if 1 < len(inside) < len(named)}
-    return {g: inside for g, inside in found.items() if inside not in [found[o] for o in found][: [*found].index(g)]}
+    parts = {g: tuple(n for n in named if n.partition(".")[0] in members) for g, members in groups.items()}
+    parts = {g: inside for g, inside in parts.items() if 1 < len(inside) < len(named)}
+    return {g: inside for g, inside in parts.items() if inside not in [parts[o] for o in parts][: [*parts].index(g)]}
 
 
 def fitting(
-    sites: EffectSites, effect: Effect, wanted: Callable[[EffectSite], bool] = lambda site: True
+    sites: EffectSites, effect: Effect, accepts: Callable[[EffectSite], bool] = lambda site: True
 ) -> dict[str, tuple[EffectSite, ...]]:
-    """Effect sites of an effect's kind, by name of the place; those that are `wanted`."""
+    """Effect sites of an effect's kind, by name of the place; those that `accepts` says."""
     return {
         name: kept
         for name, every in sites.get(effect.enters, {}).items()
-        if (kept := tuple(s for s in every if effect.where in ("any", s.kind) and wanted(s)))
+        if (kept := tuple(s for s in every if effect.where in ("any", s.kind) and accepts(s)))
     }

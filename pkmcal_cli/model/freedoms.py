@@ -183,10 +183,10 @@ def smallest_singular_value(jacobian: Array) -> Array:
     return np.asarray(np.linalg.svd(np.nan_to_num(jacobian), compute_uv=False)[:, -1])
 
 
-def _step(now: ClosedPoses, damping: Array) -> Array:
+def _step(closed: ClosedPoses, damping: Array) -> Array:
     """Bounded steps (n, f) of Levenberg and Marquardt."""
-    normal = np.einsum("nak,nal->nkl", now.jacobian, now.jacobian)
-    gradient = np.einsum("nak,na->nk", now.jacobian, now.misfit)
+    normal = np.einsum("nak,nal->nkl", closed.jacobian, closed.jacobian)
+    gradient = np.einsum("nak,na->nk", closed.jacobian, closed.misfit)
     largest = np.einsum("nkk->nk", normal).max(axis=1)
     damped = normal + (damping * largest)[:, None, None] * np.eye(normal.shape[1])
     step = -solve_rows(damped, gradient[..., None])[..., 0]

@@ -57,9 +57,9 @@ class HeldPoints:
         def lost(released: tuple[int, ...]) -> int:
             return self.motion(aimed, tuple(a for a in holding if a not in released)).freedoms
 
-        found = [
+        completions = [
             engaged
             for engaged in islice(combinations(kept, motion.freedoms - motion.shown), _CHOICES)
             if (left := self.motion(aimed, engaged)).shown == left.freedoms == motion.shown
         ]
-        return max(found, key=lost, default=None) if len(found) > 1 else next(iter(found), None)
+        return max(completions, key=lost, default=None) if len(completions) > 1 else next(iter(completions), None)

@@ -46,21 +46,21 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
         if not len(todo):
             break
         which = _nearest(freedoms, coefficients[todo], starts)[:, tried : tried + _AT_ONCE]  # (m, k)
-        found = _descended(freedoms, np.repeat(coefficients[todo], which.shape[1], axis=0), starts, which.ravel())
+        closed = _descended(freedoms, np.repeat(coefficients[todo], which.shape[1], axis=0), starts, which.ravel())
         for k in range(which.shape[1]):
-            best = _better(best, rival, todo, found.take(np.arange(k, which.size, which.shape[1])))
+            best = _better(best, rival, todo, closed.take(np.arange(k, which.size, which.shape[1])))
     return CommonPose(best.state, best.size, rival, best.singular)
 
 
-def _better(best: ClosedPoses, rival: Array, rows: Index, found: ClosedPoses) -> ClosedPoses:
+def _better(best: ClosedPoses, rival: Array, rows: Index, candidates: ClosedPoses) -> ClosedPoses:
     """The better of the best poses and others found for some rows; `rival` (n,), of the next best, is set."""
     before = best.take(rows)
-    apart = np.abs(found.poses - before.poses).max(axis=1) > _SAME
-    better = found.size < before.size
-    other = np.where(better, before.size, found.size)
+    apart = np.abs(candidates.poses - before.poses).max(axis=1) > _SAME
+    better = candidates.size < before.size
+    other = np.where(better, before.size, candidates.size)
     rival[rows] = np.where(apart, np.minimum(rival[rows], other), rival[rows])
     won = np.nonzero(better)[0]
-    return best.put(rows[won], found.take(won))
+    return best.put(rows[won], candidates.take(won))
 
 
 def _descended(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses, which: Index) -> ClosedPoses:

@@ -189,15 +189,15 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
     decay = np.exp(-ratio)
     safe = np.where(step == 0, 1.0, ratio)
     weight = np.where(step == 0, 0.0, (1 - decay) / safe)  # mean of the kernel over the step
-    rest = current * (1 - weight) + before * (weight - decay)
-    rest[0], decay[0] = current[0], 0.0
+    lagged = current * (1 - weight) + before * (weight - decay)
+    lagged[0], decay[0] = current[0], 0.0
     distance = 1
     while distance < len(time):
-        rest[distance:] = rest[distance:] + decay[distance:] * rest[:-distance]
+        lagged[distance:] = lagged[distance:] + decay[distance:] * lagged[:-distance]
         decay[distance:] = decay[distance:] * decay[:-distance]
         distance *= 2
-    out = np.empty_like(rest)
-    out[order] = rest
+    out = np.empty_like(lagged)
+    out[order] = lagged
     return np.asarray(out)
 
 

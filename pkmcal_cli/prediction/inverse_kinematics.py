@@ -71,9 +71,9 @@ def drive_positions(
     else:
         base = model.topology.coefficients.values(model.by_name(values))[None]
     held = model.motion_of(aimed).sets[0] if held is None else held
-    system, wanted = model.holding(held, aimed), held if derivatives else ()
+    system, differentiated = model.holding(held, aimed), held if derivatives else ()
     parts = [
-        _chunk(model, system, aimed, poses[some], coefficients_of(base, np.arange(len(poses))[some]), wanted)
+        _chunk(model, system, aimed, poses[some], coefficients_of(base, np.arange(len(poses))[some]), differentiated)
         for some in row_chunks(system, len(poses))
     ]
     joined = DrivePositions(*(np.concatenate(column) for column in zip(*parts, strict=True)))

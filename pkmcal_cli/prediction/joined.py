@@ -42,16 +42,16 @@ def join_rows(model: Model, prediction: Prediction, partner: NDArray[np.intp]) -
         if jacobian is not None or by_drive is not None:
             slopes = derivatives(sensor.kind, seen, list(sensor.known))
             own = np.concatenate([slopes[s] if s != _OTHERS else 0 * slopes[s] for s in sensor.known], axis=2)
-            own, theirs = own[:, sensor.outputs], slopes[_OTHERS][:, sensor.outputs]
+            own, of_partner = own[:, sensor.outputs], slopes[_OTHERS][:, sensor.outputs]
             for full, out in ((prediction.jacobian, jacobian), (prediction.by_drive, by_drive)):
                 if full is not None and out is not None:
                     out[:, sensor.channels] = 0.0
                     out[rows[:, None], sensor.channels] = own @ full[rows][:, own_columns]
             places = own_columns[_part(sensor, "place")]
             if prediction.jacobian is not None and jacobian is not None:
-                jacobian[rows[:, None], sensor.channels] += theirs @ prediction.jacobian[partner[rows]][:, places]
+                jacobian[rows[:, None], sensor.channels] += of_partner @ prediction.jacobian[partner[rows]][:, places]
             if prediction.by_drive is not None and by_partner is not None:
-                by_partner[rows[:, None], sensor.channels] = theirs @ prediction.by_drive[partner[rows]][:, places]
+                by_partner[rows[:, None], sensor.channels] = of_partner @ prediction.by_drive[partner[rows]][:, places]
         start += known_width(sensor)
     return replace(prediction, values=values, jacobian=jacobian, by_drive=by_drive, by_partner=by_partner)
 

@@ -68,16 +68,16 @@ def _observed(model: Model, solution: Solution, gains: Array, derivatives: bool)
     slopes = _coefficient_jacobian(solution, readings) if derivatives else None
     if not loads:
         return readings.values, slopes
-    wanted = [model.observed[k] for k in loads]
+    quantities = [model.observed[k] for k in loads]
     others = [k for k in range(len(model.observed)) if k not in loads]
     values = np.empty((len(coefficients), len(model.observed)))
     values[:, others] = readings.values
-    values[:, loads] = load_values(model, solution, wanted)
+    values[:, loads] = load_values(model, solution, quantities)
     if slopes is None:
         return values, None
     full = np.empty((len(coefficients), len(model.observed), coefficients.shape[1]))
     full[:, others] = slopes
-    full[:, loads] = load_derivatives(model, solution, wanted)
+    full[:, loads] = load_derivatives(model, solution, quantities)
     return values, full
 
 

@@ -77,9 +77,9 @@ def solve(model: Model, coefficients: Array, method: Method, start: WarmStart | 
     if beyond.any():
         coefficients = coefficients.copy(order="K")
         coefficients[beyond] = model.reference_coefficients
-    found = _solve(model, coefficients, method, start, compare, effort)
-    found.status[beyond] = RowStatus.OUT_OF_REACH
-    return found
+    solution = _solve(model, coefficients, method, start, compare, effort)
+    solution.status[beyond] = RowStatus.OUT_OF_REACH
+    return solution
 
 
 def _solve(

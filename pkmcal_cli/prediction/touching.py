@@ -36,26 +36,26 @@ def tcp_places(model: Model, values: Array, rows: Rows) -> Array:
 
 
 def touching(
-    model: Model, values: Array, rows: Rows, wanted: Array, shift: Array | None = None
+    model: Model, values: Array, rows: Rows, trigger: Array, shift: Array | None = None
 ) -> tuple[Rows, NDArray[np.bool_]]:
-    """Rows whose commands make channels read what is wanted (N, C), nan where that is open; and which do (N,).
+    """Rows whose commands make channels read `trigger` (N, C), nan where that is open; and which do (N,).
 
     At parameter values (P,), by the exact method. `shift` (N, A): of the drives when they read their commands.
     """
     done = np.ones(len(rows), dtype=bool)
-    chosen = np.nonzero(~np.isnan(wanted).all(axis=1))[0]
+    chosen = np.nonzero(~np.isnan(trigger).all(axis=1))[0]
     if not len(chosen):
         return rows, done
     moved = np.zeros(rows.readings.shape) if shift is None else shift
     readings = rows.readings.copy()
-    readings[chosen], done[chosen] = _found(model, values, rows.take(chosen), wanted[chosen], moved[chosen])
+    readings[chosen], done[chosen] = _found(model, values, rows.take(chosen), trigger[chosen], moved[chosen])
     return replace(rows, readings=readings), done
 
 
-def _found(model: Model, values: Array, rows: Rows, wanted: Array, shift: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _found(model: Model, values: Array, rows: Rows, trigger: Array, shift: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Commands (n, A) of rows that all touch, and which rows do."""
-    columns = np.nonzero(~np.isnan(wanted).all(axis=0))[0]
-    known, target = ~np.isnan(wanted[:, columns]), np.nan_to_num(wanted[:, columns])
+    columns = np.nonzero(~np.isnan(trigger).all(axis=0))[0]
+    known, target = ~np.isnan(trigger[:, columns]), np.nan_to_num(trigger[:, columns])
     free = [DIRECTIONS.index(c) for c in model.independent_coordinates]
     size = np.where(np.array(free) < 3, 1.0, 1 / (_LENGTH * model.length))
     place = np.full((len(rows), 6), np.nan)

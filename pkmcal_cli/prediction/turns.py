@@ -38,24 +38,24 @@ def tell_as_read(sensor: PlacedSensor, readings: Array, by: Array | None, measur
     In rows where the components that were read (of `measured` (N, C)), one or more, are nearer to it.
     """
     places = np.array([_outputs(sensor).index(k) for k in _ROTATION])
-    told = np.full((len(readings), 3), np.nan)
+    as_read = np.full((len(readings), 3), np.nan)
     for channel, k in sensor.rotates:
-        told[:, k] = measured[:, channel]
-    readings[:, places], slopes = nearer_way_round(readings[:, places], None if by is None else by[:, places], told)
+        as_read[:, k] = measured[:, channel]
+    readings[:, places], slopes = nearer_way_round(readings[:, places], None if by is None else by[:, places], as_read)
     if by is not None and slopes is not None:
         by[:, places] = slopes
 
 
-def nearer_way_round(turned: Array, slopes: Array | None, told: Array) -> tuple[Array, Array | None]:
-    """Rotation vectors (N, 3) with derivatives (N, 3, S), of the two of each rotation that nearer to what is told.
+def nearer_way_round(turned: Array, slopes: Array | None, reference: Array) -> tuple[Array, Array | None]:
+    """Rotation vectors (N, 3) with derivatives (N, 3, S), of the two of each rotation that nearer to a reference.
 
-    told (N, 3): components, nan where unknown. Small components of a small turn can be told in one way only: the turn
+    reference (N, 3): components, nan where unknown. Small components of a small turn have one way only: the turn
     must be large, or a component beyond half a turn.
     """
-    known, turned = np.isfinite(told), turned.copy()
+    known, turned = np.isfinite(reference), turned.copy()
     other = other_way_round(turned)
-    here, there = (np.where(known, told - v, 0.0) for v in (turned, other))
-    large = (np.linalg.norm(turned, axis=1) > _LARGE) | (np.where(known, np.abs(told), 0.0) > np.pi).any(axis=1)
+    here, there = (np.where(known, reference - v, 0.0) for v in (turned, other))
+    large = (np.linalg.norm(turned, axis=1) > _LARGE) | (np.where(known, np.abs(reference), 0.0) > np.pi).any(axis=1)
     rows = np.nonzero(((there**2).sum(axis=1) < (here**2).sum(axis=1)) & large)[0]
     if slopes is not None and len(rows):
         slopes = slopes.copy()
