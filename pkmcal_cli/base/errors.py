@@ -223,12 +223,12 @@ def nearest(name: str, names: Iterable[str]) -> str | None:
     return next((lower[c] for c in close if _slip(name.lower(), c)), None)
 
 
-def _slip(name: str, meant: str) -> bool:
+def _slip(name: str, known_name: str) -> bool:
     """Whether one is the beginning of the other, or few letters differ: one of three, two of six, three of nine."""
-    short, long = sorted((name, meant), key=len)
+    short, long = sorted((name, known_name), key=len)
     if len(short) >= _BEGINNING and long.startswith(short):
         return True
-    return edits(name, meant) <= max(1, len(long) // 3)
+    return edits(name, known_name) <= max(1, len(long) // 3)
 
 
 def edits(a: str, b: str) -> int:

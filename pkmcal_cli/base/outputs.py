@@ -171,8 +171,8 @@ def _aside(path: Path, kind: str) -> Path:
 
 def _move_all(parts: Sequence[tuple[Path, Path]], force: bool) -> None:
     """Temporary files into place, in this order; where one cannot be moved, those before it are taken back."""
-    (temporary, path), *rest = parts
-    if not rest:
+    (temporary, path), *remaining = parts
+    if not remaining:
         _move(temporary, path, force)
         return
     old = _aside(path, "old")
@@ -182,7 +182,7 @@ def _move_all(parts: Sequence[tuple[Path, Path]], force: bool) -> None:
         _move(temporary, path, force)
         try:
             _sync_folder(path.parent)
-            _move_all(rest, force)
+            _move_all(remaining, force)
         except BaseException:
             os.replace(old, path) if old.exists() else path.unlink()
             raise

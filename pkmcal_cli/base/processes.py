@@ -111,8 +111,8 @@ def in_batches(
                         del left[number]
                         if isinstance(result, _Refused):
                             refused[number] = result.error
-                    if found := {n: r for n, r in results.items() if n not in refused}:
-                        yield found
+                    if accepted := {n: r for n, r in results.items() if n not in refused}:
+                        yield accepted
                     if refused and not any(n < min(refused) for n in left):
                         raise refused[min(refused)]  # the first one, as if one process did all
                 return

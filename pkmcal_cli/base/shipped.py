@@ -29,8 +29,8 @@ def shipped_folder() -> Path:
 
 def shipped_machines() -> tuple[str, ...]:
     """Names of the shipped machines."""
-    found = (f for f in shipped_folder().glob("*.yaml") if not f.name.endswith(".provenance.yaml"))
-    return tuple(sorted(f.stem for f in found))
+    files = (f for f in shipped_folder().glob("*.yaml") if not f.name.endswith(".provenance.yaml"))
+    return tuple(sorted(f.stem for f in files))
 
 
 def shipped_file(name: str) -> Path:
@@ -58,5 +58,5 @@ def shipped_hint(name: str) -> str | None:
         return None
     if os.path.isfile(file):
         return f"pkmcal brings one of this name: `{file}`"
-    meant = nearest(name, shipped_machines()) if name and not Path(name).suffix else None
-    return None if meant is None else f"did you mean `{meant}`, which is shipped?"
+    near_name = nearest(name, shipped_machines()) if name and not Path(name).suffix else None
+    return None if near_name is None else f"did you mean `{near_name}`, which is shipped?"

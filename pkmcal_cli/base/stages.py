@@ -35,9 +35,9 @@ def within(observe: Observer, larger: Stage) -> Observer:
     """Tells the steps that a larger one consists of."""
 
     def told(stage: Stage) -> None:
-        first, *rest = stage.whole
+        first, *inner = stage.whole
         out = replace(first, inside=larger)
-        for part in rest:
+        for part in inner:
             out = replace(part, inside=out)
         observe(out)
 

@@ -28,6 +28,6 @@ def styled(text: str) -> str:
     return _HELP.sub(f"{_CYAN}help:{_PLAIN}", text)
 
 
-def _head(found: re.Match[str]) -> str:
-    place, colour = found["place"], _RED if found["kind"] == "error" else _YELLOW
-    return (f"{_BOLD}{place}{_PLAIN}" if place else "") + f"{colour}{found['what']}{_PLAIN}"
+def _head(match: re.Match[str]) -> str:
+    place, colour = match["place"], _RED if match["kind"] == "error" else _YELLOW
+    return (f"{_BOLD}{place}{_PLAIN}" if place else "") + f"{colour}{match['what']}{_PLAIN}"

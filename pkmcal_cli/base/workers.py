@@ -60,10 +60,10 @@ class Workers:
 
     def results(self, work: Work[Result], count: int, name: str, observe: Observer = unobserved) -> list[Result]:
         """Results of tasks 0 to `count` - 1, in this order. Raises as `done`."""
-        found: dict[int, Result] = {}
+        by_number: dict[int, Result] = {}
         for some in self.done(work, range(count), name, observe):
-            found.update(some)
-        return [found[number] for number in range(count)]
+            by_number.update(some)
+        return [by_number[number] for number in range(count)]
 
 
 ALONE = Workers()

@@ -83,10 +83,10 @@ def _letters(cell: str, decimal: str, column: str) -> Iterator[str]:
 
 def _exponent(cell: str, decimal: str, column: str) -> Iterator[str]:
     """Exponents as other languages write them, or without their digits."""
-    found = _EXPONENT.fullmatch(cell)
-    if found and is_number(found[1], decimal):
-        yield f"write exponents with `e`: `{found[1]}e{re.sub(r'[+ ]', '', found[2])}`"
-    if (found := _LACKING.fullmatch(cell)) and is_number(found[1], decimal):
+    match = _EXPONENT.fullmatch(cell)
+    if match and is_number(match[1], decimal):
+        yield f"write exponents with `e`: `{match[1]}e{re.sub(r'[+ ]', '', match[2])}`"
+    if (match := _LACKING.fullmatch(cell)) and is_number(match[1], decimal):
         yield "the exponent has no digits: the number may be cut off"
 
 
@@ -128,8 +128,8 @@ def _wrapped(cell: str, decimal: str, column: str) -> Iterator[str]:
 
 def _behind(cell: str, decimal: str, column: str) -> Iterator[str]:
     """Comments."""
-    found = _COMMENT.fullmatch(cell)
-    if found and (not found[1] or is_number(found[1], decimal)):
+    match = _COMMENT.fullmatch(cell)
+    if match and (not match[1] or is_number(match[1], decimal)):
         yield COMMENTS
 
 

@@ -35,8 +35,8 @@ class Origin:
 
     def text(self, table: Path | str, sha256: str) -> str:
         """As the text of the file beside a table with this content."""
-        told = {"data": Path(table).name, "sha256": sha256, "kind": self.kind, "note": self.note}
-        return _yaml(told | {"provenance": dict(self.head)})
+        header = {"data": Path(table).name, "sha256": sha256, "kind": self.kind, "note": self.note}
+        return _yaml(header | {"provenance": dict(self.head)})
 
 
 def _yaml(tree: Mapping[str, Any]) -> str:

@@ -118,10 +118,10 @@ def open_with_origin(
             file.writelines(f"# {line}\n" for line in ([] if origin is None else origin.lines()))
             yield file
         return
-    with write_together([beside(target), target], inputs, force=force) as (told, file):
+    with write_together([beside(target), target], inputs, force=force) as (companion, file):
         yield file
         file.flush()
-        told.write(origin.text(target, _checksum(file.name)))
+        companion.write(origin.text(target, _checksum(file.name)))
 
 
 def _checksum(name: str) -> str:

@@ -54,8 +54,8 @@ def at_rest(model: Model, rows: Rows) -> Rows:
 def reference_conditions(model: Model, given: Collection[str]) -> tuple[dict[str, float], str]:
     """Columns, SI, that declared effects need besides those that are given, and what is to be said of them."""
     bare = {name.partition(".")[0] for name in given}
-    rest = {need: r for need, r in _resting(model).items() if r[0] not in bare}
-    return {name: value for name, value, _ in rest.values()}, _words(rest)
+    at_reference = {need: r for need, r in _resting(model).items() if r[0] not in bare}
+    return {name: value for name, value, _ in at_reference.values()}, _words(at_reference)
 
 
 def without_effect(model: Model, given: Collection[str]) -> list[str]:
@@ -71,9 +71,11 @@ def resting(model: Model) -> str:
     return _words(_resting(model))
 
 
-def _words(rest: Mapping[str, tuple[str, float, str]]) -> str:
-    texts = ", ".join(words for _, _, words in rest.values())
-    return f"effects that depend on {', '.join(rest)} are evaluated at reference conditions: {texts}" if rest else ""
+def _words(values: Mapping[str, tuple[str, float, str]]) -> str:
+    texts = ", ".join(words for _, _, words in values.values())
+    if not values:
+        return ""
+    return f"effects that depend on {', '.join(values)} are evaluated at reference conditions: {texts}"
 
 
 def _resting(model: Model) -> dict[str, tuple[str, float, str]]:

@@ -87,8 +87,8 @@ def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid
 
 def _axis(loaded: LoadedMachine, part: str, option: str) -> Axis:
     """One axis `NAME=start:stop:count`."""
-    name, equals, rest = (t.strip() for t in part.partition("="))
-    limits = rest.split(":")
+    name, equals, limits_text = (t.strip() for t in part.partition("="))
+    limits = limits_text.split(":")
     if not equals or len(limits) != 3:
         raise UsageError(
             f"{option}: `{part}` is not an axis", hint='write NAME=start:stop:count, for example "x=0:950:3"'

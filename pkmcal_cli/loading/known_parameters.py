@@ -86,24 +86,24 @@ def known_parameters(path: str) -> KnownParameters:
         faults.add(tree.fault("parameters", "this file has no map `parameters`", (), hint))
         faults.raise_if_any()
     assert section is not None and isinstance(section.value, dict)
-    found: dict[str, KnownParameter] = {}
+    entries: dict[str, KnownParameter] = {}
     for name, node in section.value.items():
         try:
-            found[name] = _entry(node)
+            entries[name] = _entry(node)
         except UnitError as error:
             faults.add(tree.fault("unit", error.what, ("parameters", name), error.hint, at_key=True))
         except (TypeError, ValueError, OverflowError):
             what, hint = f"`{name}` must have a finite `value`, and its `unit`", "write it with `pkmcal calibrate -o`"
             faults.add(tree.fault("value", what, ("parameters", name), hint, at_key=True))
     faults.raise_if_any()
-    units = {name: p.unit.scale for name, p in found.items()}
+    units = {name: p.unit.scale for name, p in entries.items()}
     names, covariance = _covariance(_plain(source.root, "correlations"), units)
     head = _plain(source.root, "provenance")
     head = head if isinstance(head, dict) else {}
     return KnownParameters(
         file=source.file,
         sha256=source.sha256,
-        parameters=found,
+        parameters=entries,
         names=names,
         covariance=covariance,
         data=read_data(_plain(source.root, DATA), units),
@@ -170,7 +170,7 @@ def _fingerprint(plain: Any) -> Fingerprint | None:
 def _date(text: object) -> datetime | None:
     """A date, UTC where it says none else."""
     try:
-        found = datetime.fromisoformat(str(text))
+        date = datetime.fromisoformat(str(text))
     except ValueError:
         return None
-    return found if found.tzinfo is not None else found.replace(tzinfo=UTC)
+    return date if date.tzinfo is not None else date.replace(tzinfo=UTC)

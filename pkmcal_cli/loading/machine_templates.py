@@ -28,7 +28,7 @@ class Template:
 
     def scaled(self, span: float) -> str:
         """The machine file for a span in m."""
-        return _SCALED.sub(lambda found: _number(float(found[1]) * span ** int(found[2] or 1)), self.text)
+        return _SCALED.sub(lambda match: _number(float(match[1]) * span ** int(match[2] or 1)), self.text)
 
 
 def names() -> list[str]:

@@ -19,7 +19,7 @@ _SMALLER = 6  # times that the box is halved where too much of it is out of reac
 _DRAWN = 1.2  # poses drawn for each that is wanted
 
 
-def nearby_poses(model: Model, wanted: int) -> Poses:
+def nearby_poses(model: Model, count: int) -> Poses:
     """So many poses, always the same, drawn evenly from the largest box of which nearly all can be reached.
 
     Within the limits of the drives, with a solution at nominal parameters; fewer where little can be reached, at least
@@ -27,9 +27,9 @@ def nearby_poses(model: Model, wanted: int) -> Poses:
     """
     readings = model.reference_readings[None]
     for halved in range(_SMALLER + 1 if model.motion_of(model.posed).freedoms else 0):
-        found = _reached(model, _WIDE / 2**halved, int(_DRAWN * wanted))
-        readings = found[:wanted] if len(found) > len(readings) else readings
-        if len(readings) == wanted:
+        reached = _reached(model, _WIDE / 2**halved, int(_DRAWN * count))
+        readings = reached[:count] if len(reached) > len(readings) else readings
+        if len(readings) == count:
             break
     rows = at_rest(model, Rows(readings, np.full(readings.shape, np.nan), partner=rows_before(model, len(readings))))
     return Poses(rows, np.ones(len(readings), dtype=bool), lambda row: Place(None, 0, f"drawn pose {row + 1}"))

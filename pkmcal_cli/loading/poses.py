@@ -157,14 +157,14 @@ class PoseSource:
 
     def _table_blocks(self, path: str) -> Iterator[Poses]:
         stream = MeasurementStream([path], self.loaded.machine, "poses")
-        found = TablePoses(self.loaded)
+        table = TablePoses(self.loaded)
         for block in stream if not self._joins else [concatenate(stream)]:
             self.inputs |= block.inputs
-            poses = found.of(block)
+            poses = table.of(block)
             self.forces = self.forces or not np.isnan(block.forces).all()
             self.covariates = self.covariates or _given(block)
             yield poses
-        self.notes, self.tool = (*stream.notes, *found.notes), found.tool
+        self.notes, self.tool = (*stream.notes, *table.notes), table.tool
 
     @property
     def _joins(self) -> bool:

@@ -54,24 +54,24 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
     if not motion.freedoms:
         what, _ = unusable_set(loaded, [])
         raise BadInput.single(what, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
-    found = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
-    if twice := [name for name in at if name in found.rows.columns]:
+    targets = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
+    if twice := [name for name in at if name in targets.rows.columns]:
         what = f"--at: the table has a column `{twice[0]}`"
         raise UsageError(what, hint="give a circumstance in the table or with `--at`, not in both")
-    columns = {**found.rows.columns, **{name: np.full(len(found), value) for name, value in at.items()}}
-    rest, words = reference_conditions(loaded.model, columns)
-    columns |= {name: np.full(len(found), value) for name, value in rest.items()}
+    columns = {**targets.rows.columns, **{name: np.full(len(targets), value) for name, value in at.items()}}
+    at_reference, words = reference_conditions(loaded.model, columns)
+    columns |= {name: np.full(len(targets), value) for name, value in at_reference.items()}
     if settled := _settled(loaded, columns):
-        columns["time"], rest["time"] = np.zeros(len(found)), 0.0
-    poses = found.poses.copy()
-    kept = [DIRECTIONS.index(c) for c in found.held if c not in found.coordinates]
+        columns["time"], at_reference["time"] = np.zeros(len(targets)), 0.0
+    poses = targets.poses.copy()
+    kept = [DIRECTIONS.index(c) for c in targets.held if c not in targets.coordinates]
     poses[:, kept] = loaded.model.tool.reference[kept]
     return replace(
-        found,
+        targets,
         poses=poses,
-        rows=replace(found.rows, columns=columns),
-        covariates=tuple(dict.fromkeys([*found.covariates, *at, *rest])),
-        notes=(*found.notes, *filter(None, [words, settled]), *_idle(loaded, at)),
+        rows=replace(targets.rows, columns=columns),
+        covariates=tuple(dict.fromkeys([*targets.covariates, *at, *at_reference])),
+        notes=(*targets.notes, *filter(None, [words, settled]), *_idle(loaded, at)),
     )
 
 

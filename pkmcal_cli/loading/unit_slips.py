@@ -51,14 +51,14 @@ def unit_slips(machine: Machine, size: float) -> list[Fault]:
     """Warnings of numbers outside their bands; `size`: of the machine, m."""
     if size < _SMALL:
         return []
-    values, told, faults = machine.nominal_values(), set[Path](), list[Fault]()
+    values, reported, faults = machine.nominal_values(), set[Path](), list[Fault]()
     for number in _numbers(machine, size):
         value, path = abs(number.quantity.number(values)), _written_at(machine, number)
         low, high = number.band
-        if value and not low <= value <= high and path not in told:
-            told.add(path)
+        if value and not low <= value <= high and path not in reported:
+            reported.add(path)
             faults.append(_warning(machine, number, path, value))
-    return [*faults, *_unlike(machine, told), *_gravity(machine), *_ranges(machine, size), *_angles(machine)][
+    return [*faults, *_unlike(machine, reported), *_gravity(machine), *_ranges(machine, size), *_angles(machine)][
         :MAX_WARNINGS
     ]
 
@@ -120,9 +120,9 @@ def _warning(machine: Machine, number: _Number, path: Path, value: float) -> Fau
 def _told(machine: Machine, label: str, path: Path, value: float, dimension: Dimension, band: Band) -> Fault:
     """The warning: the number, the unit that would make it usual, and what is usual."""
     unit = machine.file_units.unit(dimension)
-    meant = unit_meant(value / unit.scale, unit, band, dimension)
+    likely = unit_meant(value / unit.scale, unit, band, dimension)
     what = f"{label} = {unit.format(value, 3)}"
-    what += f": did you mean {value / unit.scale:g} {meant}?" if meant else " is far outside the usual range"
+    what += f": did you mean {value / unit.scale:g} {likely}?" if likely else " is far outside the usual range"
     usual = f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
     hint = f"check the unit; usual: {usual}"
     return machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
@@ -140,7 +140,7 @@ def _there(machine: Machine, path: Path) -> Path:
     return path
 
 
-def _unlike(machine: Machine, told: set[Path]) -> Iterator[Fault]:
+def _unlike(machine: Machine, reported: set[Path]) -> Iterator[Fault]:
     """Stiffnesses far from those of the other members of their kind."""
     values = machine.nominal_values()
     for kind in ("bars", "ropes", "telescopes"):
@@ -150,8 +150,8 @@ def _unlike(machine: Machine, told: set[Path]) -> Iterator[Fault]:
             stated = [number.quantity.number(values) for number in numbers]
             for number, value in zip(numbers, stated, strict=True) if len(stated) > 2 else ():
                 usual, path = sorted(stated)[len(stated) // 2], _written_at(machine, number)
-                if not usual / _LIKE <= value <= usual * _LIKE and path not in told:
-                    told.add(path)
+                if not usual / _LIKE <= value <= usual * _LIKE and path not in reported:
+                    reported.add(path)
                     band = (usual / _LIKE, usual * _LIKE)
                     yield _told(machine, number.label, path, value, number.quantity.dimension, band)
 
@@ -178,14 +178,14 @@ def _gravity(machine: Machine) -> Iterator[Fault]:
 
 def _ranges(machine: Machine, size: float) -> Iterator[Fault]:
     """Ranges that are large beside the machine or nominal, or next to nothing; one warning for a default."""
-    told: set[tuple[Dimension, float]] = set()
+    reported: set[tuple[Dimension, float]] = set()
     for name, parameter in machine.parameters.items():
         dimension, value = parameter.dimension, parameter.range
         band = _band_of_range(dimension, size, abs(parameter.nominal))
         if band is None or not value or not math.isfinite(value) or band[0] <= value <= band[1]:
             continue
-        if (dimension, value) not in told:
-            told.add((dimension, value))
+        if (dimension, value) not in reported:
+            reported.add((dimension, value))
             yield _told(machine, f"range of {name}", ("parameters", name, "range"), value, dimension, band)
 
 
@@ -202,16 +202,16 @@ def _band_of_range(dimension: Dimension, size: float, nominal: float) -> Band | 
 def _angles(machine: Machine) -> Iterator[Fault]:
     """Angles of more than a turn in a file in radians; in one in degrees, multiples of 15 degrees in radians."""
     values, radians = machine.nominal_values(), machine.file_units.angle.scale == 1.0
-    told: set[str] = set()
+    reported: set[str] = set()
     for label, path, written in _turns(machine, values):
         number = abs(written / machine.file_units.angle.scale)
         steps = number / _ROUND[0]
         slipped = number > 2 * math.pi + 1e-9 if radians else steps > 0.9 and abs(steps - round(steps)) < _ROUND[1]
-        if slipped and label not in told:
-            told.add(label)
-            meant, own = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
-            what = f"{label} = {number:g} {own}: did you mean {number:g} {meant}?"
-            hint = f"bare angles are in {own}; write `{number:g} {meant}`, if that is meant"
+        if slipped and label not in reported:
+            reported.add(label)
+            likely_unit, own = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
+            what = f"{label} = {number:g} {own}: did you mean {number:g} {likely_unit}?"
+            hint = f"bare angles are in {own}; write `{number:g} {likely_unit}`, if that is meant"
             yield machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
 
 

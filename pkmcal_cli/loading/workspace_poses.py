@@ -38,13 +38,13 @@ def workspace_poses(loaded: LoadedMachine, workspace: Workspace, count: int) -> 
     held = motion.most_of([c for c in limited if c in motion.names])
     spread = [c for c in held if c in limited]
     ways = _by_coordinates(model, held, spread, low, high, count) if spread else _by_drives(loaded, workspace, count)
-    found: list[Array] = []
+    parts: list[Array] = []
     for inverse in ways:
         inside = workspace.holds(inverse.poses, inverse.readings)
-        found = [*found, inverse.readings[inside]]
-        if sum(len(part) for part in found) >= count:
+        parts = [*parts, inverse.readings[inside]]
+        if sum(len(part) for part in parts) >= count:
             break
-    readings = np.concatenate(found)[:count]
+    readings = np.concatenate(parts)[:count]
     if not len(readings):
         raise out_of_workspace(loaded)
     rows = at_rest(model, replace(Rows.at(readings), partner=rows_before(model, len(readings))))
@@ -84,9 +84,9 @@ def _by_drives(loaded: LoadedMachine, workspace: Workspace, count: int) -> Itera
     for share in _shares(len(placing), count):
         readings = np.tile(model.reference_readings, (len(share), 1))
         readings[:, placing] = low + share * (high - low)
-        found = predict(bare, model.nominal, Rows.at(readings), Request("rigid"))
-        poses = np.zeros((int(found.solved.sum()), len(DIRECTIONS)))
-        poses[:, [DIRECTIONS.index(c.name) for c in bare.channels]] = found.values[found.solved]
+        prediction = predict(bare, model.nominal, Rows.at(readings), Request("rigid"))
+        poses = np.zeros((int(prediction.solved.sum()), len(DIRECTIONS)))
+        poses[:, [DIRECTIONS.index(c.name) for c in bare.channels]] = prediction.values[prediction.solved]
         yield drive_positions(model, poses)
 
 

@@ -147,13 +147,13 @@ class Needs:
         others = [c for c in self.columns.values() if c.role in ("target", "channel")]
         self._missing(what, *drives, *others)
 
-    def _missing(self, what: str, *wanted: Column) -> None:
-        self.log.add(Flaw("csv-missing", what, self._remedy(wanted), self.reader.format.header_line))
+    def _missing(self, what: str, *columns: Column) -> None:
+        self.log.add(Flaw("csv-missing", what, self._remedy(columns), self.reader.format.header_line))
 
-    def _remedy(self, wanted: Sequence[Column]) -> str:
+    def _remedy(self, columns: Sequence[Column]) -> str:
         """The unused header that may be meant, or what the header has."""
         cells = [cell for cell in self.spare.values() if cell.name]
-        for column in wanted:
+        for column in columns:
             for cell in cells:
                 bare = re.split(r"[(/_,]", cell.text, maxsplit=1)[0].rstrip()
                 if bare == column.header and cell.text != bare and not cell.unit:

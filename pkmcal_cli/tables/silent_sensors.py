@@ -46,9 +46,9 @@ def silent_sensors(machine: Machine, tables: Sequence[TableUse]) -> list[Fault]:
         if channel.column:  # else it stands in the machine file
             channels.setdefault(channel.sensor, []).append(columns[channel.name])
     faults = []
-    for sensor, wanted in channels.items():
-        silent = [table for table in tables if not table.read & {column.name for column in wanted}]
-        astray = [fault for table in silent for fault in _astray(sensor, wanted, table)]
+    for sensor, channel_columns in channels.items():
+        silent = [table for table in tables if not table.read & {column.name for column in channel_columns}]
+        astray = [fault for table in silent for fault in _astray(sensor, channel_columns, table)]
         if len(silent) < len(tables):
             astray = [replace(fault, severity="warning") for fault in astray]
         faults += astray or ([_no_reading(machine, sensor)] if len(silent) == len(tables) else [])

@@ -30,8 +30,8 @@ def is_klipper(lines: Sequence[str]) -> bool:
 
 def klipper_include(line: str) -> str | None:
     """The files that a line includes; None for other lines."""
-    found = _INCLUDE.fullmatch(_bare(line))
-    return found[1] if found else None
+    match = _INCLUDE.fullmatch(_bare(line))
+    return match[1] if match else None
 
 
 def read_klipper(lines: Sequence[Line], inputs: Mapping[str, str], notes: Sequence[str]) -> Printer:
@@ -84,12 +84,12 @@ class _Finder:
 
     def get(self, section: str, option: str, otherwise: Stated | None = None, positive: bool = False) -> Stated:
         """An option that is a number; a fault where it is none, or missing without a default."""
-        found = self.options.get((section, option), otherwise)
-        if found is None:
+        stated = self.options.get((section, option), otherwise)
+        if stated is None:
             hint = "SAVE_CONFIG, or a file that is included, may hold it: merge the files"
             self.reader.fault(f"no `{option}` in section [{section}]", self.begin, hint, "missing")
             return Stated("0", self.begin)
-        return found if self.reader.number(found, option, positive) else Stated("0", found.where)
+        return stated if self.reader.number(stated, option, positive) else Stated("0", stated.where)
 
     def has(self, section: str) -> bool:
         """Whether a section has options."""
@@ -102,9 +102,9 @@ def _delta(find: _Finder) -> dict[str, Stated]:
     for tower, angle in _ANGLES.items():
         section = f"stepper_{tower}"
         for option, name in (("position_endstop", "endstop"), ("arm_length", "arm")):
-            found = find.get(section, option, first.get(option), positive=option == "arm_length")
-            first.setdefault(option, found)
-            out[f"{name}_{tower}"] = found
+            stated = find.get(section, option, first.get(option), positive=option == "arm_length")
+            first.setdefault(option, stated)
+            out[f"{name}_{tower}"] = stated
         out[f"angle_{tower}"] = find.get(section, "angle", Stated(angle, find.begin))
     if not find.reader.faults:
         find.reader.rods_reach({n: s for n, s in out.items() if n.startswith("arm_")}, out["delta_radius"])

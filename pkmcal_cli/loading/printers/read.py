@@ -55,11 +55,11 @@ class _Gathered:
                 self._add_all(path, pattern, line.strip())
 
     def _add_all(self, path: str, pattern: str, line: str) -> None:
-        found = [] if is_stream(path) else sorted(glob.glob(os.path.join(os.path.dirname(path), pattern)))
-        if not found or len(self.inputs) + len(found) > _MOST:
+        files = [] if is_stream(path) else sorted(glob.glob(os.path.join(os.path.dirname(path), pattern)))
+        if not files or len(self.inputs) + len(files) > _MOST:
             self.notes.append(f"not read: {line}")
             return
-        for name in found:
+        for name in files:
             if identity(name) not in (None, *self.seen):
                 self.add(name, *_text(name))
 

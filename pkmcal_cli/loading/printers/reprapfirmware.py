@@ -62,10 +62,10 @@ def _words(lines: Sequence[Line]) -> Words:
     """Parameters by command and letter."""
     out = Words()
     for line in lines:
-        if found := _COMMAND.fullmatch(_bare(line.text)):
-            for word in _WORD.finditer(found[2]):
-                place = line.at(found.start(2) + word.start() + 1)
-                out[found[1], word[1].upper()] = Stated(word[2] or "", place)
+        if command := _COMMAND.fullmatch(_bare(line.text)):
+            for word in _WORD.finditer(command[2]):
+                place = line.at(command.start(2) + word.start() + 1)
+                out[command[1], word[1].upper()] = Stated(word[2] or "", place)
     return out
 
 
@@ -79,15 +79,15 @@ class _Finder:
         self, command: str, letter: str, counts: Sequence[int], positive: bool = False, whole: bool = False
     ) -> list[Stated]:
         """Numbers `a:b:c`, as many as one of `counts`; faults where they are not so, or missing."""
-        found = self.words.get((command, letter))
+        stated = self.words.get((command, letter))
         zero = [Stated("0", self.begin)] * counts[0]
-        if found is None:
+        if stated is None:
             self.reader.fault(f"M{command} has no {letter}", self.begin, f"add it: `M{command} {letter}...`", "missing")
             return zero
-        parts = [Stated(text, found.where) for text in found.text.split(":")]
+        parts = [Stated(text, stated.where) for text in stated.text.split(":")]
         if len(parts) not in counts:
             what = f"M{command} {letter} has {len(parts)} numbers, not {' or '.join(map(str, counts))}"
-            self.reader.fault(what, found.where, "separate them by colons")
+            self.reader.fault(what, stated.where, "separate them by colons")
             return zero
         good = [self.reader.number(part, f"M{command} {letter}", positive, whole) for part in parts]
         return parts if all(good) else zero
