@@ -177,8 +177,8 @@ def calibrate(
     )  # fmt: skip
     record = Record()
     with computing():
-        found = calibration(setting(request, known.loaded), record)
-    result = Calibration(machine=known, found=found, **told(record))
+        calibrated = calibration(setting(request, known.loaded), record)
+    result = Calibration(machine=known, found=calibrated, **told(record))
     if not result.ok:
         warnings.warn(result.verdict, PkmcalWarning, stacklevel=2)
     return result

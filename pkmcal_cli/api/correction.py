@@ -97,6 +97,6 @@ def correct(
     )  # fmt: skip
     record = Record()
     with computing():
-        found = correction(request, record, known.loaded)
-        result = found.report.json() | {"at": stated}
-    return Correction(machine=known, found=found, values=result, **told(record))
+        corrected = correction(request, record, known.loaded)
+        result = corrected.report.json() | {"at": stated}
+    return Correction(machine=known, found=corrected, values=result, **told(record))

@@ -80,8 +80,8 @@ class Diagnosis(Result):
         return self.report.diagnosis
 
     def _picture(self) -> Picture:
-        found = self._found
-        return residual_picture(self.machine, found.problem, found.before.after, found.search.fit.after)
+        inner = self._found
+        return residual_picture(self.machine, inner.problem, inner.before.after, inner.search.fit.after)
 
 
 def effect_frame(effects: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -119,7 +119,7 @@ def diagnose(
     record = Record(observer)
     with computing():
         case = prepare(request, record, machine=known.receptive)
-        found = diagnosed(case, alpha, whole("seed", seed), record)
-        report = DiagnosisReport(case.loaded.machine, case.measured, found)
-        Loads.of_fit(found.search.problem, found.search.fit, partial(place_of, case.measured)).show(record)
+        diagnosis = diagnosed(case, alpha, whole("seed", seed), record)
+        report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
+        Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(record)
     return Diagnosis(machine=known, case=case, report=report, **told(record))

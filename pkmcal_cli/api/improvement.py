@@ -80,8 +80,8 @@ class Improvement(Result):
     def errors(self) -> pd.DataFrame:
         """Errors by kind, before and after, of rows that neither fitted nor chose, in `unit`."""
         made = self.found.report.improvement
-        told = error_frame(self.machine.loaded.machine, made.before.report, made.after.report, {})
-        return told.drop(columns=["rms_held_out", "max_held_out"], errors="ignore")
+        frame = error_frame(self.machine.loaded.machine, made.before.report, made.after.report, {})
+        return frame.drop(columns=["rms_held_out", "max_held_out"], errors="ignore")
 
     @property
     def table(self) -> pd.DataFrame:
@@ -175,12 +175,12 @@ def improve(
     record = Record(observer)
     with computing():
         prepared, rows = setting(request, record, known.receptive)
-        found = improvement_of(prepared, rows, request, record)
-        made = found.report.improvement
+        improved = improvement_of(prepared, rows, request, record)
+        made = improved.report.improvement
         if made.broken is not None:
             raise made.broken
         Loads.of_fit(made.problem, made.fit, partial(place_of, prepared.measured)).show(record)
-    for reason in found.odd[len(prepared.hints) :]:
+    for reason in improved.odd[len(prepared.hints) :]:
         record.warn(f"implausible: {reason}")
     inputs = prepared.inputs | ({} if rows is None else rows.inputs)
-    return Improvement(machine=known, found=found, inputs=inputs, **told(record))
+    return Improvement(machine=known, found=improved, inputs=inputs, **told(record))

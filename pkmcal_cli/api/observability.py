@@ -108,6 +108,6 @@ def observe(
     )  # fmt: skip
     record = Record()
     with computing():
-        found = observed(request, record, known.loaded)
-        found.loads.show(record)
-    return Observability(machine=known, found=found, **told(record))
+        observation = observed(request, record, known.loaded)
+        observation.loads.show(record)
+    return Observability(machine=known, found=observation, **told(record))

@@ -40,9 +40,9 @@ def _in_list(incomplete: str, names: list[str], after_at: list[str]) -> list[str
     done, comma, last = incomplete.rpartition(",")
     minus = "-" if last.startswith("-") else ""
     effect, at, _ = last.removeprefix("-").partition("@")
-    found = [f"{effect}@{place}" for place in after_at] if at else names
+    choices = [f"{effect}@{place}" for place in after_at] if at else names
     taken = {part.removeprefix("-") for part in done.split(",")}
-    return [f"{done}{comma}{minus}{name}" for name in found if name not in taken]
+    return [f"{done}{comma}{minus}{name}" for name in choices if name not in taken]
 
 
 def _places(ctx: typer.Context) -> list[str]:

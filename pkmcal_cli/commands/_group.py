@@ -57,8 +57,8 @@ class Subcommands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that is named on the command line."""
-        name, command, rest = super().resolve_command(ctx, args)
-        return name, command if name is None else _whole(name), rest
+        name, command, remaining = super().resolve_command(ctx, args)
+        return name, command if name is None else _whole(name), remaining
 
 
 def _function(name: str) -> Callable[..., None]:

@@ -100,16 +100,16 @@ class PlanPlaces:
 
 def plan_picture(plan: Plan | None, titles: Titles, length: Unit, places: PlanPlaces | None) -> Picture:
     """Where the points are; what they detect, by the smallest size as a share of what is plausible."""
-    parts, told = [], []
+    parts, sentences = [], []
     if places is not None and len(places.planned) + len(places.added) and planes(places.names):
         clouds = [Cloud("planned", places.planned), Cloud("added", places.added)]
         parts.append(scatter_part([c for c in clouds if len(c.at)], places.names, length))
-        told.append(f"{len(places.planned)} points planned, {len(places.added)} added")
+        sentences.append(f"{len(places.planned)} points planned, {len(places.added)} added")
     if plan is not None and plan.visibilities:
         parts.append(_detected_part(plan))
         counts = {s: sum(v.status == s for v in plan.visibilities) for s in _STATUS}
-        told.append(", ".join(f"{n} effects {s}" for s, n in counts.items()))
-    return composed("plan", titles, f"{'; '.join(told) or 'Nothing is planned'}.", parts)
+        sentences.append(", ".join(f"{n} effects {s}" for s, n in counts.items()))
+    return composed("plan", titles, f"{'; '.join(sentences) or 'Nothing is planned'}.", parts)
 
 
 def _detected_part(plan: Plan) -> Part:

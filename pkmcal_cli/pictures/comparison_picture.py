@@ -18,10 +18,10 @@ _HALVES = 2.0  # half ranges in a range
 
 def comparison_picture(report: ComparisonReport, titles: Titles) -> Picture:
     """Changes of the parameters that all calibrations identified, with 95 % intervals, as shares of their ranges."""
-    compared, found = report.compared, report.compared.changes
+    compared, changes = report.compared, report.compared.changes
     scale = dict(zip(compared.common.names, compared.common.scale.tolist(), strict=True))
     dots = []
-    for name, value, std, known in zip(found.names, found.values, found.std, found.determined, strict=True):
+    for name, value, std, known in zip(changes.names, changes.values, changes.std, changes.determined, strict=True):
         unit, size = report.unit(name), _HALVES * scale[name]
         text = uncertain(value / unit.scale, std / unit.scale, unit.text) if known else "undetermined"
         dots.append(Dot(name=name, value=float(value) / size if known else math.nan, text=text,

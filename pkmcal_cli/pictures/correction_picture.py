@@ -46,8 +46,8 @@ def correction_picture(
         alike = [m for m in moved if m.turns == turns]
         parts += [_moved_part(alike[k : k + len(_LOOKS)]) for k in range(0, len(alike), len(_LOOKS))]
     count = len(result.correction.good)
-    told = errors_in_words(places) + " " if places else ""
-    return composed("correction", titles, f"{told}Changes of set values of {count} targets.", parts)
+    errors = errors_in_words(places) + " " if places else ""
+    return composed("correction", titles, f"{errors}Changes of set values of {count} targets.", parts)
 
 
 def _places(result: Assessment, held: Sequence[str]) -> list[Places]:
@@ -56,17 +56,17 @@ def _places(result: Assessment, held: Sequence[str]) -> list[Places]:
     columns = [k for k, name in enumerate(held) if not name.startswith("r")]
     if len(columns) < 2:
         return []
-    wanted, before, after = (v[good][:, columns] for v in (made.aim.targets, made.before.tool, made.after.tool))
+    targets, before, after = (v[good][:, columns] for v in (made.aim.targets, made.before.tool, made.after.tool))
     known = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
     if not known.any():
         return []
     pairs = [(0, 1)] if len(columns) == 2 else [(0, 1), (0, 2)]
     names = [held[k] for k in columns]
-    stages = (("set values of the nominal machine", before - wanted), ("corrected", after - wanted))
+    stages = (("set values of the nominal machine", before - targets), ("corrected", after - targets))
     out = []
     for pair in pairs:
         errors = tuple((n, e[known][:, list(pair)]) for n, e in stages)
-        out.append(Places("".join(names[k] for k in pair), wanted[known][:, list(pair)], errors, np.nan))
+        out.append(Places("".join(names[k] for k in pair), targets[known][:, list(pair)], errors, np.nan))
     return out
 
 

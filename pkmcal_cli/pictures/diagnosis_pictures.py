@@ -70,8 +70,8 @@ def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, units: FileUnits) ->
     parts += [shape_part(shape, units) for shape in diagnosis.shapes]
     if diagnosis.findings:
         parts.append(rivals_part(diagnosis))
-    told = [errors_in_words(places)] if places else []
-    words = [*told, *(panel_in_words(p) for p in panels), *(shape_in_words(s) for s in diagnosis.shapes)]
+    error_words = [errors_in_words(places)] if places else []
+    words = [*error_words, *(panel_in_words(p) for p in panels), *(shape_in_words(s) for s in diagnosis.shapes)]
     return composed("diagnosis", titles, " ".join(words), parts)
 
 
@@ -79,15 +79,15 @@ def diagnosed_places(diagnosis: Diagnosis) -> list[Places]:
     """Positions and errors, calibrated and with the effects found; none without positions."""
     stages = [(_CALIBRATED, diagnosis.before.after.residual)]
     if diagnosis.findings or diagnosis.shapes:
-        found = _WITH if diagnosis.findings else _SHAPED
-        stages.append((found, diagnosis.search.fit.after.residual))
+        stage = _WITH if diagnosis.findings else _SHAPED
+        stages.append((stage, diagnosis.search.fit.after.residual))
     return places_of(diagnosis.problem, stages)
 
 
 def effect_panels(diagnosis: Diagnosis) -> list[DriverPanel]:
     """Panels of all findings that have one."""
-    found = (driver_panel(diagnosis, finding) for finding in diagnosis.findings)
-    return [panel for panel in found if panel is not None]
+    panels = (driver_panel(diagnosis, finding) for finding in diagnosis.findings)
+    return [panel for panel in panels if panel is not None]
 
 
 def is_circle(at: Array) -> bool:
@@ -103,7 +103,7 @@ def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> P
     ray = places.at - middle
     radius = np.linalg.norm(ray, axis=1)
     radial = [(n, (errors * ray).sum(axis=1) / radius) for n, errors in places.stages]
-    told = [f"{n} {size_text(float(np.sqrt((r**2).mean())))} rms" for n, r in radial]
+    labels = [f"{n} {size_text(float(np.sqrt((r**2).mean())))} rms" for n, r in radial]
     what = f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}"
 
     def draw(figure: Figure) -> None:
@@ -111,7 +111,7 @@ def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> P
         size = figure.get_size_inches()
         ax: Any = figure.add_axes((0.12, 0.1, 0.76, 1 - 0.1 - 1.25 / size[1]), projection="polar")
         largest = max(float(np.abs(radial[0][1]).max()), 1e-12)
-        for (_, errors), text, colour, marker in zip(radial, told, (BEFORE, AFTER), "os", strict=False):
+        for (_, errors), text, colour, marker in zip(radial, labels, (BEFORE, AFTER), "os", strict=False):
             angle = np.arctan2(ray[:, 1], ray[:, 0])
             ax.plot(angle, 3 * largest + errors, ls="none", marker=marker, ms=3, color=colour, label=text)
         ax.set_yticks([2 * largest, 3 * largest, 4 * largest])
@@ -120,7 +120,7 @@ def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> P
         figure.text(0.5, 1 - 0.62 / size[1], what, ha="center", va="top", size=9)
         figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
 
-    return Picture(name, f"{titles.machine}: {titles.what}", f"{what}: {', '.join(told)}.", (6.0, 6.4), draw)
+    return Picture(name, f"{titles.machine}: {titles.what}", f"{what}: {', '.join(labels)}.", (6.0, 6.4), draw)
 
 
 # --- effects ---------------------------------------------------------------------------------
@@ -215,14 +215,14 @@ def waterfall_part(diagnosis: Diagnosis) -> Part:
 # --- rivals ----------------------------------------------------------------------------------
 def rivals_part(diagnosis: Diagnosis) -> Part:
     """One line for each effect found: the effect most similar to it, and how similar that is."""
-    found = nearest_rivals(diagnosis)
+    rivals = nearest_rivals(diagnosis)
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()
         ax.set_xlim(0, 1.02)
-        ax.set_ylim(len(found) - 0.4, -0.6)
+        ax.set_ylim(len(rivals) - 0.4, -0.6)
         ax.axvspan(_APART, 1.02, color="0.9", lw=0)
-        for row, near in enumerate(found):
+        for row, near in enumerate(rivals):
             close = near.cosine > _APART
             colour, marker = (BEFORE, "o") if close else (AFTER, "s")
             ax.plot([0, near.cosine], [row, row], color="0.85", lw=1, zorder=1)
@@ -231,8 +231,8 @@ def rivals_part(diagnosis: Diagnosis) -> Part:
             ax.annotate(f"{plain(near.rival)}  {near.cosine:.2f}", (near.cosine, row), xytext=(-8 if left else 8, 0),
                         textcoords="offset points", va="center", ha="right" if left else "left", fontsize=8,
                         bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
-        ax.set_yticks(range(len(found)), [plain(near.name) for near in found])
+        ax.set_yticks(range(len(rivals)), [plain(near.name) for near in rivals])
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not told apart)")
 
-    return Part(0.75 + 0.3 * max(len(found), 1), draw)
+    return Part(0.75 + 0.3 * max(len(rivals), 1), draw)

@@ -86,8 +86,8 @@ def error_map(places: Sequence[Places], titles: Titles, length: Unit, name: str 
 
 def errors_in_words(places: Sequence[Places]) -> str:
     """What the arrows say."""
-    told = [f"{p.plane}: " + ", ".join(f"{n} {size_text(_rms(e))} rms" for n, e in p.stages) for p in places]
-    return "Errors of positions as arrows. " + "; ".join(told) + "."
+    by_plane = [f"{p.plane}: " + ", ".join(f"{n} {size_text(_rms(e))} rms" for n, e in p.stages) for p in places]
+    return "Errors of positions as arrows. " + "; ".join(by_plane) + "."
 
 
 def map_part(places: Places, length: Unit) -> Part:

@@ -78,8 +78,8 @@ class MachineShape:
     @property
     def tool(self) -> str | None:
         """Name of the tool point."""
-        found = tool_point_of(self.machine)
-        return None if found is None else found.name
+        tool_point = tool_point_of(self.machine)
+        return None if tool_point is None else tool_point.name
 
     @cached_property
     def bodies(self) -> dict[str, tuple[str, ...]]:

@@ -23,9 +23,9 @@ _NAME = 28  # characters
 
 def parameter_picture(rows: Sequence[ParameterRow], titles: Titles, name: str = "parameters") -> Picture:
     """Identified parameters: offset from nominal in ranges, with the 95 % interval, and the value in words."""
-    told = [r for r in rows if r.std is not None]
-    alt = f"{len(told)} parameters with 95 % intervals, as shares of their ranges: "
-    alt += ", ".join(f"{r.name} {uncertain(r.value, r.std, r.unit)}" for r in told[:12])
+    determined = [r for r in rows if r.std is not None]
+    alt = f"{len(determined)} parameters with 95 % intervals, as shares of their ranges: "
+    alt += ", ".join(f"{r.name} {uncertain(r.value, r.std, r.unit)}" for r in determined[:12])
     return composed(name, titles, f"{alt}.", [parameter_part(rows)])
 
 

@@ -50,20 +50,20 @@ class _Series:
 
 def simulation_picture(result: Simulated, titles: Titles, length: Unit) -> Picture:
     """Forces where they were asked for, the map of uncertainties where it was, else the way and the readings."""
-    parts, told = _parts(result, length)
+    parts, names = _parts(result, length)
     count = len(result.readings)
-    return composed("simulation", titles, f"{count} rows simulated: {', '.join(told) or 'nothing to draw'}.", parts)
+    return composed("simulation", titles, f"{count} rows simulated: {', '.join(names) or 'nothing to draw'}.", parts)
 
 
 def _parts(result: Simulated, length: Unit) -> tuple[list[Part], list[str]]:
     parts: list[Part] = []
-    told: list[str] = []
+    names: list[str] = []
     drawn = bool(planes(result.coordinates)) and len(result.tool) > 0
     if result.uncertainty is not None and drawn:
         unit = shown_unit("length", float(np.nanmax(result.uncertainty)))
         name = "standard uncertainty of the position"
         parts.append(scatter_part([Cloud(name, result.tool, result.uncertainty, unit)], result.coordinates, length))
-        told.append(name)
+        names.append(name)
     if result.forces is not None:
         model = result.model
         turning = [not model.topology.moves_length(d) for d in model.topology.drives]
@@ -72,14 +72,14 @@ def _parts(result: Simulated, length: Unit) -> tuple[list[Part], list[str]]:
             for k, a in enumerate(model.actuators)
         ]
         parts += _over_rows("force of drives", series)
-        told.append("forces of drives")
+        names.append("forces of drives")
     if not parts:
         if drawn:
             parts.append(scatter_part([Cloud("", result.tool, path=True)], result.coordinates, length))
-            told.append("positions of the tool point")
+            names.append("positions of the tool point")
         parts += _over_rows("reading", _others(result))
-        told += ["readings of other channels"] if _others(result) else []
-    return parts, told
+        names += ["readings of other channels"] if _others(result) else []
+    return parts, names
 
 
 def _others(result: Simulated) -> list[_Series]:

@@ -35,7 +35,7 @@ _LINE = ("E", "M", "B")
 class Acceptance:
     """What repeats and circles of a table say, and, without repeats, what the identified model predicts.
 
-    state: of the machine, "as built" or "after correction"; rest: under which conditions lines are predicted.
+    state: of the machine, "as built" or "after correction"; note: under which conditions lines are predicted.
     """
 
     results: Results
@@ -44,7 +44,7 @@ class Acceptance:
     poses: Sequence[PoseRun]
     circle: tuple[float, CircleDeviation] | None  # with the radius commanded, m
     lines: Sequence[PredictedLine]
-    rest: str
+    note: str
 
     def section(self) -> Section | None:
         """For the page."""
@@ -53,8 +53,8 @@ class Acceptance:
             text = f"No ISO 230-2 figures: they need {FEWEST_APPROACHES} approaches from each side to each of at least "
             text += f"{FEWEST_TARGETS} targets in a line along one coordinate."
             blocks += [Text(text, "note"), self._lines()]
-            if self.lines and self.rest:
-                blocks.append(Text(self.rest[0].upper() + self.rest[1:] + ".", "note"))
+            if self.lines and self.note:
+                blocks.append(Text(self.note[0].upper() + self.note[1:] + ".", "note"))
         return section("acceptance", f"Acceptance figures ({self.state})", blocks)
 
     def _at(self, place: Sequence[tuple[str, float]]) -> str:
@@ -110,9 +110,9 @@ class Acceptance:
 
         circle: dict[str, float | None] | None = None
         if self.circle is not None:
-            radius, found = self.circle
+            radius, deviation = self.circle
             feed = None if self.results.feed is None else self.results.feed * _MM_PER_MIN
-            sizes = figures(found, ("circular", "largest", "smallest"))
+            sizes = figures(deviation, ("circular", "largest", "smallest"))
             circle = {**sizes, "radius": radius / place.scale, "feed": feed}
         return {
             "state": self.state,
@@ -149,7 +149,7 @@ def acceptance(results: Results) -> Acceptance | None:
     if targets is None:
         return None
     circle = circular(targets)
-    axes, (lines, rest) = axis_runs(targets), _predicted(results)
+    axes, (lines, note) = axis_runs(targets), _predicted(results)
     return Acceptance(
         results=results,
         state=state,
@@ -157,7 +157,7 @@ def acceptance(results: Results) -> Acceptance | None:
         poses=pose_runs(targets),
         circle=None if circle is None else (circle[1], circle_deviation(*circle)),
         lines=[] if axes else lines,
-        rest=rest,
+        note=note,
     )
 
 
@@ -166,5 +166,5 @@ def _predicted(results: Results) -> tuple[list[PredictedLine], str]:
     improved, problem, fit = results.improved, results.calibrated.problem, results.calibrated.fit
     if improved is not None and improved.improvement.accepted:
         problem, fit = improved.improvement.problem, improved.improvement.fit
-    rest = at_rest(problem.model, problem.rows.take(slice(0, 1)))
-    return predicted_lines(problem, fit.values, rest), resting(problem.model)
+    conditions = at_rest(problem.model, problem.rows.take(slice(0, 1)))
+    return predicted_lines(problem, fit.values, conditions), resting(problem.model)

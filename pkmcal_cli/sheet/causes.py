@@ -60,9 +60,9 @@ def _correlations(results: Results) -> Table | None:
     improvement = results.improved.improvement
     names, covariance = improvement.fit.selected, np.nan_to_num(improvement.fit.covariance)
     std = np.sqrt(np.diag(covariance))
-    found = {n: f for f in improvement.whole.findings for n in f.hypothesis.parameters if n in names}
+    findings = {n: f for f in improvement.whole.findings for n in f.hypothesis.parameters if n in names}
     rows = []
-    for name in found:
+    for name in findings:
         k = names.index(name)
         share = np.divide(covariance[k], std * std[k], out=np.zeros(len(std)), where=std * std[k] > 0)
         order = [int(j) for j in np.argsort(-np.abs(share)) if j != k and abs(share[j]) > _CORRELATED]

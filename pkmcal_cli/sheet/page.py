@@ -39,7 +39,7 @@ def _inline(picture: Picture, prefix: str) -> str:
     used = {m.group(2) for m in _REFERENCE.finditer(text)}  # names of several pictures would meet
     text = _ID.sub(lambda m: f' id="{prefix}{m.group(1)}"' if m.group(1) in used else "", text)
     text = _REFERENCE.sub(lambda m: f"{m.group(1)}{prefix}{m.group(2)}", text)
-    head, rest = text.split(">", 1)
+    head, remainder = text.split(">", 1)
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     label = escape(picture.alt, quote=True)
-    return f'{head} role="img" aria-label="{label}" style="max-width: {picture.size[0]:g}in">{rest}'
+    return f'{head} role="img" aria-label="{label}" style="max-width: {picture.size[0]:g}in">{remainder}'

@@ -118,8 +118,8 @@ def _with_causes(results: Results) -> Table | None:
     for name in report.improvement.fit.selected:
         row = declared.get(name)
         known = ("-", "") if row is None else (f"{row.nominal:.8g}", row.spread)
-        found = report.estimate_text(name) if report.estimate(name)[1] is not None else "undetermined"
-        rows.append((name, known[0], found, known[1]))
+        estimate = report.estimate_text(name) if report.estimate(name)[1] is not None else "undetermined"
+        rows.append((name, known[0], estimate, known[1]))
     return Table("Identified together with the causes", ("name", "nominal", "identified", "range"), tuple(rows))
 
 

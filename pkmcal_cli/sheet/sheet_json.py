@@ -14,7 +14,7 @@ from pkmcal_cli.sheet.verdict import verdict
 
 def sheet_json(results: Results, figures: Acceptance | None) -> dict[str, Any]:
     """Verdict, errors before and after, causes, acceptance figures; docs/json.md says what they are."""
-    told, report, judged = verdict(results), results.calibrated, results.judged
+    judgement, report, judged = verdict(results), results.calibrated, results.judged
     improved, machine = results.improved, results.machine
     held = None if isinstance(report.held_out, str) else figures_json(machine, report.held_out.after)
     with_causes = None
@@ -22,9 +22,9 @@ def sheet_json(results: Results, figures: Acceptance | None) -> dict[str, Any]:
         with_causes = figures_json(machine, improved.improvement.after.report)
     place = None if results.verified is None else results.verified.place
     return {
-        "verdict": told.word.lower(),
-        "headline": told.headline,
-        "lines": list(told.lines),
+        "verdict": judgement.word.lower(),
+        "headline": judgement.headline,
+        "lines": list(judgement.lines),
         "tolerance": None if judged is None else tolerance_json(judged, results.length_unit, place),
         "errors": {
             "as_built": figures_json(machine, report.before),
