@@ -104,12 +104,12 @@ class Element(ABC):
 
 
 def outer(a: Array, b: Array) -> Array:
-    """Dyads a b^T, (..., 3, 3)."""
+    """Compute dyads a b^T, (..., 3, 3)."""
     return np.asarray(a[..., :, None] * b[..., None, :])
 
 
 def rotated(a: Array, h: Array) -> Array:
-    """Derivative of the moment a x h with respect to a rotation that carries a: a h^T - (a . h) I."""
+    """Differentiate the moment a x h by a rotation that carries a: a h^T - (a . h) I."""
     out = outer(a, h)
     trace = out[..., 0, 0] + out[..., 1, 1] + out[..., 2, 2]
     for k in range(3):
@@ -124,7 +124,7 @@ def add_scaled_identity(out: Array, factor: Array) -> None:
 
 
 def transpose(a: Array) -> Array:
-    """Matrices of the last two axes transposed, a view."""
+    """Transpose the matrices of the last two axes, as a view."""
     return np.swapaxes(a, -1, -2)
 
 

@@ -83,7 +83,7 @@ def balance(
     taut: bool = False,
     entries: Array | None = None,
 ) -> Balance:
-    """Residual and tangent at a state. `curved=False` leaves the stress term out (Gauss-Newton).
+    """Compute residual and tangent at a state. `curved=False` leaves the stress term out (Gauss-Newton).
 
     `taut`: ropes push too. `coefficients` (1 or N, S), or what they say where several states are looked at.
     `entries` (N, `maps.width`): memory for the tangent, zero but for what an earlier balance of this system left there.
@@ -124,7 +124,7 @@ def _add_constant_forces(system: System, numbers: SystemNumbers, residual: Array
 
 
 def of_constraints(x: Array, group: GroupMap) -> Array:
-    """x (N, E, m, ...) of the rigid strains, (N, R, ...)."""
+    """Take x (N, E, m, ...) of the rigid strains, (N, R, ...)."""
     link, strain = group.rigid
     flat = x.reshape(len(x), -1, *x.shape[3:], order="F")  # (N, E * m, ...)
     return pick(flat, link + x.shape[1] * strain)

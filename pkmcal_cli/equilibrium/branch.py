@@ -21,7 +21,7 @@ from pkmcal_cli.mechanism.topology import Index
 
 
 def strain_jacobian(system: System, coefficients: Array, state: State, length: float) -> Array:
-    """Derivative of all acting strains with respect to the unknowns, lengths relative to `length`: (N, m, n)."""
+    """Differentiate all acting strains by the unknowns, lengths relative to `length`: (N, m, n)."""
     maps, numbers = system.strain_maps, system_numbers(system, coefficients)
     stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
     gradients = np.empty((maps.jacobian.columns, len(state)))
@@ -39,7 +39,7 @@ def strain_jacobian(system: System, coefficients: Array, state: State, length: f
 
 
 def independent_strains(jacobian: Array) -> Index:
-    """Strains (n,) of a Jacobian (m, n) that are independent at the reference configuration, by pivoted QR."""
+    """Choose strains (n,) of a Jacobian (m, n), independent at the reference configuration, by pivoted QR."""
     return np.sort(np.array(pivot_columns(jacobian.T, jacobian.shape[1]), dtype=np.intp))
 
 
@@ -53,7 +53,7 @@ class Mode:
 
 
 def reference_mode(system: System, coefficients: Array, state: State, length: float) -> Mode | None:
-    """The mode of the reference configuration (one row); None where the strains do not hold it."""
+    """Give the mode of the reference configuration (one row); None where the strains do not hold it."""
     home = strain_jacobian(system, coefficients, state, length)[0]
     if home.shape[0] < system.unknowns or system.unknowns == 0:
         return None
@@ -62,7 +62,7 @@ def reference_mode(system: System, coefficients: Array, state: State, length: fl
 
 
 def regularity(system: System, mode: Mode | None, coefficients: Array, state: State, length: float) -> Array:
-    """det J over that of the reference configuration, (N,): negative in another assembly mode, 0 where singular."""
+    """Give det J over that of the reference configuration, (N,): < 0 in another assembly mode, 0 where singular."""
     if mode is None:
         return np.ones(len(state))
     jacobian = strain_jacobian(system, coefficients, state, length)

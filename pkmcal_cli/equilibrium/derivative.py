@@ -1,4 +1,4 @@
-"""Exact derivatives of readings with respect to coefficients, by the adjoint of the implicit function theorem.
+"""Readings are differentiated exactly by coefficients, by the adjoint of the implicit function theorem.
 
 At a solution g(y, x) = 0 (y: unknowns and multipliers, x: coefficients), a reading z(y, x) has
 dz/dx = z_x - l^T g_x with K^T l = z_y. The product l^T g_x is the derivative along l of the Lagrangian's gradient
@@ -50,7 +50,7 @@ def _start(system: System, numbers: SystemNumbers, state: State) -> _Sums:
 def lagrangian_gradient(
     system: System, coefficients: Array | SystemNumbers, state: State, *, taut: bool = False
 ) -> Array:
-    """Derivative of the Lagrangian with respect to every coefficient, (N, S), at a possibly complex state.
+    """Differentiate the Lagrangian with respect to every coefficient, (N, S), at a possibly complex state.
 
     At a real solution its entries at drive coefficients are the drive forces. Ropes are taut or slack by the real part
     of their stress; `taut`: they push too.
@@ -136,7 +136,7 @@ def _coefficients_of_group(coefficients: Array, where: slice, count: int, width:
 
 
 def point_gradient(system: System, coefficients: Array | SystemNumbers, state: State, forces: Array) -> Array:
-    """Direct dependence on coefficients of the sum of forces (N, points, 3) times reading points: (N, S)."""
+    """Differentiate forces (N, points, 3) times reading points, summed, directly by coefficients: (N, S)."""
     numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     sums.force[:, system.topology.points] = forces
@@ -147,7 +147,7 @@ def point_gradient(system: System, coefficients: Array | SystemNumbers, state: S
 def strain_gradient(
     system: System, coefficients: Array | SystemNumbers, state: State, target: tuple[int, int, int]
 ) -> Array:
-    """Direct dependence (N, S) on coefficients of one measured elongation or displacement: strain plus rest value."""
+    """Differentiate one measured elongation or displacement, strain plus rest value, by coefficients: (N, S)."""
     numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     index, e, m = target
@@ -206,7 +206,7 @@ def adjoint_derivative(
     *,
     taut: bool = False,
 ) -> Array:
-    """l^T dg/dslots for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
+    """Compute l^T dg/dc for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
     numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
     topology = system.topology
     rows, count = multipliers.shape[:2]

@@ -46,7 +46,7 @@ class _Point:
 
 
 def descend(system: System, coefficients: Array, state: State, length: float, effort: Effort) -> State:
-    """States near the stable equilibria to which the potential falls from `state`."""
+    """Go from `state` to states near the stable equilibria to which the potential falls."""
     numbers = system_numbers(system, coefficients)
     scale = typical_stiffness(system, numbers)
     unit = unit_sizes(system, length)

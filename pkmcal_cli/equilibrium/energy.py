@@ -1,4 +1,7 @@
-"""Energies of all members at a state, and which ropes are slack there."""
+"""Energies of all members are summed at a state, and its slack ropes named.
+
+U = sum 1/2 e^T S e + s0^T e is the potential of which the forces b^T (S e + s0) are the derivatives (see `assembly`).
+A rope of stiffness k and prestress s0 has stress max(0, k e + s0), so U stays at -s0^2 / (2 k) while it is slack."""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ def _members(
 
 
 def strain_energy(system: System, numbers: SystemNumbers, balanced: Balance, *, taut: bool = False) -> Array:
-    """1/2 e^T S e of all members (N,), J; slack ropes hold none, unless `taut`."""
+    """Sum 1/2 e^T S e over all members (N,), J; slack ropes hold none, unless `taut`."""
     out = np.zeros(len(balanced.residual))
     for group, own, e in _members(system, numbers, balanced):
         if own.stiffness is not None:
@@ -36,7 +39,7 @@ def strain_energy(system: System, numbers: SystemNumbers, balanced: Balance, *, 
 
 
 def potential_energy(system: System, numbers: SystemNumbers, balanced: Balance) -> Array:
-    """Sum of 1/2 e^T S e + s0^T e (N,), J, of which forces are the derivatives; constant while a rope is slack."""
+    """Sum 1/2 e^T S e + s0^T e (N,), J, of which forces are the derivatives; constant while a rope is slack."""
     out = np.zeros(len(balanced.residual))
     for group, own, e in _members(system, numbers, balanced):
         stress = np.zeros(e.shape) if own.stiffness is None else own.stress(e)
@@ -51,7 +54,7 @@ def potential_energy(system: System, numbers: SystemNumbers, balanced: Balance) 
 
 
 def slack_ropes(system: System, numbers: SystemNumbers, balanced: Balance) -> tuple[NDArray[np.bool_], ...]:
-    """Which elements (N, E) of each group are slack ropes; the balance is that of ropes that never push."""
+    """Tell which elements (N, E) of each group are slack ropes; the balance is that of ropes that never push."""
     out = []
     for group, own, e in _members(system, numbers, balanced):
         carrying = carrying_ropes(group, own, e)

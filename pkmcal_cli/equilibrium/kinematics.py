@@ -50,7 +50,7 @@ class State:
 
 
 def reference_state(topology: Topology, coefficients: Array, rows: int, constraints: int) -> State:
-    """The reference configuration as a state of `rows` rows; frames are where `coefficients` (1 or N, S) put them."""
+    """Give the reference configuration in `rows` rows; frames are where `coefficients` (1 or N, S) put them."""
     travel = np.empty((rows, len(topology.travel_reference)), order="F")
     rotation = np.empty((rows, *topology.rotations.reference.shape), order="F")
     travel[:], rotation[:] = topology.travel_reference, topology.rotations.reference
@@ -91,7 +91,7 @@ def _place_frames(topology: Topology, coefficients: Array, rotation: Array) -> N
 
 
 def advance(system: System, state: State, step: Array, multiplier_scale: float) -> State:
-    """The state moved by `step` (N, n + c) of the unknowns and scaled multipliers."""
+    """Move the state by `step` (N, n + c) of the unknowns and scaled multipliers."""
     topology, n = system.topology, system.unknowns
     full = np.zeros((len(step), topology.n_dof), dtype=step.dtype, order="F")
     full[:, system.free] = step[:, :n]
@@ -115,17 +115,17 @@ def _rotation_of(theta: Array, rotation: Array) -> Array:
 
 
 def without_stress(state: State, system: System) -> State:
-    """The same pose as a state of another system, its constraints without force."""
+    """Give the same pose as a state of another system, its constraints without force."""
     return State(state.travel, state.rotation, np.zeros((len(state), system.constraints), order="F"))
 
 
 def offset_vectors_at(topology: Topology, coefficients: Array, state: State) -> Array:
-    """All offset vectors in base axes, (N, A, 3)."""
+    """Rotate all offset vectors into base axes, (N, A, 3)."""
     return rotated_offset_vectors(topology, constant_offset_vectors(topology, coefficients), state)
 
 
 def rotated_offset_vectors(topology: Topology, bodies: Array, state: State) -> Array:
-    """All offset vectors in base axes, (N, A, 3); `bodies` (1 or N, A, 3): their constant parts in their triads."""
+    """Rotate offset vectors into base axes, (N, A, 3); `bodies` (1 or N, A, 3): constant parts in their triads."""
     offset_vectors = bodies + topology.offset_vector_block.of(topology.travel_map(rows_last(state.travel)))
     carried, width = topology.carried_offset_vectors, topology.width
     if len(carried):
@@ -136,19 +136,19 @@ def rotated_offset_vectors(topology: Topology, bodies: Array, state: State) -> A
 
 
 def link_vectors(topology: Topology, offset_vectors: Array) -> Array:
-    """Vectors from point i to point j, (N, links, 3)."""
+    """Compute the vectors from point i to point j, (N, links, 3)."""
     return topology.link_block.of(topology.link_map(rows_last(offset_vectors)))
 
 
 def point_poses(topology: Topology, coefficients: Array, state: State, point: int, rotation: int) -> Array:
-    """Poses (N, 6), m and rad, of a point that is read: place, and rotation since the configuration as filed."""
+    """Give poses (N, 6), m and rad, of a point that is read: place, and rotation since the configuration as filed."""
     links = link_vectors(topology, offset_vectors_at(topology, coefficients, state))
     turn = log(times(state.rotation[:, rotation], topology.rotations.filed[rotation].T))
     return np.concatenate([links[:, topology.points[point]], turn], axis=1)
 
 
 def geometries(system: System, state: State, offset_vectors: Array) -> Array:
-    """Triads, links and varying directions of all groups, stacked (entries, N) as `system.geometry_maps` says."""
+    """Stack triads, links and varying directions of all groups (entries, N) as `system.geometry_maps` says."""
     return system.geometry_maps.geometries(_moved(state, offset_vectors))
 
 
@@ -157,7 +157,7 @@ def _moved(state: State, offset_vectors: Array) -> Array:
 
 
 def input_jacobian(topology: Topology, links: LinkMap, state: State, offset_vectors: Array) -> tuple[Array, Array]:
-    """Transposed Jacobian (N, E, L, I) of the inputs by local unknowns, and the varying directions (N, M, X, 3)."""
+    """Give the transposed Jacobian (N, E, L, I) of inputs by local unknowns, and varying directions (N, M, X, 3)."""
     out = np.repeat(links.template[None], len(state), axis=0)
     directions = Block(0, (*links.shape, 3)).of(links.directions(_moved(state, offset_vectors)))
     moved = np.einsum("mlx,nmxd->nmld", links.varying, directions[..., : topology.width])

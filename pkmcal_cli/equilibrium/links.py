@@ -172,7 +172,7 @@ class _Collector:
 
 
 def build_links(topology: Topology, links: slice, place: Index, group: Group | None = None) -> LinkMap:
-    """The map of a range of links: those of a group of elements, or of points."""
+    """Build the map of a range of links: those of a group of elements, or of points."""
     triads = group is not None and group.element.uses_triads
     connections = group.rotation if group is not None and triads else None
     count = (len(topology.travel_names), links.stop - links.start)

@@ -35,7 +35,7 @@ class StrainRows:
 
 
 def strain_rows(system: System, coefficients: Array, state: State, length: float) -> StrainRows:
-    """All strains that act in a system, at the first row of `state`."""
+    """Evaluate and differentiate all strains that act in a system at the first row of `state`."""
     offset_vectors = offset_vectors_at(system.topology, coefficients, state)
     stacked = geometries(system, state, offset_vectors)
     unit = np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
@@ -67,7 +67,7 @@ def strain_rows(system: System, coefficients: Array, state: State, length: float
 
 
 def null_space(matrix: Array) -> Array:
-    """Orthonormal basis (n, k) of the null space by singular values."""
+    """Compute an orthonormal basis (n, k) of the null space by singular values."""
     if matrix.shape[1] == 0:
         return np.zeros((0, 0))
     if matrix.shape[0] == 0:
@@ -78,7 +78,7 @@ def null_space(matrix: Array) -> Array:
 
 
 def rank(matrix: Array) -> int:
-    """Numerical rank."""
+    """Compute the numerical rank."""
     if 0 in matrix.shape:
         return 0
     s = np.linalg.svd(matrix, compute_uv=False)
@@ -86,12 +86,12 @@ def rank(matrix: Array) -> int:
 
 
 def pivots(basis: Array) -> list[int]:
-    """Coordinates (one per basis vector) that, held, stop all motions of a null space basis (n, k)."""
+    """Choose coordinates (one per basis vector) that, held, stop all motions of a null space basis (n, k)."""
     return pivot_columns(basis.T, basis.shape[1])
 
 
 def pivot_columns(matrix: Array, count: int) -> list[int]:
-    """The `count` columns that a QR decomposition with column pivoting takes first."""
+    """Choose the `count` columns that a QR decomposition with column pivoting takes first."""
     remainder = np.array(matrix, dtype=float)
     order: list[int] = []
     for _ in range(count):

@@ -60,12 +60,12 @@ class Effort:
 
 
 def coefficients_of(coefficients: Array, rows: Index) -> Array:
-    """Coefficients of some rows, of an array (1 or N, S)."""
+    """Take the coefficients of some rows from an array (1 or N, S)."""
     return coefficients if len(coefficients) == 1 else coefficients[rows]
 
 
 def unit_sizes(system: System, length: float) -> Array:
-    """Of each unknown (n,): `length` for travels, 1 rad for rotations."""
+    """Give the size of each unknown (n,): `length` for travels, 1 rad for rotations."""
     return np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
 
 

@@ -38,7 +38,7 @@ class Front:
 
 
 def fronts_of(pattern: NDArray[np.bool_], unknowns: int) -> tuple[Front, ...]:
-    """Fronts of a pattern (n + c, n + c), those that come first before the others; none where one matrix is as fast."""
+    """Divide a pattern (n + c, n + c) into fronts, in the order of elimination; none where one matrix is as fast."""
     if len(pattern) < LEAST:
         return ()
     touches = pattern[unknowns:, :unknowns]  # (c, n)

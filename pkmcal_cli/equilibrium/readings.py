@@ -1,4 +1,4 @@
-"""What is observed of a state, z(u, c): values, gradients by the unknowns u, direct derivatives by coefficients c.
+"""Quantities z(u, c) of a state are observed: values, gradients by unknowns u, direct derivatives by coefficients c.
 
 A drive reads (position - position at reading zero - elastic part of its own drive) / gain: its encoder sits before its
 compliance.
@@ -67,7 +67,7 @@ def read_quantities(
     gains: Array,
     numbers: SystemNumbers | None,
 ) -> Readings:
-    """Readings of all quantities; `gains` (A,): indices of the drives' gains; `numbers`: for derivatives."""
+    """Read all quantities; `gains` (A,): indices of the drives' gains; `numbers`: for derivatives."""
     topology, derivatives = system.topology, numbers is not None
     constant = constant_offset_vectors(topology, coefficients) if numbers is None else numbers.bodies
     offset_vectors = rotated_offset_vectors(topology, constant, state)
@@ -204,12 +204,12 @@ def _strain_position(
 
 
 def own_stiffness(group: Group, e: int, m: int) -> int:
-    """Coefficient of the stiffness number of one strain that has one of its own."""
+    """Give the coefficient of the stiffness number of one strain that has one of its own."""
     return int(group.stiffness.start) + e * len(group.element.patterns) + m
 
 
 def forced_energy(system: System, coefficients: Array, strains: tuple[Array, ...], drive: Drive) -> Array:
-    """Energy (N,), J, of the member that a force-controlled drive strains: T^2 / (2 k), or T^2 L / (2 ES)."""
+    """Give the energy (N,), J, of the member that a force-controlled drive strains: T^2 / (2 k), or T^2 L / (2 ES)."""
     index, e, m = drive.target
     group = system.groups[index].group
     if group.rigid[e, m] or not system.loaded:

@@ -1,4 +1,7 @@
-"""Where released drives stand in a closed mechanism, and how that depends on coefficients, those of held poses too."""
+"""Released drives of a closed mechanism are read, with derivatives by coefficients, those of held poses too.
+
+The mechanism closes at g(y, c) = 0, so a reading z(y, c) has dz/dc = z_c - l^T g_c with K^T l = z_y: the adjoint of
+`derivative`, for the drives' own coordinates."""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from pkmcal_cli.units.measurands import Measurand
 def released_readings(
     system: System, coefficients: Array, state: State, numbers: SystemNumbers, drives: Index, gains: Index
 ) -> tuple[Array, Array]:
-    """Readings (n, D) of released drives at closed states, and their derivatives by all coefficients (n, D, S).
+    """Read released drives at closed states (n, D), with derivatives by all coefficients (n, D, S).
 
     gains (D,): coefficients of the gains of `drives` (D,).
     """

@@ -15,7 +15,7 @@ _PENALTY = 1e3  # of rho B^T B, against the largest entry of K
 
 
 def definite(k: Array, b: Array) -> NDArray[np.bool_]:
-    """Rows (N,) in which K (N, n, n) is positive definite on what constraints with gradients B (N, c, n) leave free."""
+    """Tell where (N,) K (N, n, n) is positive definite on what constraints with gradients B (N, c, n) leave free."""
     if b.shape[1]:
         steep = np.maximum(np.abs(b).max(axis=(1, 2)), 1e-300)
         size = np.maximum(np.abs(k).max(axis=(1, 2)), steep) / steep**2

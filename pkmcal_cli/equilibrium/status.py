@@ -1,4 +1,4 @@
-"""What became of each row: solved, or why not."""
+"""Each row has a status: solved, or why not."""
 
 from __future__ import annotations
 

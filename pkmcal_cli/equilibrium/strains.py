@@ -1,4 +1,7 @@
-"""What the elements of a group see, and their strains: of one link each, or sums over the links of a path."""
+"""Elements see the geometry of their links and give strains: of one link each, or sums over the links of a path.
+
+Generalised strains are e = e(delta, T_i, T_j) - e_0 with the rest value e_0 (Besseling 1974); of a path, the rope's
+length, e = sum of the links' lengths - e_0, as its tension is the same all along."""
 
 from __future__ import annotations
 
@@ -29,14 +32,14 @@ class Geometry(NamedTuple):
 
 
 def group_geometry(system: System, index: int, stacked: Array) -> Geometry:
-    """One group's part of the stacked geometries (entries, N)."""
+    """Take one group's part of the stacked geometries (entries, N)."""
     blocks = system.geometry_maps.groups[index]
     parts = (blocks.ti, blocks.tj, blocks.delta, blocks.directions)
     return Geometry(*(part.of(stacked) for part in parts))
 
 
 def group_strains(group: Group, links: LinkGeometry, rest: Array) -> tuple[Array, Array]:
-    """Strains (N, E, m) and their gradients by what moves each link (N, K, m, inputs); rest (1 or N, E, m)."""
+    """Compute strains (N, E, m) and their gradients by what moves each link (N, K, m, inputs); rest (1 or N, E, m)."""
     if group.path is None:
         return group.element.evaluate(links, rest)
     lengths, gradients = group.element.evaluate(links, _NOTHING)
@@ -45,5 +48,5 @@ def group_strains(group: Group, links: LinkGeometry, rest: Array) -> tuple[Array
 
 
 def on_links(group: Group, stress: Array) -> Array:
-    """Stresses of the elements (N, E, m) as those that act on their links (N, K, m), without weights."""
+    """Give the stresses (N, K, m) that act on the links of elements with stresses (N, E, m), without weights."""
     return stress if group.path is None else pick(stress, group.path)

@@ -17,7 +17,7 @@ _KINK = 1e-11  # elongation, relative to the length, below which a rope counts a
 
 
 def stresses_of(group: GroupMap, numbers: GroupNumbers, e: Array, state: State) -> Array:
-    """Stress of every strain: S e + s0, or the multiplier of a constraint, (N, E, m); ropes may push."""
+    """Compute the stress of every strain: S e + s0, or the multiplier of a constraint, (N, E, m); ropes may push."""
     if numbers.stiffness is None:
         stress = np.zeros(e.shape, dtype=e.dtype, order="F")
     else:
@@ -30,7 +30,7 @@ def stresses_of(group: GroupMap, numbers: GroupNumbers, e: Array, state: State) 
 
 
 def carrying_ropes(group: GroupMap, numbers: GroupNumbers, e: Array) -> NDArray[np.bool_] | None:
-    """Which elements (N, E) act: all but slack ropes; None where no element of the group can go slack.
+    """Tell which elements (N, E) act: all but slack ropes; None where no element of the group can go slack.
 
     A rope between taut and slack counts as taut: where nothing strains a machine, the signs of stresses are rounding.
     """

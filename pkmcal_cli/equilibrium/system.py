@@ -78,7 +78,7 @@ class System:
 
 
 def build_system(topology: Topology, states: tuple[DriveState, ...], loaded: bool, aim: Aim = ()) -> System:
-    """The system of `topology` with its drives in the given states; loads and prestress act where `loaded`.
+    """Build the system of `topology` with its drives in the given states; loads and prestress act where `loaded`.
 
     `aim`: coordinates (x ... rz) that are prescribed, for inverse positions, each with its group in `topology.aims`.
     """

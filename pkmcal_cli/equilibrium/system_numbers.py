@@ -111,7 +111,7 @@ class SystemNumbers:
 
 
 def system_numbers(system: System, coefficients: Array) -> SystemNumbers:
-    """What `coefficients` (1 or N, S) say about a system."""
+    """Gather what `coefficients` (1 or N, S) say about a system."""
     topology = system.topology
     groups = tuple(group_numbers(system, group, coefficients) for group in system.groups)
     forces = common(coefficients[:, topology.force_coefficients])
@@ -121,13 +121,13 @@ def system_numbers(system: System, coefficients: Array) -> SystemNumbers:
 
 
 def frame_vectors(topology: Topology, coefficients: Array) -> Array:
-    """Rotation vectors of frames, (1 or N, F, 3)."""
+    """Gather the rotation vectors of frames, (1 or N, F, 3)."""
     where = topology.rotations.coefficients[topology.frames]
     return _shaped(common(coefficients[:, where.ravel()]), *where.shape)
 
 
 def constant_offset_vectors(topology: Topology, coefficients: Array) -> Array:
-    """Constant parts of the offset vectors in their triads, (1 or N, A, 3)."""
+    """Gather the constant parts of the offset vectors in their triads, (1 or N, A, 3)."""
     used = topology.offset_map.used
     same = bool((coefficients[:, used] == coefficients[:1, used]).all())
     own = rows_last(coefficients[:1] if same else coefficients)
@@ -135,7 +135,7 @@ def constant_offset_vectors(topology: Topology, coefficients: Array) -> Array:
 
 
 def group_numbers(system: System, group: GroupMap, coefficients: Array) -> GroupNumbers:
-    """Numbers of one group."""
+    """Gather the numbers of one group."""
     spec = group.group
     stiffness = stiffness_matrices(system, group, coefficients) if group.yields else None
     coupled = np.asarray(False if stiffness is None else stiffness.any(axis=(0, 1)))
@@ -154,12 +154,12 @@ def group_numbers(system: System, group: GroupMap, coefficients: Array) -> Group
 
 
 def rest_values(group: GroupMap, coefficients: Array) -> Array:
-    """Strains' rest values, (1 or N, E, m): natural length, commanded travel, ..."""
+    """Gather the strains' rest values, (1 or N, E, m): natural length, commanded travel, ..."""
     return _shaped(common(coefficients[:, group.group.rest]), *group.group.shape)
 
 
 def rest_at(group: GroupMap, rest: Array, travel: Array) -> Array:
-    """Rest values at travels (N, T), which may add to natural lengths; nan where there is no length left."""
+    """Give rest values at travels (N, T), which may add to natural lengths; nan where there is no length left."""
     if not group.group.element.slides:
         return rest
     out: Array = rest + np.zeros_like(travel[:, :1, None])  # (N, E, m)
@@ -169,7 +169,7 @@ def rest_at(group: GroupMap, rest: Array, travel: Array) -> Array:
 
 
 def link_sizes(group: GroupMap, coefficients: Array) -> Array:
-    """What shapes the links besides their vectors, (1 or N, K, p)."""
+    """Gather what shapes the links besides their vectors, (1 or N, K, p)."""
     spec = group.group
     if not spec.element.sizes:
         return np.empty((1, len(spec.weights), 0))
@@ -177,7 +177,7 @@ def link_sizes(group: GroupMap, coefficients: Array) -> Array:
 
 
 def stiffness_matrices(system: System, group: GroupMap, coefficients: Array) -> Array:
-    """S of every element, (1 or N, E, m, m), zero where a strain is rigid or released."""
+    """Assemble S of every element, (1 or N, E, m, m), zero where a strain is rigid or released."""
     count, width = group.group.shape
     patterns = group.group.element.patterns
     numbers = _shaped(common(coefficients[:, group.group.stiffness]), count, len(patterns))
@@ -192,7 +192,7 @@ def stiffness_matrices(system: System, group: GroupMap, coefficients: Array) -> 
 
 
 def natural_lengths(group: GroupMap, rest: Array) -> Array:
-    """Lengths (1 or N, E) of rest (1 or N, E, m) by which stiffness numbers are divided; 1 where nothing yields.
+    """Give lengths (1 or N, E) of rest (1 or N, E, m) that divide stiffness numbers; 1 where nothing yields.
 
     The rest length of a member whose drive is released or force-controlled means nothing; it may be zero.
     """
@@ -200,7 +200,7 @@ def natural_lengths(group: GroupMap, rest: Array) -> Array:
 
 
 def beyond_beams(system: System, coefficients: Array) -> NDArray[np.bool_]:
-    """Rows (N,) in which travels that drives hold leave a span of a beam no length: a carriage beyond its end."""
+    """Tell in which rows (N,) held drives leave a span of a beam no length: a carriage beyond its end."""
     topology, out = system.topology, np.zeros(len(coefficients), dtype=bool)
     for group in system.groups:
         held = system.place[: len(topology.travel_names)] < 0
@@ -213,7 +213,7 @@ def beyond_beams(system: System, coefficients: Array) -> NDArray[np.bool_]:
 
 
 def typical_stiffness(system: System, coefficients: Array | SystemNumbers) -> float:
-    """A stiffness (N/m) that scales multipliers: the largest of the first row's, or 1 where nothing yields."""
+    """Give a stiffness (N/m) that scales multipliers: the largest of the first row's, or 1 where nothing yields."""
     if isinstance(coefficients, SystemNumbers):
         matrices = [group.stiffness[:1] for group in coefficients.groups if group.stiffness is not None]
     else:
@@ -222,7 +222,7 @@ def typical_stiffness(system: System, coefficients: Array | SystemNumbers) -> fl
 
 
 def common(x: Array) -> Array:
-    """x (N, K) itself, or its first row alone where all rows are the same."""
+    """Give x (N, K) itself, or its first row alone where all rows are the same."""
     differ = len(x) < 2 or (x[-1] != x[0]).any() or (x != x[:1]).any()  # two rows mostly tell
     return x if differ else x[:1]
 

@@ -149,7 +149,7 @@ class FrontTangent(Tangent):
 
 
 def tangent_of(entries: Array, layout: FrontLayout | None, size: int, unknowns: int) -> Tangent:
-    """The tangent of entries (N, width): laid out by fronts, or flat matrices column by column."""
+    """Make the tangent of entries (N, width): laid out by fronts, or flat matrices column by column."""
     if layout is not None:
         return FrontTangent(entries, layout)
     return DenseTangent(np.swapaxes(entries.reshape(len(entries), size, size), 1, 2), unknowns)

@@ -37,7 +37,7 @@ class CommonPose:
 
 
 def common_pose(model: Model, coefficients: Array) -> CommonPose:
-    """The pose on which all drives agree best, for coefficients (n, S) with their commanded positions."""
+    """Find the pose on which all drives agree best, for coefficients (n, S) with their commanded positions."""
     freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
     best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
     rival = np.full(rows, np.inf)

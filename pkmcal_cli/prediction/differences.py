@@ -1,4 +1,6 @@
-"""Derivatives of methods that do not end at equilibrium, by central differences; those of `exact` are analytic."""
+"""Methods that do not end at equilibrium are differentiated by central differences; `exact` has analytic derivatives.
+
+dz/dp = (z(p + h) - z(p - h)) / (2 h), with an error of order h^2; h is a share of the parameter's range."""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ _TRAVEL = 1e-7  # of the machine's size, or rad: step of a drive
 def predict_with_derivatives(
     model: Model, values: Array, rows: Rows, request: Request, start: WarmStart | None = None
 ) -> Prediction:
-    """As `predict`, with the derivatives that are asked for by any method. Raises ValueError for joined rows."""
+    """Predict with the derivatives that are asked for, by any method. Raises ValueError for joined rows."""
     if request.method == "exact":
         return predict(model, values, rows, request, start)
     bare = replace(request, parameters=None, by_drive=False)

@@ -82,7 +82,7 @@ class Displacements:
 def displacements(
     model: Model, values: Array, rows: Rows, parameters: Sequence[str], reactions: Reactions | None
 ) -> Displacements:
-    """Displacements of all effects at parameter values (P,); without `reactions` those that need none."""
+    """Compute the displacements of all effects at parameter values (P,); without `reactions` those that need none."""
     numbers = model.by_name(values)
     parts: list[Displacement] = []
     asked = {name: k for k, name in enumerate(parameters)}

@@ -27,7 +27,7 @@ _STEP = 1e-30
 
 
 def drive_forces(model: Model, solution: Solution) -> tuple[Array, Array]:
-    """Drive forces (N, A) and strain energy (N,)."""
+    """Compute drive forces (N, A) and strain energy (N,)."""
     system, coefficients, state, taut = solution.system, solution.coefficients, solution.state, solution.taut
     gradient = lagrangian_gradient(system, solution.numbers, state, taut=taut)
     balanced = balance(system, solution.numbers, state, 1.0, tangent=False, taut=taut)
@@ -47,7 +47,7 @@ def drive_forces(model: Model, solution: Solution) -> tuple[Array, Array]:
 
 
 def least_tensions(model: Model, solution: Solution) -> Array:
-    """Tensions (N, R) of the ropes that have to be taut, N."""
+    """Give the tensions (N, R) of the ropes that have to be taut, N."""
     if not model.least_tensions:
         return np.zeros((len(solution.state), 0))
     balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False, taut=solution.taut)
@@ -56,7 +56,7 @@ def least_tensions(model: Model, solution: Solution) -> Array:
 
 
 def force_coefficient(model: Model, actuator: int) -> tuple[int, float]:
-    """The coefficient whose Lagrangian derivative is a drive's force, and its sign; -1 where it is commanded."""
+    """Give the coefficient whose Lagrangian derivative is a drive's force, and its sign; -1 where it is commanded."""
     drive = model.topology.drives[actuator]
     if drive.force_controlled:
         return -1, 0.0
@@ -64,7 +64,7 @@ def force_coefficient(model: Model, actuator: int) -> tuple[int, float]:
 
 
 def load_values(model: Model, solution: Solution, quantities: Sequence[ObservedQuantity]) -> Array:
-    """Forces of drives, tensions of ropes and strain energies (N, K)."""
+    """Compute forces of drives, tensions of ropes and strain energies (N, K)."""
     forces, energy = drive_forces(model, solution)
     balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False, taut=solution.taut)
     out = np.empty((len(energy), len(quantities)))
@@ -79,7 +79,7 @@ def load_values(model: Model, solution: Solution, quantities: Sequence[ObservedQ
 
 
 def load_derivatives(model: Model, solution: Solution, quantities: Sequence[ObservedQuantity]) -> Array:
-    """Derivatives (N, K, S) of the same by all coefficients; nan where failed."""
+    """Differentiate the same by all coefficients, (N, K, S); nan where failed."""
     out = np.zeros((len(solution.coefficients), len(quantities), solution.coefficients.shape[1]))
     along = {k: c for k, q in enumerate(quantities) if (c := _conjugate(model, q))[0] >= 0}
     if along:
@@ -130,7 +130,7 @@ def _from_conjugate(model: Model, solution: Solution, quantity: ObservedQuantity
 
 
 def coefficient_force_derivatives(model: Model, solution: Solution, along: Sequence[int]) -> Array:
-    """Total derivatives (N, K, S) by all coefficients of the Lagrangian's derivatives by some; nan where failed."""
+    """Differentiate the Lagrangian's derivatives by some coefficients, totally, by all: (N, K, S); nan where failed."""
     system, state, taut = solution.system, solution.state, solution.taut
     scale = typical_stiffness(system, solution.coefficients)
     direct, rows = [], []

@@ -1,4 +1,7 @@
-"""Parameters that act nowhere by structure: neither the balance of forces nor a reading contains them."""
+"""Parameters that act nowhere by structure are found: neither the balance of forces nor a reading contains them.
+
+A coefficient c acts where l^T dg/dc (the force terms, by the complex step of `derivative`) or dz/dc is not zero at a
+machine that is strained everywhere and out of balance, with a vector l that has no zero; a parameter p by dc/dp."""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ _MOVE = 1e-2  # coordinates are thrown off by this share of the machine's size, 
 
 
 def idle_parameters(model: Model) -> tuple[str, ...]:
-    """Names of parameters without influence on the forces of a strained machine, on its TCP, drives or sensors.
+    """Name the parameters without influence on the forces of a strained machine, on its TCP, drives or sensors.
 
     A stiffness that nothing strains at present is not idle.
     """

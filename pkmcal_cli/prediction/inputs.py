@@ -1,4 +1,7 @@
-"""What formulas of effects may ask for: quantities of the whole table at one effect site."""
+"""Formulas of effects ask for quantities of the whole table at one effect site: here they are computed.
+
+A lagged quantity x solves tau dx/dt = u - x, exactly for u linear between its times (the first-order hold of sampled
+systems), and starts in steady state."""
 
 from __future__ import annotations
 
@@ -175,9 +178,9 @@ class SiteInputs(AtSite):
 
 
 def lag(time: Array, value: Array, tau: Any) -> Array:
-    """First-order lag (N,) of a value that is linear between its times; settled at the first row.
+    """Apply a first-order lag (N,) to a value that is linear between its times, in steady state at the first row.
 
-    By a scan over pairs (decay, rest), doubling the distance: exact, without a loop over rows. Analytic in tau.
+    By a scan over pairs (decay, lagged), doubling the distance: exact, without a loop over rows. Analytic in tau.
     """
     order = np.argsort(time, kind="stable")
     step = np.diff(time[order], prepend=time[order[:1]])
@@ -202,7 +205,7 @@ def lag(time: Array, value: Array, tau: Any) -> Array:
 
 
 def fixed_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, tuple[tuple[float, ...], str]]:
-    """Constants of an effect as the table settles them, SI, with the unit in which they are written."""
+    """Give the constants of an effect as the table fixes them, SI, with the unit in which they are written."""
     out: dict[str, tuple[tuple[float, ...], str]] = {}
     inputs = SiteInputs(placed.sites[0], model, rows, placed, None)
     for option in placed.effect.options:
@@ -222,7 +225,7 @@ def fixed_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, t
 
 
 def frozen(model: Model, rows: Rows) -> Model:
-    """The model whose effects spread their shapes over travel and time of these rows, whatever rows are predicted.
+    """Make the model whose effects spread their shapes over travel and time of these rows, whatever rows are predicted.
 
     Effects whose places have different travels keep to the rows that are predicted.
     """

@@ -58,7 +58,7 @@ def drive_positions(
     rows: Rows | None = None,
     derivatives: bool = False,
 ) -> DrivePositions:
-    """Drive readings for poses (N, 6) of the tool point, m and rad against the reference configuration; nan: as there.
+    """Give drive readings for poses (N, 6) of the tool point, m and rad from the reference configuration; nan: as it.
 
     At parameter values (P,), by default the nominal ones. `held`: coordinates that are held there exactly, by default
     the usual ones; the others follow. `aimed`: another point than the tool point. `rows` (N): whose sessions the poses

@@ -1,4 +1,4 @@
-"""Sensors that join two rows of the table: a distance between the places of one point in both.
+"""Sensors that join two rows of the table read a distance between the places of one point in both: |p_2 - p_1|.
 
 Rows are solved in chunks, and a row's partner may be in another one; so chunks hand over the known values, and the
 observation equation is evaluated when all are there.
@@ -22,7 +22,7 @@ _OTHERS: Variable = "other"
 
 
 def join_rows(model: Model, prediction: Prediction, partner: NDArray[np.intp]) -> Prediction:
-    """The prediction with the channels that join rows filled in, and without their known values.
+    """Fill in the channels of a prediction that join rows, and drop their known values.
 
     partner (N,): number of the other row, -1 without; channels that join stay nan there, with derivatives 0.
     """

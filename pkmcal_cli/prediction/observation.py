@@ -1,4 +1,6 @@
-"""Reading stage: from observed quantities of the structure to readings, by observation equations."""
+"""The reading stage turns observed quantities of the structure into readings, by the observation equations z = h(v, c).
+
+v: observed quantities, c: known values of the sensor. So dz/dc = h_v v_c + h_c; each h is in `sensors/`."""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ from pkmcal_cli.sensors.tcp import strained
 def read_sensors(
     model: Model, observed: Array, coefficients: Array, by_coefficient: Array | None, measured: Array | None = None
 ) -> tuple[Array, Array | None]:
-    """Channels (N, C + H) and their derivatives (N, C + H, S) from observed quantities (N, V) and theirs (N, V, S).
+    """Read channels (N, C + H) with derivatives (N, C + H, S) from observed quantities (N, V) and theirs (N, V, S).
 
     The last H are the known values of sensors that join two rows, see `joined.hidden`; their own channels are nan.
     measured (N, C): which of the rotation vectors of one rotation is predicted, see `Rows`.
@@ -67,7 +69,7 @@ def _of_equation(
 
 
 def known_width(sensor: PlacedSensor) -> int:
-    """How many known values the observation equation of a sensor has."""
+    """Count the known values of a sensor's observation equation."""
     return sum(len(g.observed) for g in sensor.known.values())
 
 
@@ -120,7 +122,7 @@ def _hand_over(
 
 
 def in_machine_frame(model: Model, values: Array, rows: Rows, readings: Array) -> Array:
-    """Readings (N, C) of sensors as they would be in the machine's frame, by what moves their frames at `values` (P,).
+    """Give readings (N, C) of sensors as they are in the machine's frame, by what moves their frames at `values` (P,).
 
     Positions and orientations of which not all components were read become nan where their frame is moved.
     """

@@ -1,4 +1,4 @@
-"""Reading stage: what sensors read at a solution, its derivatives, drive forces and energy.
+"""The reading stage gives what sensors read at a solution, its derivatives, drive forces and energy.
 
 dz/dc = z_c - l^T g_c with K^T l = z_u (see `equilibrium.derivative`): one adjoint solve per channel, whatever the
 number of parameters.
@@ -26,7 +26,7 @@ from pkmcal_cli.prediction.stages import Chain
 def outcome(
     model: Model, solution: Solution, rows: Rows, request: Request, chain: Chain, moved: Displacements
 ) -> Prediction:
-    """The prediction of solved rows; rows that failed get nan."""
+    """Make the prediction of solved rows; rows that failed get nan."""
     gains = np.array([a.gain_coefficient for a in model.actuators], dtype=np.intp)
     coefficients, state, bad = solution.coefficients, solution.state, solution.failed
     jacobian, by_drive, forces, energy, tension = None, None, None, None, None

@@ -1,4 +1,7 @@
-"""All stages, chunk by chunk: chunks bound the memory, and a chunk starts from the solution of an earlier call."""
+"""All stages run chunk by chunk: chunks bound the memory, and a chunk starts from the solution of an earlier call.
+
+z = h(u(c(p, q, theta)), c): parameters p, readings q of drives and effects theta give coefficients c, `equilibrium` the
+solution u with g(u, c) = 0, and `outcome` its readings z; the derivatives follow by the chain rule."""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ def predict(
     start: WarmStart | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Prediction:
-    """Predicted readings of all rows at parameter values (P,), SI; `start`: from an earlier prediction.
+    """Predict the readings of all rows at parameter values (P,), SI; `start`: from an earlier prediction.
 
     Works in chunks, so memory is bounded but for the results. Rows that cannot be solved get a status, never numbers.
     Raises ValueError for derivatives of any method but `exact`: they hold at equilibrium only.
@@ -62,7 +65,7 @@ def predict(
 
 
 def configuration(model: Model, values: Array, rows: Rows, row: int, method: Method = "exact") -> Solution:
-    """The state of one row at parameter values (P,), SI; effects see the whole table."""
+    """Solve the state of one row at parameter values (P,), SI; effects see the whole table."""
     base, request = BaseCoefficients.of(model, values), Request(method)
     moved = _moved(model, values, base, rows, request, chain=Chain.of(model, values, request), start=None)
     only = slice(row, row + 1)
@@ -115,7 +118,7 @@ def _earlier_pass(
 
 
 def fixed_smoothing(model: Model, values: Array, rows: Rows) -> Model:
-    """The model with the force over which signs are smoothed stated for every reactive effect that leaves it open.
+    """State the force over which signs are smoothed for every reactive effect of a model that leaves it open.
 
     A tenth of the root mean square force at its place, at parameter values (P,).
     """
@@ -137,7 +140,7 @@ def _smooths(placed: PlacedEffect) -> bool:
 
 
 def row_chunks(system: System, rows: int) -> Iterator[slice]:
-    """Rows that are worked on together."""
+    """Divide rows into chunks that are worked on together."""
     maps = system.maps
     entries = (
         maps.width

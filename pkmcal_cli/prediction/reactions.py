@@ -33,7 +33,7 @@ def reactions(
     chain: Chain | None,
     moved: Displacements,
 ) -> Reactions:
-    """Forces and chords at the effect sites of effects, with derivatives where there is a chain; nan in failed rows."""
+    """Compute forces and chords at effect sites, with derivatives where there is a chain; nan in failed rows."""
     sites = {s.place: s for e in effects for s in e.sites}
     coefficients = [_coefficient(model, s) for s in sites.values()]
     values, chords = _values(model, solution, list(sites.values()), coefficients)
@@ -83,7 +83,7 @@ def _chords(solution: Solution, stacked: Array, sites: Sequence[EffectSite]) -> 
 
 
 def joined_reactions(parts: Sequence[Reactions]) -> Reactions:
-    """Reactions of consecutive chunks."""
+    """Join the reactions of consecutive chunks."""
     first = parts[0]
 
     def join(name: str) -> Array | None:

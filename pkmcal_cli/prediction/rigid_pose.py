@@ -28,7 +28,7 @@ _RIGID = NewtonOptions(curved=False)
 
 
 def substructure_pose(model: Model, coefficients: Array, effort: Effort) -> tuple[State, NDArray[np.int_]]:
-    """Rigid pose on the branch of the common pose: where redundant drives are far from it, begun there."""
+    """Solve the rigid pose on the branch of the common pose: where redundant drives are far off, begin there."""
     state, status = rigid_pose(model, coefficients, _RIGID, effort)
     if not model.overdetermined:
         return state, status
@@ -59,7 +59,7 @@ def substructure_pose(model: Model, coefficients: Array, effort: Effort) -> tupl
 def rigid_pose(
     model: Model, coefficients: Array, options: NewtonOptions, effort: Effort
 ) -> tuple[State, NDArray[np.int_]]:
-    """Pose of the non-redundant substructure (Ecorchard 2010, eq. 11), followed from the reference configuration."""
+    """Solve the non-redundant substructure (Ecorchard 2010, eq. 11), from the reference configuration on."""
     system = model.rigid
     begin = model.reference_coefficients
     state = reference_state(model.topology, begin, len(coefficients), system.constraints)
@@ -89,7 +89,7 @@ def _check_reach(model: Model, coefficients: Array, state: State, status: NDArra
 
 
 def largest_strain(strains: list[Array], rows: int) -> Array:
-    """The largest strain of each row, (N,)."""
+    """Give the largest strain of each row, (N,)."""
     out = np.zeros(rows)
     for e in strains:
         out = np.maximum(out, np.abs(e).max(axis=(1, 2), initial=0.0))
@@ -114,7 +114,7 @@ def _failure(model: Model, coefficients: Array) -> NDArray[np.int_]:
 
 
 def relaxed_coefficients(model: Model, coefficients: Array, state: State, drives: Sequence[Drive]) -> Array:
-    """Coefficients at which a closed pose is (nearly) stress-free: no loads, `drives` where they have gone."""
+    """Give coefficients at which a closed pose is (nearly) stress-free: no loads, `drives` where they have gone."""
     out, topology, system = coefficients.copy(order="K"), model.topology, model.released
     for group in topology.groups:
         out[:, group.prestress] = 0.0

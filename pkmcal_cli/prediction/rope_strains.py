@@ -21,7 +21,7 @@ from pkmcal_cli.prediction.stages import Chain
 
 
 def rope_strains(solution: Solution, rows: Rows, chain: Chain, moved: Displacements) -> RopeStrains:
-    """Of all elastic ropes in solved rows."""
+    """Compute the strains of all elastic ropes in solved rows."""
     system, numbers, state = solution.system, solution.numbers, solution.state
     scale = typical_stiffness(system, numbers)
     balanced = balance(system, numbers, state, scale)
@@ -47,7 +47,7 @@ def rope_strains(solution: Solution, rows: Rows, chain: Chain, moved: Displaceme
 
 
 def joined_rope_strains(parts: Sequence[RopeStrains]) -> RopeStrains:
-    """Of consecutive chunks."""
+    """Join the rope strains of consecutive chunks."""
     names = ("values", "jacobian", "by_drive")
     return RopeStrains(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 

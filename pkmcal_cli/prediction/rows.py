@@ -1,4 +1,4 @@
-"""What goes into a prediction and what comes out."""
+"""Rows and requests go into a prediction; readings, derivatives and the status of rows come out."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Rows:
 
 
 def joined_rows(parts: Sequence[Rows]) -> Rows:
-    """Consecutive rows as one; a column that a part lacks is nan in its rows."""
+    """Join consecutive rows; a column that a part lacks is nan in its rows."""
     names = dict.fromkeys(name for part in parts for name in part.columns)
     starts = np.cumsum([0, *(len(part) for part in parts)])
     partners = [

@@ -42,7 +42,7 @@ class BaseCoefficients:
 
 
 def commanded_coefficients(model: Model, given: BaseCoefficients, rows: Rows) -> Array:
-    """Command, geometry, stiffness and load stages: coefficients (N, S) of every row from those of the parameters."""
+    """Run the stages command, geometry, stiffness, load: coefficients (N, S) of rows from those of the parameters."""
     coefficients, base = given.rows(rows), given.common
     for a, (drive, actuator) in enumerate(zip(model.topology.drives, model.actuators, strict=True)):
         if drive.force_controlled:
@@ -55,7 +55,7 @@ def commanded_coefficients(model: Model, given: BaseCoefficients, rows: Rows) ->
 
 
 def drive_travels(model: Model, values: Array, readings: Array, rows: Rows) -> Array:
-    """Travel (N, A) of every drive from reading zero at its reading (N, A), by its law and the effects on it, m or rad.
+    """Compute the travel (N, A) of drives from reading zero at readings (N, A), with the effects on them, m or rad.
 
     Effects that need reactions are left out.
     """

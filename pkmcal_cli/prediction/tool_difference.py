@@ -1,4 +1,6 @@
-"""How far the predicted tool point moves when a machine is known otherwise: at the same set values."""
+"""How far the predicted tool point moves at the same set values, when a machine is known otherwise, is computed here.
+
+The distance is |x_2 - x_1|, the angle |log(R_1^T R_2)| of the rotation from the one to the other."""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from pkmcal_cli.units.measurands import Measurand
 
 
 def tool_difference(before: tuple[Model, Array], after: tuple[Model, Array], rows: Rows) -> tuple[Array, Array]:
-    """Distances (N,), m, and angles (N,), rad, between the tool of two machines with values (P,); nan where unsolved.
+    """Compare the tool of two machines with values (P,): distances (N,), m, angles (N,), rad; nan where unsolved.
 
     Angles are 0 for a tool point that has no orientation.
     """

@@ -26,7 +26,7 @@ _NEAR, _EXACT = 1e-9, 1e-12  # m: a touch is reached; no further step is made
 
 
 def tcp_places(model: Model, values: Array, rows: Rows) -> Array:
-    """TCP coordinates (N, 6) of rows, m, and rotation vectors in the sense of the reference configuration, rad."""
+    """Predict TCP coordinates (N, 6), m, and rotation vectors in the sense of the reference configuration, rad."""
     bare = tcp_model(model).with_options(())
     places = predict(bare, values, rows).values
     out = np.zeros((len(rows), 6))
@@ -38,7 +38,7 @@ def tcp_places(model: Model, values: Array, rows: Rows) -> Array:
 def touching(
     model: Model, values: Array, rows: Rows, trigger: Array, shift: Array | None = None
 ) -> tuple[Rows, NDArray[np.bool_]]:
-    """Rows whose commands make channels read `trigger` (N, C), nan where that is open; and which do (N,).
+    """Find rows whose commands make channels read `trigger` (N, C), nan where that is open; and which do (N,).
 
     At parameter values (P,), by the exact method. `shift` (N, A): of the drives when they read their commands.
     """

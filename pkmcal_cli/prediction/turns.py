@@ -18,12 +18,12 @@ _LARGE = 0.75 * np.pi  # rad
 
 
 def rotates_in_space(model: Model, sensor: PlacedSensor) -> bool:
-    """Whether a sensor reads components of a rotation vector in space."""
+    """Tell whether a sensor reads components of a rotation vector in space."""
     return bool(sensor.rotates) and not model.topology.planar
 
 
 def outputs_of(model: Model, sensor: PlacedSensor) -> Index:
-    """Which of the readings of its kind a sensor gives; in space, then those that complete a rotation vector."""
+    """Tell which of the readings of its kind a sensor gives; in space, then those that complete a rotation vector."""
     return np.array(_outputs(sensor)) if rotates_in_space(model, sensor) else sensor.outputs
 
 
@@ -47,7 +47,7 @@ def tell_as_read(sensor: PlacedSensor, readings: Array, by: Array | None, measur
 
 
 def nearer_way_round(turned: Array, slopes: Array | None, reference: Array) -> tuple[Array, Array | None]:
-    """Rotation vectors (N, 3) with derivatives (N, 3, S), of the two of each rotation that nearer to a reference.
+    """Choose rotation vectors (N, 3) with derivatives (N, 3, S): of two of each rotation that nearer to a reference.
 
     reference (N, 3): components, nan where unknown. Small components of a small turn have one way only: the turn
     must be large, or a component beyond half a turn.

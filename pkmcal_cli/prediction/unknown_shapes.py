@@ -1,4 +1,7 @@
-"""What shapes without a name do between and beyond their knots, which nothing has measured."""
+"""Shapes without a name are unknown between and beyond their knots: what that adds to a variance is computed here.
+
+The variance is sum (dz/ds)^2 v over the sites s of shapes, v being that of a Gaussian process given its knots
+(Rasmussen and Williams 2006, eq. 2.24)."""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from pkmcal_cli.prediction.rows import Request, Rows, WarmStart
 
 
 def between_knots(model: Model, values: Array, rows: Rows, start: WarmStart | None) -> Array:
-    """Variance (N, C) of the readings, SI, by what the values at the knots of shapes do not know of.
+    """Compute the variance (N, C) of the readings, SI, by what the values at the knots of shapes do not know of.
 
     Each site of a shape counts by itself; the others of its guide are elsewhere on it.
     """
@@ -39,7 +42,7 @@ def between_knots(model: Model, values: Array, rows: Rows, start: WarmStart | No
 
 
 def outside_knots(model: Model, rows: Rows) -> dict[str, int]:
-    """Shapes that some rows are outside of, by name, and how many rows: there a shape is not known."""
+    """Name the shapes that some rows are outside of, and count these rows: there a shape is not known."""
     out = {}
     for placed in model.effects:
         if isinstance(placed.effect, Unexplained):
