@@ -1,7 +1,8 @@
 """Energies of all members are summed at a state, and its slack ropes named.
 
 U = sum 1/2 e^T S e + s0^T e is the potential of which the forces b^T (S e + s0) are the derivatives (see `assembly`).
-A rope of stiffness k and prestress s0 has stress max(0, k e + s0), so U stays at -s0^2 / (2 k) while it is slack."""
+A rope of stiffness k and prestress s0 has stress max(0, k e + s0), so U stays at -s0^2 / (2 k) while it is slack.
+"""
 
 from __future__ import annotations
 

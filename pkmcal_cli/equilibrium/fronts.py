@@ -1,7 +1,8 @@
 """The layout of a tangent that is solved front by front says where its entries lie and which each front hands on.
 
 A front is the block [K_aa K_ab; K_ba K_bb] of its own unknowns a and its border b; what elimination leaves of K_bb (see
-`tangent`) is added to the fronts that hold these unknowns next (Duff and Reid 1983)."""
+`tangent`) is added to the fronts that hold these unknowns next (Duff and Reid 1983).
+"""
 
 from __future__ import annotations
 

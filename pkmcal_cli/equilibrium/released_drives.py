@@ -1,7 +1,8 @@
 """Released drives of a closed mechanism are read, with derivatives by coefficients, those of held poses too.
 
 The mechanism closes at g(y, c) = 0, so a reading z(y, c) has dz/dc = z_c - l^T g_c with K^T l = z_y: the adjoint of
-`derivative`, for the drives' own coordinates."""
+`derivative`, for the drives' own coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Elements see the geometry of their links and give strains: of one link each, or sums over the links of a path.
 
 Generalised strains are e = e(delta, T_i, T_j) - e_0 with the rest value e_0 (Besseling 1974); of a path, the rope's
-length, e = sum of the links' lengths - e_0, as its tension is the same all along."""
+length, e = sum of the links' lengths - e_0, as its tension is the same all along.
+"""
 
 from __future__ import annotations
 

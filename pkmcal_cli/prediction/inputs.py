@@ -1,7 +1,8 @@
 """Formulas of effects ask for quantities of the whole table at one effect site: here they are computed.
 
 A lagged quantity x solves tau dx/dt = u - x, exactly for u linear between its times (the first-order hold of sampled
-systems), and starts in steady state."""
+systems), and starts in steady state.
+"""
 
 from __future__ import annotations
 

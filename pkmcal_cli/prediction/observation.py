@@ -1,6 +1,7 @@
 """The reading stage turns observed quantities of the structure into readings, by the observation equations z = h(v, c).
 
-v: observed quantities, c: known values of the sensor. So dz/dc = h_v v_c + h_c; each h is in `sensors/`."""
+v: observed quantities, c: known values of the sensor. So dz/dc = h_v v_c + h_c; each h is in `sensors/`.
+"""
 
 from __future__ import annotations
 

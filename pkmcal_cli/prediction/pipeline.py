@@ -1,7 +1,8 @@
 """All stages run chunk by chunk: chunks bound the memory, and a chunk starts from the solution of an earlier call.
 
 z = h(u(c(p, q, theta)), c): parameters p, readings q of drives and effects theta give coefficients c, `equilibrium` the
-solution u with g(u, c) = 0, and `outcome` its readings z; the derivatives follow by the chain rule."""
+solution u with g(u, c) = 0, and `outcome` its readings z; the derivatives follow by the chain rule.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """How far the predicted tool point moves at the same set values, when a machine is known otherwise, is computed here.
 
-The distance is |x_2 - x_1|, the angle |log(R_1^T R_2)| of the rotation from the one to the other."""
+The distance is |x_2 - x_1|, the angle |log(R_1^T R_2)| of the rotation from the one to the other.
+"""
 
 from __future__ import annotations
 
