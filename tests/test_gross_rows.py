@@ -56,6 +56,14 @@ def test_rows_of_many_small_tables(rows: int) -> None:
     assert lost < 0.005 * good and names == []
 
 
+def test_rows_of_a_long_table() -> None:
+    """Starts are tried on a sample of it; all rows are judged."""
+    measured, bad = spoilt("triglide-nonredundant", 2600, 3, count=60)
+    r = ready(measured)
+    rows, fit = gross_rows(r.problem, r.selected, ALPHA, 0)
+    assert set(rows) == bad and fit is not None and fit.chi2_per_dof < 1.1
+
+
 @pytest.mark.parametrize("noise", ["normal", "t4"])
 def test_good_tables_lose_no_row(noise: str) -> None:
     for machine in MACHINES:

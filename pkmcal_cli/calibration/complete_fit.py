@@ -94,18 +94,19 @@ def calibrated(
     options: FitOptions,
     session: Array,
     datum: Datum | None = None,
+    states: WarmStart | None = None,
     tell: Callable[[str], None] | None = None,
     observe: Observer = unobserved,
 ) -> Calibration:
-    """Calibrate from values (P,); session (N,): number of the session of each row. Raises RowsFailed.
+    """Calibrate from values (P,), with `states` of the rows there; session (N,): number of the session of each row.
 
     The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer;
-    `observe` is told the steps.
+    `observe` is told the steps. Raises RowsFailed.
     """
     problem = with_prior(problem, selected, options.prior)
     count, seed = options.starts, options.seed
     first, agreement = identify_from(
-        problem, selected, start, count, seed, tell, observe=observe, workers=options.workers
+        problem, selected, start, count, seed, tell, states=states, observe=observe, workers=options.workers
     )
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)

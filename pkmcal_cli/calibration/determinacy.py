@@ -11,6 +11,7 @@ from pkmcal_cli.calibration.datum import Datum, datum_of
 from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.prediction import WarmStart
 
 _LISTED = 8  # null directions that are told one by one
 
@@ -30,9 +31,14 @@ class Determinacy:
         return (self.datum.text,) if self.datum is not None else ()
 
 
-def determinacy(problem: Problem, values: Array, selected: tuple[str, ...]) -> Determinacy:
-    """What the data can be asked for at parameter values (P,), if most rows can be predicted there."""
-    directions_, whole = _directions(problem, values, selected)
+def determinacy(
+    problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None = None
+) -> Determinacy:
+    """What the data can be asked for at parameter values (P,), if most rows can be predicted there.
+
+    `states`: of the rows, at these values.
+    """
+    directions_, whole = _directions(problem, values, selected, states)
     if directions_ is None:
         return Determinacy(selected, None)
     datum = datum_of(problem, values, directions_)
@@ -49,16 +55,18 @@ def determinacy(problem: Problem, values: Array, selected: tuple[str, ...]) -> D
     return Determinacy(kept, datum)
 
 
-def _directions(problem: Problem, values: Array, selected: tuple[str, ...]) -> tuple[Directions | None, bool]:
+def _directions(
+    problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None
+) -> tuple[Directions | None, bool]:
     """Null and weak directions, None where most rows cannot be predicted; whether all can."""
     if not selected or not problem.count:
         return None, False
-    evaluation = evaluate(problem, values, selected)
+    evaluation = evaluate(problem, values, selected, states)
     rows = np.nonzero(evaluation.prediction.solved)[0]
     part = problem if len(rows) == len(problem) else problem.take(rows)
     if len(rows) < len(problem) / 2 or (problem.measured.any(axis=0) & ~part.measured.any(axis=0)).any():
         return None, False  # the others may be those that say where the base is
-    solved = evaluation if part is problem else evaluate(part, values, selected)
+    solved = evaluation if part is problem else evaluate(part, values, selected, evaluation.start.take(rows))
     ranges = np.array([problem.model.parameters[problem.model.names.index(n)].range for n in selected])
     return directions(linearise(part, solved).jacobian, selected, ranges), part is problem
 

@@ -37,6 +37,7 @@ _STATUS = {
     **dict.fromkeys(("gradient", "step", "rounding"), "converged"),
     **dict.fromkeys(("no_descent", "budget"), "not_converged"),
 }
+_SWITCHED, _ROUNDED = 1e-3, 1e-10  # in sigma, and m or rad: by which a reading in another assembly differs at least
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -134,16 +135,27 @@ def _identified(
         chi2.append(near.chi2)
         evaluation, damping, stopped = advance(kept, scale, evaluation, near, damping, hopeless)
         end = evaluation
-        if stopped and not (again := evaluate(kept, end.values, None, end.start, end.shift)).solved:
-            failed, stopped = failed | reasons(kept, again), ""  # a state that does not hold is none
-            retried = evaluate(problem, end.values, selected, end.start, end.shift)
-            kept, evaluation = _kept(problem, first, retried, failed)
+        if stopped or len(chi2) == iterations:
+            again = evaluate(kept, end.values, None, end.start, end.shift)  # each row's assembly against others
+            if _holds(kept, again, end):
+                evaluation = replace(end, prediction=replace(end.prediction, misfit=again.prediction.misfit))
+            else:
+                failed, stopped = failed | reasons(kept, again), ""
+                retried = evaluate(problem, end.values, selected, again.start, end.shift)
+                kept, evaluation = _kept(problem, first, retried, failed)
         if progress is not None:
             progress(len(chi2), near.chi2)
     stopped = stopped or "budget"
     fit = _finished(kept, selected, first, last=evaluation, status=_STATUS[stopped], count=len(chi2), failed=failed)
     stopped = "nothing" if fit.status == NOTHING else stopped
     return replace(fit, stopped=stopped, flat=_flat([*chi2, fit.chi2]))
+
+
+def _holds(problem: Problem, again: Evaluation, end: Evaluation) -> bool:
+    """Whether the end of a fit is predicted again: a state that does not hold is none, nor is one of more energy."""
+    moved = np.abs(again.residual - end.residual)[problem.measured]
+    noise = problem.sigma[problem.measured]
+    return again.solved and bool((moved <= np.maximum(_SWITCHED * noise, _ROUNDED)).all())
 
 
 def _flat(chi2: Sequence[float]) -> bool:

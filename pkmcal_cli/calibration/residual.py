@@ -49,12 +49,13 @@ def evaluate(
     parameters: tuple[str, ...] | None = None,
     start: WarmStart | None = None,
     shift: Array | None = None,
+    compare: bool = True,
 ) -> Evaluation:
     """Residuals at `values`, with derivatives with respect to `parameters` and drives where these are asked.
 
-    `shift` (N, A): errors of the drive readings, m or rad, by default zero.
+    `shift` (N, A): errors of the drive readings, m or rad, by default zero; `compare`: see `Request`.
     """
-    request = Request(problem.method, parameters=parameters, by_drive=parameters is not None)
+    request = Request(problem.method, parameters=parameters, by_drive=parameters is not None, compare=compare)
     shift = np.zeros_like(problem.rows.readings) if shift is None else shift
     measured = np.where(problem.measured, problem.readings, np.nan)
     rows = replace(problem.rows.moved(shift), measured=measured)

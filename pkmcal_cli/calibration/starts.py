@@ -19,6 +19,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.prediction import WarmStart
 
 _SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above
@@ -60,10 +61,13 @@ def identify_from(
     count: int,
     seed: int,
     tell: Callable[[str], None] | None = None,
+    states: WarmStart | None = None,
     observe: Observer = unobserved,
     workers: Workers = ALONE,
 ) -> tuple[Fit, Agreement | None]:
-    """The best fit of `count` starts, the first one as given (P,). Raises RowsFailed where none can be predicted.
+    """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there.
+
+    Raises RowsFailed where none can be predicted.
 
     With `count` 0 one start that fails, or explains nothing, is helped by further ones, which `tell` announces.
     """
@@ -71,7 +75,9 @@ def identify_from(
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        first = identify(problem, selected, start, progress=lambda steps, _: observe(Stage("fit", steps)))
+        first = identify(
+            problem, selected, start, progress=lambda steps, _: observe(Stage("fit", steps)), states=states
+        )
         first = _centred(problem, selected, start, first)
         if first.before.prediction.slack:
             first = _by_taut_ropes(problem, selected, start, first)

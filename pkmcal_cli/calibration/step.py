@@ -113,12 +113,13 @@ def _moved(problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linear
     """The evaluation after a step (p,) in range units, drive errors following.
 
     Rows that cannot be solved there (the drives' ends of reach are near) go to the pose that the linear step aims at,
-    or only part of the way, with the drive errors that this pose asks for.
+    or only part of the way, with the drive errors that this pose asks for. Rows stay in their assemblies, or chi-square
+    would not be continuous along the step; they are compared with others where a fit begins and where it ends.
     """
     values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
-    trial = evaluate(problem, values, scale.names, evaluation.start, shift)
+    trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare=False)
     if trial.solved or not uncertain_drives(problem).any():
         return trial
     by_step, by_drive = evaluation.prediction.jacobian, evaluation.prediction.by_drive
@@ -128,7 +129,7 @@ def _moved(problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linear
         lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
         posed = errors_at_poses(problem, values, evaluation.prediction.values + part * way)
         shift = np.where(lost & ~np.isnan(posed), posed, shift)
-        trial = evaluate(problem, values, scale.names, evaluation.start, shift)
+        trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare=False)
         if trial.solved:
             break
     return trial

@@ -19,7 +19,8 @@ _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 def without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
     """The search without rows that are beyond all noise, unless one effect explains nearly all that they are off by."""
-    rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed, start=search.start)
+    begin, states = search.start, search.fit.before.start
+    rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed, start=begin, states=states)
     if fit is None:
         return search
     whole = score_all(replace(search, fit=fit), search.candidates.hypotheses)

@@ -28,14 +28,15 @@ def calibrated(
     start = replace(candidates, model=problem.model).begin()
     fit = identify(problem, selected, start, iterations=_SOON)
     if fit.status == "not_converged":
-        _, others = gross_rows(problem, selected, options.parts.rows, options.seed, start=start)
+        states = fit.before.start
+        _, others = gross_rows(problem, selected, options.parts.rows, options.seed, start=start, states=states)
         if others is not None and others.status == "converged":
             return candidates, others
-        fit = identify(problem, selected, start)
+        fit = identify(problem, selected, start, states=states)
     if fit.status == "not_converged":
         best, _ = best_of_starts(problem, selected, start, fit, 0, options.seed)
         return candidates, fit if best is None else best
     if candidates.start is None or not fit.directions.weak.any():
         return candidates, fit
     start = centred(problem, start, start, fit.directions)
-    return replace(candidates, start=start), identify(problem, selected, start)
+    return replace(candidates, start=start), identify(problem, selected, start, states=fit.before.start)

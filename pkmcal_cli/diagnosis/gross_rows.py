@@ -19,11 +19,13 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.diagnosis.outlying_rows import MOST, Tails
+from pkmcal_cli.prediction import WarmStart
 
 _TRIMMED = 0.25  # share of rows that the first fit leaves out
 _ALWAYS = 3  # rows that may be taken out of any table
 _FEWEST = 6  # rows
 _STARTS, _STEPS, _BEST = 300, 2, 10
+_SAMPLE = 2000  # rows of a long table on which starts are tried
 _SETTLED = 30  # steps until a trimmed fit stands still, at most
 _ROUNDS = 4
 _ORDINARY = 0.01  # chance of normal noise above which a row is like the others
@@ -46,6 +48,10 @@ class _ByRow:
     def rows(self) -> Index:
         """Rows with readings."""
         return np.nonzero(self.on.any(axis=1))[0]
+
+    def take(self, rows: Index) -> _ByRow:
+        """Some rows."""
+        return _ByRow(self.residual[rows], self.jacobian[rows], self.on[rows], self.offsets)
 
     def fit(self, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Steps (S, p) of the parameters by chosen rows (S, N) and their ranges, and normal matrices (S, p, p)."""
@@ -70,19 +76,20 @@ def gross_rows(
     least: float = 6.0,
     *,
     start: Array | None = None,
+    states: WarmStart | None = None,
     most: float = MOST,
 ) -> tuple[Rows, Fit | None]:
     """Rows that are beyond all noise, at a chance of alpha for the whole table, and the fit of the others.
 
     least: standard deviations, as the others scatter, that they are off at least. start (P,): values, SI, that fits
-    begin with and that held parameters have; default: nominal. most: share of a larger table that may be gross; more is
-    an effect.
+    begin with and that held parameters have; default: nominal. states: of the rows there. most: share of a larger table
+    that may be gross; more is an effect.
     """
     begin = problem.model.nominal if start is None else start
     values, fit = begin, None
     gross: Rows = ()
     for _ in range(_ROUNDS):
-        by_row = _by_row(problem, values, selected)
+        by_row = _by_row(problem, values, selected, states if fit is None else fit.after.start)
         if len(by_row.rows) < _FEWEST:
             return (), None
         judged = _judged(by_row, _trimmed(by_row, seed), alpha, least)
@@ -92,7 +99,7 @@ def gross_rows(
             break
         gross = judged
         try:
-            fit = identify(problem.without(gross), selected, begin)
+            fit = identify(problem.without(gross), selected, begin, states=states)
         except RowsFailed:
             return (), None
         if not fit.usable:
@@ -106,8 +113,8 @@ def _most(rows: int, share: float) -> int:
     return min(max(_ALWAYS, int(share * rows)), int(_TRIMMED * rows))
 
 
-def _by_row(problem: Problem, values: Array, selected: tuple[str, ...]) -> _ByRow:
-    evaluation = evaluate(problem, values, selected)
+def _by_row(problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None) -> _ByRow:
+    evaluation = evaluate(problem, values, selected, states)
     near = linearise(problem, evaluation)
     on = problem.measured & np.isfinite(evaluation.residual)
     white, slopes = near.values
@@ -119,26 +126,40 @@ def _by_row(problem: Problem, values: Array, selected: tuple[str, ...]) -> _ByRo
 
 
 def _trimmed(by_row: _ByRow, seed: int) -> NDArray[np.bool_]:
-    """The rows (N,), all but a share, that a fit explains best."""
+    """The rows (N,), all but a share, that a fit explains best.
+
+    Many starts take steps on a sample of a long table, the best go on with all rows (Rousseeuw and van Driessen 2006).
+    """
     rng, rows = np.random.default_rng([seed, 7]), by_row.rows
-    kept = len(rows) - int(_TRIMMED * len(rows))
     channels = by_row.on[rows].sum() / len(rows)
-    few = int(min(kept, max(3, np.ceil(len(by_row.offsets) / channels))))
-    order = rng.random((_STARTS, len(rows))).argsort(axis=1)[:, :few]
-    chosen = np.zeros((_STARTS, len(by_row.on)), dtype=bool)
-    np.put_along_axis(chosen, rows[order], True, axis=1)
-    chosen, cost = _concentrated(by_row, chosen, kept, _STEPS)
-    best = np.argsort(cost, kind="stable")[:_BEST]
-    chosen, cost = _concentrated(by_row, chosen[best], kept, _SETTLED)
+    sample = rows if len(rows) <= _SAMPLE else np.sort(rng.choice(rows, _SAMPLE, replace=False))
+    few = int(min(_kept(sample), max(3, np.ceil(len(by_row.offsets) / channels))))
+    order = rng.random((_STARTS, len(sample))).argsort(axis=1)[:, :few]
+    chosen = np.zeros((_STARTS, len(sample)), dtype=bool)
+    np.put_along_axis(chosen, order, True, axis=1)
+    part = by_row.take(sample)
+    chosen, cost = _concentrated(part, chosen, _STEPS)
+    best = chosen[np.argsort(cost, kind="stable")[:_BEST]]
+    if len(sample) < len(rows):
+        settled, cost = _concentrated(part, best, _SETTLED)
+        best = settled[[int(np.argmin(cost))]]
+    every = np.zeros((len(best), len(by_row.on)), dtype=bool)
+    every[:, sample] = best
+    chosen, cost = _concentrated(by_row, every, _SETTLED)
     return np.asarray(chosen[int(np.argmin(cost))])
 
 
-def _concentrated(by_row: _ByRow, chosen: NDArray[np.bool_], kept: int, steps: int) -> tuple[NDArray[np.bool_], Array]:
+def _kept(rows: Index) -> int:
+    """How many of some rows a trimmed fit explains."""
+    return len(rows) - int(_TRIMMED * len(rows))
+
+
+def _concentrated(by_row: _ByRow, chosen: NDArray[np.bool_], steps: int) -> tuple[NDArray[np.bool_], Array]:
     """Chosen rows (S, N) after some steps, each to those that the fit of the last explains best; their cost (S,)."""
     rows, cost = by_row.rows, np.zeros(len(chosen))
     for _ in range(steps):
         squares = by_row.squares(by_row.fit(chosen)[0])[:, rows]
-        order = np.argsort(squares, axis=1, kind="stable")[:, :kept]
+        order = np.argsort(squares, axis=1, kind="stable")[:, : _kept(rows)]
         fresh = np.zeros_like(chosen)
         np.put_along_axis(fresh, rows[order], True, axis=1)
         cost = np.take_along_axis(squares, order, axis=1).sum(axis=1)

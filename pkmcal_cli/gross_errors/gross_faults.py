@@ -22,6 +22,7 @@ from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
 from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
 from pkmcal_cli.gross_errors.sample import Sample
+from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.units.measurands import Measurand
 from pkmcal_cli.units.unit_text import parse_unit
 
@@ -54,21 +55,22 @@ def gross_faults(
     sessions: IntArray,
     place: Callable[[int], str],
     names: Sequence[str] = (),
+    states: WarmStart | None = None,
 ) -> tuple[Hint, ...]:
     """Suspicions, at parameter values (P,); none where `parameters`, in their ranges, explain the residuals.
 
-    sessions (N,): number of the session of each row, among `names`; place: words for a row. What is wrong in one
-    session alone is looked for there.
+    sessions (N,): number of the session of each row, among `names`; place: words for a row; states: of the rows,
+    at these values. What is wrong in one session alone is looked for there.
     """
-    whole = _suspected(problem, values, parameters, sessions, place)
+    whole = _suspected(problem, values, parameters, sessions, place, states)
     numbers = np.unique(sessions)
     if len(numbers) < 2:
         return whole
     messages = []
     for number in numbers:
         rows = np.nonzero(sessions == number)[0]
-        part = problem.take(rows)
-        reason = _suspected(part, values, parameters, sessions[rows], lambda row, rows=rows: place(int(rows[row])))  # type: ignore[misc]
+        part, own = problem.take(rows), None if states is None else states.take(rows)
+        reason = _suspected(part, values, parameters, sessions[rows], _Places(place, rows), own)
         words = f"in session `{names[number]}` " if len(names) else ""
         for h in reason:
             messages.append(replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)))
@@ -76,11 +78,27 @@ def gross_faults(
     return whole if same else tuple(messages)
 
 
+@dataclass(frozen=True)
+class _Places:
+    """Words for a row of a part of the table."""
+
+    place: Callable[[int], str]
+    rows: IntArray
+
+    def __call__(self, row: int) -> str:
+        return self.place(int(self.rows[row]))
+
+
 def _suspected(
-    problem: Problem, values: Array, parameters: Sequence[str], sessions: IntArray, place: Callable[[int], str]
+    problem: Problem,
+    values: Array,
+    parameters: Sequence[str],
+    sessions: IntArray,
+    place: Callable[[int], str],
+    states: WarmStart | None,
 ) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
-    sample = Sample.of(problem, values, tuple(parameters))
+    sample = Sample.of(problem, values, tuple(parameters), states)
     steady = _steady(sample)
     if not sample.gross:
         return steady

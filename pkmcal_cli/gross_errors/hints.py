@@ -15,6 +15,7 @@ from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import find_limit_faults
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import Place, place_of
+from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
 
@@ -55,9 +56,16 @@ def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
 
 
 def measurement_hints(
-    loaded: LoadedMachine, problem: Problem, values: Array, measured: Measurements
+    loaded: LoadedMachine,
+    problem: Problem,
+    values: Array,
+    measured: Measurements,
+    states: WarmStart | None = None,
 ) -> tuple[str, ...]:
-    """Messages with evidence; predictions at the starting values. `measured`: the table, for the places of rows."""
+    """Messages with evidence; predictions at the starting values, where `states` are those of the rows.
+
+    `measured`: the table, for the places of rows.
+    """
     model = loaded.model
     names, units = [a.name for a in model.actuators], [a.unit for a in model.actuators]
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
@@ -66,7 +74,7 @@ def measurement_hints(
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)
     hints += gross_faults(
-        problem, values, names_to_fit, sessions, lambda row: str(place_of(measured, row)), measured.sessions
+        problem, values, names_to_fit, sessions, lambda row: str(place_of(measured, row)), measured.sessions, states
     )
     return tuple(h.message for h in hints)
 

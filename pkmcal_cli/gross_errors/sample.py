@@ -13,6 +13,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate, residuals
 from pkmcal_cli.gross_errors.mirror import brought_back
 from pkmcal_cli.gross_errors.plausibility import GROSS, rms, spread
+from pkmcal_cli.prediction import WarmStart
 
 IntArray = NDArray[np.intp]
 _ROWS = 200  # a sample of a long table shows a gross mistake as well
@@ -34,8 +35,10 @@ class Sample:
     prior_rms: Array
 
     @classmethod
-    def of(cls, problem: Problem, values: Array, parameters: tuple[str, ...]) -> Sample:
-        """Predict a sample of rows, drawn so that it does not keep step with a grid."""
+    def of(
+        cls, problem: Problem, values: Array, parameters: tuple[str, ...], states: WarmStart | None = None
+    ) -> Sample:
+        """Predict a sample of rows, drawn so that it does not keep step with a grid; `states`: of all rows."""
         count = len(problem)
         rows = np.arange(count)
         if count > _ROWS:
@@ -45,7 +48,7 @@ class Sample:
             n for e in problem.model.effects if e.at in problem.model.fitted_frames for n in e.parameters
         }
         without_frames = tuple(n for n in parameters if n not in of_unknown_frames)
-        evaluation = evaluate(sample, values, without_frames)
+        evaluation = evaluate(sample, values, without_frames, None if states is None else states.take(rows))
         return cls(problem, rows, sample, evaluation, _prior_rms(sample, evaluation, without_frames))
 
     @cached_property

@@ -20,6 +20,7 @@ from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
 
 _AT_ONCE, _TRIED = 4, 12  # starts of each row that are tried together, and as long as none leads to little misfit
+_FEW = 16  # rows for which all starts are tried together
 _SAME = 1e-4  # poses nearer than this, in sizes or rad, are one
 
 
@@ -41,14 +42,19 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
     freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
     best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
     rival = np.full(rows, np.inf)
-    for tried in range(0, _TRIED, _AT_ONCE):
-        todo = np.nonzero(best.size > LEAST_MISFIT)[0]
+    todo = np.nonzero(best.size > LEAST_MISFIT)[0]
+    together = _AT_ONCE if len(todo) > _FEW else _TRIED  # of few rows the calls are the price, not the arithmetic
+    for first in range(0, _TRIED, together):
         if not len(todo):
             break
-        which = _nearest(freedoms, coefficients[todo], starts)[:, tried : tried + _AT_ONCE]  # (m, k)
+        which = _nearest(freedoms, coefficients[todo], starts)[:, first : first + together]  # (m, k)
         closed = _descended(freedoms, np.repeat(coefficients[todo], which.shape[1], axis=0), starts, which.ravel())
+        left = np.arange(len(todo))  # of them, those for which further starts count
         for k in range(which.shape[1]):
-            best = _better(best, rival, todo, closed.take(np.arange(k, which.size, which.shape[1])))
+            if k % _AT_ONCE == 0:
+                left = left[best.size[todo[left]] > LEAST_MISFIT]
+            best = _better(best, rival, todo[left], closed.take(left * which.shape[1] + k))
+        todo = todo[best.size[todo] > LEAST_MISFIT]
     return CommonPose(best.state, best.size, rival, best.singular)
 
 

@@ -18,9 +18,11 @@ from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.residual import evaluate
 from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import place_of
+from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.prediction.unknown_shapes import outside_knots
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.limitations import outside_text
@@ -143,17 +145,18 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         to.warn(finding)
     for text in s.start.warnings:
         to.warn(text)
-    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured)
+    states = evaluate(s.problem, s.start.values).start
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
-    s = _determined(s, to)
+    s = _determined(s, states, to)
     options = s.request.fit_options
     if hints:  # no start mends a wrong column
         options = replace(options, starts=options.starts or 1)
     with to.stages() as observe:
-        robust_fit = _fit(s, options, to, observe)
+        robust_fit = _fit(s, states, options, to, observe)
         fit, place = robust_fit.robust.fit, partial(place_of, s.measured)
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
@@ -189,9 +192,9 @@ def _after(
     return replace(problem, prior=earlier.prior), earlier.selected, start
 
 
-def _determined(s: CalibrationSetting, to: Listener) -> CalibrationSetting:
+def _determined(s: CalibrationSetting, states: WarmStart, to: Listener) -> CalibrationSetting:
     """The setting without the parameters that are held as datum. Raises BadInput for data that determine too little."""
-    asked = determinacy(s.problem, s.start.values, s.selected)
+    asked = determinacy(s.problem, s.start.values, s.selected, states)
     if asked.refusal:
         raise BadInput([Fault("under-determined", asked.refusal, Location(s.loaded.model.name), asked.remedy)])
     for line in asked.notes:
@@ -207,7 +210,9 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
     return other
 
 
-def _fit(s: CalibrationSetting, options: FitOptions, to: Listener, observe: Observer) -> Calibration:
+def _fit(
+    s: CalibrationSetting, states: WarmStart, options: FitOptions, to: Listener, observe: Observer
+) -> Calibration:
     try:
         calibration = calibrated(
             s.problem,
@@ -216,6 +221,7 @@ def _fit(s: CalibrationSetting, options: FitOptions, to: Listener, observe: Obse
             options=options,
             session=np.asarray(s.measured.session),
             datum=s.datum,
+            states=states,
             tell=to.say,
             observe=observe,
         )

@@ -272,7 +272,7 @@ def _check_tables(
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]
     with to.step("whether the table fits the machine"):
-        messages = measurement_hints(loaded, problem, values, measured)
+        messages = measurement_hints(loaded, problem, values, measured, prediction.start)
     hints = [Fault("plausibility", text) for text in messages]
     copied = copied_rows(problem, measured)
     for text in copied:

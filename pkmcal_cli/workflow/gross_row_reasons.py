@@ -19,7 +19,8 @@ def gross_row_reasons(problem: Problem, calibration: Calibration, place: Callabl
     fit = calibration.robust.fit
     if fit.status != "converged" or calibration.robust.loss != "squares":
         return ()
-    rows, _ = gross_rows(problem, fit.selected, _CHANCE, 0, _GROSS, start=fit.before.values, most=_MOST)
+    start, states = fit.before.values, fit.before.start
+    rows, _ = gross_rows(problem, fit.selected, _CHANCE, 0, _GROSS, start=start, states=states, most=_MOST)
     if not rows:
         return ()
     listed = ", ".join(str(place(row)) for row in rows[:_LISTED])
