@@ -18,7 +18,12 @@ ROUNDING = 1e-12  # what lies below, as a share of the largest number of its kin
 _ESTIMATES = ("value", "interval", "nominal", "size", "estimate")
 _IN_STD = ("spread", "std_in_ranges", "by_std", "deviation")
 _SMALL = ("O2", "O3", "O4", "O5", "condition_number", "condition_number_whitened")
-_SIZES = ("mdb", "msb", "effective_tests")
+_SIZES = ("mdb", "msb", "effective_tests", "cosine", "std", "std_by_data", "std_by_held", "factors")
+"""Of these rounding is worth more: multiples of a standard uncertainty, columns of effects at kinks (the sign of a
+force that is nearly none), standard uncertainties of weak parameters, and what is estimated from them."""
+_FORCES, _LEAST_FORCE = ("before", "after", "internal"), 1e-4
+"""Of drives, N or N m: equilibria of members of MN have such forces by rounding."""
+_LEAST_ERROR = 1e-9  # in the machine's unit of length: what a search for set values leaves
 _DRAWN = 0.05  # of sizes by 500 drawn campaigns, whose draws follow rounding where machines have many directions
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
 _BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark", "detected", "numbers", "worst")
@@ -58,8 +63,10 @@ def _same(path: Path, one: Any, other: Any, output: Mapping[Path, Any], largest:
         return one == other
     key = next(k for k in reversed(path) if not k.startswith("#"))
     shares = {**dict.fromkeys(_SMALL, _OF_THE_SMALLEST), **dict.fromkeys(_SIZES, ESTIMATE), "detected": _DRAWN}
-    share = _DRAWN if "selection" in path else shares.get(key, RELATIVE)
+    share = _DRAWN if "selection" in path else max((shares.get(k, RELATIVE) for k in path), default=RELATIVE)
     off = share * max(abs(one), abs(other)) + ROUNDING * largest
+    off += _LEAST_FORCE if path[0] == "drives" and key in _FORCES else 0.0
+    off += _LEAST_ERROR if path[0] == "errors" and "position" in path else 0.0
     if key in _ESTIMATES:
         owner = path[: len(path) - 1 - path[::-1].index(key)]
         std = output.get((*owner, "std"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -9,10 +10,14 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.loading.load_machine import load_machine
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import singular_drives
-from pkmcal_cli.prediction import Method, Request, Rows, predict
+from pkmcal_cli.prediction import Method, Request, Rows, predict, solving
+from pkmcal_cli.prediction.common_pose import CommonPose
+from tests.benchmark.setting import ready
+from tests.truth.campaigns import Scenario, campaign
 from tests.truth.redundant import DEG
 
 FEET = np.array([[-0.6, -0.45], [0.6, -0.45], [0.6, 0.45], [-0.6, 0.45]])
@@ -112,3 +117,24 @@ def test_two_assemblies_that_fit_equally_well_are_refused(tmp_path: Path) -> Non
     found = predict(m, m.nominal, Rows.at(readings))
     assert np.abs(found.values[0] - pose[0, :2]).max() < 1e-9
     assert not found.solved[1] and found.reason(1).startswith("two assemblies fit")
+
+
+def test_trial_steps_of_a_fit_stay_in_their_assemblies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One reading is 0.3 m off, so that the fit strains the machine in all rows far beyond what ranges explain.
+
+    All of them are compared with other assemblies where the fit ends; on the way chi-square would not be continuous.
+    """
+    measured = ready(campaign("triglide", [], 2, rows=60, scenario=Scenario(sessions=1)))
+    readings = measured.problem.readings.copy()
+    readings[30, 0] += 0.3
+    compared: list[int] = []
+    common = solving.common_pose
+
+    def counted(model: Model, coefficients: Array) -> CommonPose:
+        compared.append(len(coefficients))
+        return common(model, coefficients)
+
+    monkeypatch.setattr(solving, "common_pose", counted)
+    fit = identify(replace(measured.problem, readings=readings), measured.selected)
+    assert fit.status == "converged" and fit.iterations < 15 and not fit.failed
+    assert compared == [60]

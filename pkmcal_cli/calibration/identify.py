@@ -7,7 +7,7 @@ with weights and errors in the drive readings). Rows that cannot be predicted wh
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ _STATUS = {
     **dict.fromkeys(("no_descent", "budget"), "not_converged"),
 }
 _SWITCHED, _ROUNDED = 1e-3, 1e-10  # in sigma, and m or rad: by which a reading in another assembly differs at least
+_SWITCHES = 3  # times that rows may be found in other assemblies at the end of a fit
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -129,26 +130,68 @@ def _identified(
     kept, evaluation = _kept(problem, first, lead, failed)
     if fixed:
         return _finished(kept, selected, first, last=evaluation, status=NOTHING, count=0, failed=failed)
-    damping, stopped, chi2 = 0.0, "", list[float]()
-    while len(chi2) < iterations and not stopped:
-        near = linearise(kept, evaluation)
-        chi2.append(near.chi2)
-        evaluation, damping, stopped = advance(kept, scale, evaluation, near, damping, hopeless)
-        end = evaluation
-        if stopped or len(chi2) == iterations:
-            again = evaluate(kept, end.values, None, end.start, end.shift)  # each row's assembly against others
-            if _holds(kept, again, end):
-                evaluation = replace(end, prediction=replace(end.prediction, misfit=again.prediction.misfit))
-            else:
-                failed, stopped = failed | reasons(kept, again), ""
-                retried = evaluate(problem, end.values, selected, again.start, end.shift)
-                kept, evaluation = _kept(problem, first, retried, failed)
-        if progress is not None:
-            progress(len(chi2), near.chi2)
-    stopped = stopped or "budget"
-    fit = _finished(kept, selected, first, last=evaluation, status=_STATUS[stopped], count=len(chi2), failed=failed)
+    task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
+    way = _way(task, kept, evaluation, failed, compare=False)
+    if not way.holds:  # assemblies change on the way
+        way = _way(task, kept, evaluation, failed, compare=True)
+    stopped, count = way.stopped or "budget", len(way.chi2)
+    fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=count, failed=way.failed)
     stopped = "nothing" if fit.status == NOTHING else stopped
-    return replace(fit, stopped=stopped, flat=_flat([*chi2, fit.chi2]))
+    return replace(fit, stopped=stopped, flat=_flat([*way.chi2, fit.chi2]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Task:
+    """A fit: the whole problem, its selected parameters, the evaluation at the start, how long it may take."""
+
+    problem: Problem
+    scale: Scaled
+    first: Evaluation
+    iterations: int
+    progress: Callable[[int, float], None] | None
+    hopeless: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Way:
+    """Where steps lead: the rows that are kept, those that failed, chi-square on the way, and why it stopped.
+
+    holds: whether the end is an equilibrium of least energy in each row, as far as that was asked.
+    """
+
+    kept: Problem
+    end: Evaluation
+    failed: Mapping[int, str]
+    chi2: tuple[float, ...]
+    stopped: str
+    holds: bool = True
+
+
+def _way(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int, str], *, compare: bool) -> _Way:
+    """Steps from one evaluation on until they stop; compare: whether each of them is compared with other assemblies.
+
+    Else only the end is: where rows are in others there, steps go on with these; where that has no end, or rows cannot
+    be predicted there at all, all steps were in vain.
+    """
+    damping, stopped, switched, chi2, end = 0.0, "", 0, list[float](), begin
+    while len(chi2) < task.iterations and not stopped:
+        near = linearise(kept, end)
+        chi2.append(near.chi2)
+        end, damping, stopped = advance(kept, task.scale, end, near, damping, task.hopeless, compare)
+        given_up = stopped == "no_descent" and near.chi2 > task.hopeless
+        if (stopped or (len(chi2) == task.iterations and not compare)) and not given_up:
+            again = evaluate(kept, end.values, None, end.start, end.shift)
+            if _holds(kept, again, end):
+                end = replace(end, prediction=replace(end.prediction, misfit=again.prediction.misfit))
+            elif compare or (again.solved and switched < _SWITCHES):
+                failed, stopped, switched = {**failed, **reasons(kept, again)}, "", switched + 1
+                retried = evaluate(task.problem, end.values, task.scale.names, again.start, end.shift)
+                kept, end = _kept(task.problem, task.first, retried, failed)
+            else:
+                return _Way(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped, holds=False)
+        if task.progress is not None:
+            task.progress(len(chi2), near.chi2)
+    return _Way(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped)
 
 
 def _holds(problem: Problem, again: Evaluation, end: Evaluation) -> bool:

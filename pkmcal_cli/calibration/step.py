@@ -54,8 +54,12 @@ def advance(
     near: Linearised,
     damping: float,
     hopeless: float = np.inf,
+    compare: bool = True,
 ) -> tuple[Evaluation, float, str]:
     """One accepted step; returns the new evaluation, the damping for the next and why to stop, "" to go on.
+
+    compare: whether rows in doubt are compared with other assemblies, or stay in theirs, so that chi-square is
+    continuous along the step.
 
     "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than rounding
     does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails there, or
@@ -65,7 +69,7 @@ def advance(
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges)
     if end := _end(full, hoped, near.chi2, blur):
-        last = _moved(problem, scale, evaluation, near, full)
+        last = _moved(problem, scale, evaluation, near, full, compare)
         return (last if last.solved else evaluation), 0.0, end
     light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max(initial=0.0))
     while True:
@@ -75,7 +79,7 @@ def advance(
             step = _step(scale, evaluation.values[scale.index], near, damped, damping * light)
         if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
             return evaluation, damping, "no_descent"
-        trial = _moved(problem, scale, evaluation, damped, step)
+        trial = _moved(problem, scale, evaluation, damped, step, compare)
         if trial.solved:
             gained = near.chi2 - chi_square(problem, trial)
             if gained >= -blur:
@@ -109,17 +113,18 @@ def _blur(problem: Problem, chi2: float) -> float:
     return float(2.0 * np.sqrt(chi2) * share.max(initial=0.0) + (share**2).sum())
 
 
-def _moved(problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, step: Array) -> Evaluation:
+def _moved(
+    problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, step: Array, compare: bool
+) -> Evaluation:
     """The evaluation after a step (p,) in range units, drive errors following.
 
     Rows that cannot be solved there (the drives' ends of reach are near) go to the pose that the linear step aims at,
-    or only part of the way, with the drive errors that this pose asks for. Rows stay in their assemblies, or chi-square
-    would not be continuous along the step; they are compared with others where a fit begins and where it ends.
+    or only part of the way, with the drive errors that this pose asks for.
     """
     values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
-    trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare=False)
+    trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare)
     if trial.solved or not uncertain_drives(problem).any():
         return trial
     by_step, by_drive = evaluation.prediction.jacobian, evaluation.prediction.by_drive
@@ -129,7 +134,7 @@ def _moved(problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linear
         lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
         posed = errors_at_poses(problem, values, evaluation.prediction.values + part * way)
         shift = np.where(lost & ~np.isnan(posed), posed, shift)
-        trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare=False)
+        trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare)
         if trial.solved:
             break
     return trial
