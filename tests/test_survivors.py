@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.positioning_accuracy import axis_accuracy
 from pkmcal_cli.calibration.prior import prior_of_ranges
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.range_scales import Scales
 from pkmcal_cli.diagnosis import search as search_module
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.confirm import HeldOutGain, _held_out
@@ -21,10 +24,11 @@ from pkmcal_cli.diagnosis.search import run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.elements import JointElement, LinkGeometry
 from pkmcal_cli.equilibrium.stability import definite
-from pkmcal_cli.prediction import Request
+from pkmcal_cli.model.tool_channels import with_loads
+from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests.benchmark.setting import Setting
-from tests.support import at, model
+from tests.support import at, model, overlay
 
 
 def test_linear_is_one_step_without_geometric_stiffness() -> None:
@@ -153,3 +157,87 @@ def test_repeatability_of_an_axis_is_four_standard_deviations_without_reversal()
     still, wide = np.zeros(5), np.array([-1.0, 0.0, 1.0, 0.0, 0.0])  # variance 1/2
     found = axis_accuracy(np.arange(5.0), ((still, wide),) * 5)
     assert pytest.approx(4 * np.sqrt(0.5)) == found.R
+
+TWO_BARS = """
+    units: {length: mm, angle: deg, force: N}
+    space: planar
+    ranges: {length: 1}
+    ground: {A: [0, 0], B: [1000, 0]}
+    guides: {rail: {along: x}}
+    bodies: {c: {guide: rail, at: 500, points: {P: [0, 0]}}}
+    bars: {driven: {between: [A, P], k: 1 kN/mm}, other: {between: [B, P], length: 500, k: 1 kN/mm}}
+    actuators: {q: {drives: driven, offset: 500}}
+    sensors: {s: {kind: tcp, at: c, reads: [x], sigma: 0.01, frame: machine}}
+"""
+
+
+@pytest.mark.parametrize(("gap", "closes"), [(0.009, True), (0.011, False), (-0.009, True), (-0.011, False)])
+def test_parts_that_miss_one_another_by_a_hundredth_of_the_machine_do_not_close(gap: float, closes: bool) -> None:
+    """Two like bars between walls 1 m apart: what both are too long together, each gives way by half of."""
+    machine = model(TWO_BARS)
+    found = predict(machine, machine.nominal, Rows.at(np.array([[2 * gap]])))
+    assert found.solved[0] == closes
+    if closes:
+        assert found.values[0, 0] == pytest.approx(0.5 + gap, abs=1e-12)
+    else:
+        assert "cannot be assembled" in found.reason(0)
+
+
+TWO_ROPES = """
+    units: {length: mm, angle: deg, force: N}
+    space: planar
+    ranges: {length: 1, force: 10}
+    parameters: {EA1: 2000 N, EA2: 3000 N, L1: 480, L2: 470}
+    ground: {A: [0, 0], B: [1000, 0]}
+    guides: {rail: {along: x}}
+    bodies: {c: {guide: rail, at: 500, points: {P: [0, 0]}}}
+    ropes: {r1: {between: [A, P], length: L1, EA: EA1}, r2: {between: [B, P], length: L2, EA: EA2}}
+    actuators: {q1: {winds: r1}, q2: {winds: r2, redundant: true}}
+    sensors: {s: {kind: tcp, at: c, reads: [x], sigma: 0.01, frame: machine}}
+"""
+
+
+def test_tension_follows_the_stiffness_of_a_rope_that_stretches_by_some_per_cent() -> None:
+    """Two ropes in line over D: T = (D - L1 - L2) / (L1 / EA1 + L2 / EA2), so dT / dEA = T (L / EA^2) / (the same)."""
+    machine = model(TWO_ROPES)
+    loaded = with_loads(machine)
+    found = predict(loaded, machine.nominal, Rows.at(np.zeros((1, 2))), Request(parameters=machine.names))
+    length, stiffness = np.array([0.48, 0.47]), np.array([2000.0, 3000.0])
+    yields = (length / stiffness).sum()
+    tension = 0.05 / yields
+    by_stiffness, by_length = tension * length / stiffness**2 / yields, -(1 + tension / stiffness) / yields
+    for k, channel in enumerate(loaded.channels):
+        if channel.name.startswith(("force", "tension")):
+            assert found.values[0, k] == pytest.approx(tension, rel=1e-9)
+            assert found.jacobian is not None
+            np.testing.assert_allclose(found.jacobian[0, k], [*by_stiffness, *by_length], rtol=1e-8)
+
+
+def test_uncertainty_is_that_of_noise_and_of_offsets_together() -> None:
+    """One reading of a length to 3 um, and what is held shifts it by 4 um: 5 um, 3 um of it by the data."""
+    one = Scales(variances=np.ones((8, 2)), noise=np.ones((8, 1)), factors={})
+    budget = ErrorBudget(
+        names=("a",), held=("b",), instruments=("gauge",), data=np.array([[[9e-12]]]), by_own=np.zeros((1, 1)),
+        by_held=np.array([[4e-6]]), half_ranges=np.ones(2), scales=one,
+    )  # fmt: skip
+    assert budget.std == pytest.approx(5e-6, rel=1e-6)
+    assert budget.std_by_data == pytest.approx(3e-6, rel=1e-6) and budget.std_by_held == pytest.approx(4e-6, rel=1e-6)
+    noisy = replace(budget, scales=replace(one, noise=np.full((8, 1), 4.0)))
+    assert noisy.std_by_data == pytest.approx(6e-6, rel=1e-6), "noise twice as large as stated"
+
+
+def test_exact_readings_give_exact_parameters_however_wide_the_ranges_are() -> None:
+    """A rod 5 mm longer, with ranges of 100 mm: a twentieth of a range is no small step where a circle is followed."""
+    machine = model(overlay("biglide", "ranges: {length: 100}"))
+    poses = machine.tool.reference[None] + np.array([[x, y, 0, 0, 0, 0] for x in (-0.1, 0, 0.1) for y in (-0.05, 0.02)])
+    rows = Rows.at(drive_positions(machine, poses).readings)
+    true = machine.nominal
+    true[machine.names.index("l1")] += 5e-3
+    readings = predict(machine, true, rows).values
+    problem = Problem(
+        model=machine, rows=rows, readings=readings, sigma=np.full(readings.shape, 1e-8),
+        drive_sigma=np.zeros(rows.readings.shape), measured=np.ones(readings.shape, dtype=bool),
+    )  # fmt: skip
+    fit = identify(problem, ("l1", "l2"))
+    assert fit.status == "converged"
+    np.testing.assert_allclose(fit.values, true, rtol=0, atol=1e-10)

@@ -11,6 +11,7 @@ _SMALL = _E + "test_small_strains_are_motions_of_j_against_i"
 _ENERGY = "tests/test_equilibrium.py::test_exact_is_the_least_energy"
 _SHIPPED = "tests/test_jacobian.py::test_every_column_at_strained_poses"
 _ROPES = "tests/test_slack_ropes.py::test_which_ropes_carry_follows_from_the_energy"
+_S = "tests/test_survivors.py::"
 _BEAM = "tests/test_beam_stiffness.py"
 
 ENGINE = (
@@ -136,5 +137,17 @@ ENGINE = (
         "moved / coefficients[:, actuator.gain_coefficient]",
         "moved * coefficients[:, actuator.gain_coefficient]",
         "tests/test_equilibrium.py::test_inverse_positions_of_the_hangprinter",
+    ),
+    Mutant(
+        "prediction/rigid_pose.py",
+        "REACH = 0.01 ",
+        "REACH = 0.1 ",
+        _S + "test_parts_that_miss_one_another_by_a_hundredth_of_the_machine_do_not_close",
+    ),
+    Mutant(
+        "prediction/forces.py",
+        "sign * strain**2 / 2",
+        "0 * sign * strain**2 / 2",
+        _S + "test_tension_follows_the_stiffness_of_a_rope_that_stretches_by_some_per_cent",
     ),
 )

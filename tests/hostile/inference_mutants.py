@@ -150,4 +150,16 @@ INFERENCE = (
         _LINEAR + "test_tails_decide_how_far_off_a_row_must_be",
     ),
     Mutant("diagnosis/groups.py", "spread[name] > least", "spread[name] > 0", "tests/test_folds.py"),
+    Mutant(
+        "calibration/error_budget.py",
+        "self.scales.variances @ squares.T + self.scales.noise @ noise",
+        "self.scales.variances @ squares.T",
+        _S + "test_uncertainty_is_that_of_noise_and_of_offsets_together",
+    ),
+    Mutant(
+        "calibration/step.py",
+        "_STEP = 1e-8",
+        "_STEP = 1e-1",
+        _S + "test_exact_readings_give_exact_parameters_however_wide_the_ranges_are",
+    ),
 )
