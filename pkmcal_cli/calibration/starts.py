@@ -67,17 +67,13 @@ def identify_from(
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there.
 
-    Raises RowsFailed where none can be predicted.
-
-    With `count` 0 one start that fails, or explains nothing, is helped by further ones, which `tell` announces.
+    Raises RowsFailed where none can be predicted. With `count` 0 one start that fails, or explains nothing, is helped by further ones, which `tell` announces.
     """
     observe(Stage("fit"))
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        first = identify(
-            problem, selected, start, progress=lambda steps, _: observe(Stage("fit", steps)), states=states
-        )
+        first = identify(problem, selected, start, progress=lambda n, _: observe(Stage("fit", n)), states=states)
         first = _centred(problem, selected, start, first)
         if first.before.prediction.slack:
             first = _by_taut_ropes(problem, selected, start, first)

@@ -58,9 +58,7 @@ def advance(
 ) -> tuple[Evaluation, float, str]:
     """One accepted step; returns the new evaluation, the damping for the next and why to stop, "" to go on.
 
-    compare: whether rows in doubt are compared with other assemblies, or stay in theirs, so that chi-square is
-    continuous along the step.
-
+    compare: whether rows in doubt are compared with other assemblies; else chi-square is continuous along the step.
     "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than rounding
     does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails there, or
     none that needs little damping where chi-square is above `hopeless`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Generic, Literal, TypeAlias
 
@@ -46,7 +47,7 @@ from pkmcal_cli.language.fields import (
 )
 from pkmcal_cli.language.quantities import F, Measure, V, WrittenNumber
 from pkmcal_cli.units.dimensions import NUMBER, Dimension
-from pkmcal_cli.units.file_units import FileUnits
+from pkmcal_cli.units.file_units import BASE_DIMENSIONS, FileUnits
 
 
 class Units(Entity):
@@ -62,7 +63,13 @@ class Units(Entity):
     @property
     def table(self) -> FileUnits:
         """The units as objects, with the derived ones."""
-        return FileUnits.of(self.model_dump())
+        return _table(*(getattr(self, key) for key in BASE_DIMENSIONS))
+
+
+@lru_cache(maxsize=64)
+def _table(*texts: str) -> FileUnits:
+    """That of unit texts in the order of `BASE_DIMENSIONS`: asked for with every column of every table."""
+    return FileUnits.of(dict(zip(BASE_DIMENSIONS, texts, strict=True)))
 
 
 class Ranges(Entity, Generic[V]):

@@ -1,0 +1,17 @@
+"""An engineer's slips, written before any answer was looked at: `python -m tests.hostile.slips.texts` lists them."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.hostile.slips.texts import slips, wrong
+
+LEAST = {"machines": (355, 312), "tables": (179, 162)}
+"""How many there are, and how many get the message that was expected at least; the others get another, or none."""
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_slips_get_the_message_that_is_expected(name: str) -> None:
+    every, least = LEAST[name]
+    missed = wrong(name)
+    assert len(slips(name)) == every and every - len(missed) >= least, missed
