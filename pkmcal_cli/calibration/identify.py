@@ -177,7 +177,9 @@ def _way(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int, str
     while len(chi2) < task.iterations and not stopped:
         near = linearise(kept, end)
         chi2.append(near.chi2)
-        end, damping, stopped = advance(kept, task.scale, end, near, damping, task.hopeless, compare)
+        end, damping, stopped = advance(
+            kept, task.scale, end, near, damping, hopeless=task.hopeless, compare=compare
+        )
         given_up = stopped == "no_descent" and near.chi2 > task.hopeless
         if (stopped or (len(chi2) == task.iterations and not compare)) and not given_up:
             again = evaluate(kept, end.values, None, end.start, end.shift)

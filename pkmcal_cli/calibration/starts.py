@@ -67,7 +67,8 @@ def identify_from(
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there.
 
-    Raises RowsFailed where none can be predicted. With `count` 0 one start that fails, or explains nothing, is helped by further ones, which `tell` announces.
+    Raises RowsFailed where none can be predicted. With `count` 0 one start that fails, or explains nothing, is helped
+    by further ones, which `tell` announces.
     """
     observe(Stage("fit"))
     first: Fit | None = None
