@@ -134,8 +134,8 @@ def _identified(
     way = _way(task, kept, evaluation, failed, compare=False)
     if not way.holds:  # assemblies change on the way
         way = _way(task, kept, evaluation, failed, compare=True)
-    stopped, count = way.stopped or "budget", len(way.chi2)
-    fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=count, failed=way.failed)
+    stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
+    fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)
     stopped = "nothing" if fit.status == NOTHING else stopped
     return replace(fit, stopped=stopped, flat=_flat([*way.chi2, fit.chi2]))
 
@@ -170,8 +170,7 @@ class _Way:
 def _way(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int, str], *, compare: bool) -> _Way:
     """Steps from one evaluation on until they stop; compare: whether each of them is compared with other assemblies.
 
-    Else only the end is: where rows are in others there, steps go on with these; where that has no end, or rows cannot
-    be predicted there at all, all steps were in vain.
+    Else only the end is: where rows are in others there, steps go on with these, unless rows have no prediction there.
     """
     damping, stopped, switched, chi2, end = 0.0, "", 0, list[float](), begin
     while len(chi2) < task.iterations and not stopped:

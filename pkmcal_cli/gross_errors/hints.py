@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -74,9 +75,14 @@ def measurement_hints(
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)
     hints += gross_faults(
-        problem, values, names_to_fit, sessions, lambda row: str(place_of(measured, row)), measured.sessions, states
+        problem, values, names_to_fit, sessions, partial(_row_text, measured), names=measured.sessions, states=states
     )
     return tuple(h.message for h in hints)
+
+
+def _row_text(measured: Measurements, row: int) -> str:
+    """Where a row stands."""
+    return str(place_of(measured, row))
 
 
 def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
