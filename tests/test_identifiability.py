@@ -282,3 +282,15 @@ def test_sums_of_lengths_and_angles_are_of_values_as_shown() -> None:
         assert unit == "mm"
         assert sum(c * values[n] for n, c in coefficients.items()) == pytest.approx(value, rel=1e-12)
         assert std > 0
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_null_directions_come_in_the_order_of_the_parameters(turned: bool) -> None:
+    """Singular values of 0 have no order: which comes first is the rounding of a processor."""
+    jacobian = np.zeros((6, 4))
+    jacobian[:, 1] = 1.0
+    spectrum = directions(jacobian, ("a", "b", "c", "d"), np.ones(4))
+    null = np.nonzero(spectrum.null)[0]
+    vectors = spectrum.vectors.copy()
+    vectors[null] = vectors[null[::-1]] if turned else vectors[null]
+    assert [c.names for c in combinations(replace(spectrum, vectors=vectors))] == [("a",), ("c",), ("d",)]

@@ -170,12 +170,13 @@ class Combination:
 
 
 def combinations(spectrum: Directions) -> tuple[Combination, ...]:
-    """Null directions in sparse form, grouped by the parameters they share; then the weak ones."""
+    """Null directions, sparse, grouped by the parameters they share, in the order of these; then the weak ones."""
     out = []
     if spectrum.null.any():
         basis = spectrum.null_vectors()
-        for group in _connected(basis):
-            out.append(_null_combination(spectrum, basis[group]))
+        groups = [basis[group] for group in _connected(basis)]
+        for vectors in sorted(groups, key=lambda vectors: int(vectors.any(axis=0).argmax())):  # not as rounding has it
+            out.append(_null_combination(spectrum, vectors))
     for k in np.nonzero(spectrum.weak)[0]:
         vector = spectrum.vectors[k] / spectrum.vectors[k][np.argmax(np.abs(spectrum.vectors[k]))]
         parts = spectrum.parts()[k]
