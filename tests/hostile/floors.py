@@ -15,7 +15,7 @@ def floors() -> list[str]:
     """`name==version` of every dependency, and of what tests need without linters and stubs."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     needed = [*project["dependencies"], *project["optional-dependencies"]["test"]]
-    found = (re.fullmatch(r"([a-z-]+)>=([\d.]+).*", text) for text in needed)
+    found = (re.fullmatch(r"([a-z0-9-]+)>=([\d.]+).*", text) for text in needed)
     return [f"{m[1]}=={m[2]}" for m in found if m and m[1] not in ("ruff", "mypy")]
 
 
