@@ -48,7 +48,7 @@ def by_held(part: float) -> dict[str, Any]:
         ({"p": [parameter("l", 1.0, None)]}, {"p": [parameter("l", 1.0 + 5e-8, None)]}, False),
         ({"p": [by_held(1e-6)]}, {"p": [by_held(1e-6 + 5e-10)]}, True),
         ({"p": [by_held(1e-6)]}, {"p": [by_held(1e-6 + 5e-9)]}, False),
-        ({"p": [by_held(0.1)]}, {"p": [by_held(0.1 + 1e-9)]}, False),
+        ({"p": [by_held(0.1)]}, {"p": [by_held(0.1 + 1e-6)]}, False),
         ({"n": [{"name": "a"}, {"name": "b"}]}, {"n": [{"name": "b"}, {"name": "a"}]}, True),
         ({"n": [{"name": "a", "x": 1}]}, {"n": [{"name": "a", "x": 2}]}, False),
         ({"n": 1}, {"n": 1, "m": 2}, False),
