@@ -1,7 +1,7 @@
 """Shapes without a name are unknown between and beyond their knots: what that adds to a variance is computed here.
 
 The variance is sum (dz/ds)^2 v over the sites s of shapes, v being that of a Gaussian process given its knots
-(Rasmussen and Williams 2006, eq. 2.24).
+(Rasmussen and Williams 2006).
 """
 
 from __future__ import annotations
