@@ -38,7 +38,6 @@ _STATUS = {
     **dict.fromkeys(("no_descent", "budget"), "not_converged"),
 }
 _SWITCHED, _ROUNDED = 1e-3, 1e-10  # in sigma, and m or rad: by which a reading in another assembly differs at least
-_SWITCHES = 3  # times that rows may be found in other assemblies at the end of a fit
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
 
@@ -131,9 +130,10 @@ def _identified(
     if fixed:
         return _finished(kept, selected, first, last=evaluation, status=NOTHING, count=0, failed=failed)
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
-    way = _way(task, kept, evaluation, failed, compare=False)
+    several = problem.method == "exact" and problem.model.overdetermined  # else each step is in the one that there is
+    way = _descent(task, kept, evaluation, failed, compare=not several)
     if not way.holds:  # assemblies change on the way
-        way = _way(task, kept, evaluation, failed, compare=True)
+        way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
     fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)
     stopped = "nothing" if fit.status == NOTHING else stopped
@@ -153,10 +153,10 @@ class _Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Way:
+class _Descent:
     """Where steps lead: the rows that are kept, those that failed, chi-square on the way, and why it stopped.
 
-    holds: whether the end is an equilibrium of least energy in each row, as far as that was asked.
+    holds: whether the end is an equilibrium of least energy in each row.
     """
 
     kept: Problem
@@ -164,35 +164,32 @@ class _Way:
     failed: Mapping[int, str]
     chi2: tuple[float, ...]
     stopped: str
-    holds: bool = True
+    holds: bool
 
 
-def _way(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int, str], *, compare: bool) -> _Way:
+def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int, str], *, compare: bool) -> _Descent:
     """Steps from one evaluation on until they stop; compare: whether each of them is compared with other assemblies.
 
-    Else only the end is: where rows are in others there, steps go on with these, unless rows have no prediction there.
+    Else only the end is: where rows are in others there, or have no prediction, it does not hold.
     """
-    damping, stopped, switched, chi2, end = 0.0, "", 0, list[float](), begin
+    damping, stopped, holds, chi2, end = 0.0, "", True, list[float](), begin
     while len(chi2) < task.iterations and not stopped:
         near = linearise(kept, end)
         chi2.append(near.chi2)
-        end, damping, stopped = advance(
-            kept, task.scale, end, near, damping, hopeless=task.hopeless, compare=compare
-        )
+        end, damping, stopped = advance(kept, task.scale, end, near, damping, hopeless=task.hopeless, compare=compare)
         given_up = stopped == "no_descent" and near.chi2 > task.hopeless
         if (stopped or (len(chi2) == task.iterations and not compare)) and not given_up:
             again = evaluate(kept, end.values, None, end.start, end.shift)
-            if _holds(kept, again, end):
+            holds = _holds(kept, again, end)
+            if holds:
                 end = replace(end, prediction=replace(end.prediction, misfit=again.prediction.misfit))
-            elif compare or (again.solved and switched < _SWITCHES):
-                failed, stopped, switched = {**failed, **reasons(kept, again)}, "", switched + 1
+            elif compare:
+                failed, stopped = {**failed, **reasons(kept, again)}, ""
                 retried = evaluate(task.problem, end.values, task.scale.names, again.start, end.shift)
                 kept, end = _kept(task.problem, task.first, retried, failed)
-            else:
-                return _Way(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped, holds=False)
         if task.progress is not None:
             task.progress(len(chi2), near.chi2)
-    return _Way(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped)
+    return _Descent(kept=kept, end=end, failed=failed, chi2=tuple(chi2), stopped=stopped, holds=holds)
 
 
 def _holds(problem: Problem, again: Evaluation, end: Evaluation) -> bool:

@@ -89,7 +89,7 @@ def gross_rows(
     values, fit = begin, None
     gross: Rows = ()
     for _ in range(_ROUNDS):
-        by_row = _by_row(problem, values, selected, states if fit is None else fit.after.start)
+        by_row = _by_row(problem, values, selected, states if fit is None else None)
         if len(by_row.rows) < _FEWEST:
             return (), None
         judged = _judged(by_row, _trimmed(by_row, seed), alpha, least)

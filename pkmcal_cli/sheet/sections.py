@@ -165,7 +165,8 @@ def next_steps(results: Results) -> Section | None:
     else:
         blocks += [Text("Set values that account for the identified parameters:")]
         blocks += [Text(command("calibrate", machine, *table, "-o", "params.yaml"), "command")]
-        correct = command("correct", machine, "TARGETS.csv", "-p", "params.yaml", "-o", "commands.csv")
+        files = ("-p", "params.yaml", "-o", "commands.csv")
+        correct = command("correct", machine, "TARGETS.csv", *files)
         blocks += [Text(correct, "command")]
     blocks += _next_measurement(results)
     return section("next", "Corrections and next measurement", blocks)

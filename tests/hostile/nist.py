@@ -69,6 +69,7 @@ def _model(data: DataSet, start: Array) -> Any:
         actuators=(),
         gains=np.zeros(0),
         length=1.0,
+        overdetermined=False,
         correlated=(),
         topology=SimpleNamespace(drives=()),
         data=data,
