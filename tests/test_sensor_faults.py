@@ -71,6 +71,7 @@ SENSELESS = {
     "angle in mm": "a: {kind: angle, at: B1, to: A1, unit: mm, sigma: 1 um}",
     "force in Nm": "a: {kind: force, drive: q2, unit: Nm, sigma: 1 Nm}",
     "point twice": "a: {at: [A1, A1], reads: [x], frame: machine, sigma: 1 um}",
+    "no channel": "a: {at: A1, reads: [], frame: machine, sigma: 1 um}",
     "no point": "a: {at: [], reads: [x], frame: machine, sigma: 1 um}",
     "negative growth": "grid: {sigma_per_length: -6 um/m}",
     "bench far off": "a: {kind: bench, of: l3, reading: 95, sigma: 1 um}",

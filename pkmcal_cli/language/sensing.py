@@ -49,6 +49,8 @@ def _names(raw: Any) -> Any:
 
 def _reads(raw: Any) -> Any:
     """[x, y] as {x: "", y: ""}: columns by default."""
+    if raw in ([], (), {}):
+        raise fault("value", "no channel is listed", "write, for example, `reads: [x, y]`")
     if isinstance(raw, tuple | list):
         _check_channels(raw)
         if len(set(raw)) < len(raw):
