@@ -24,11 +24,12 @@ def _run(*arguments: str) -> None:
 
 
 def start_lines(effort: Effort) -> list[Line]:
-    """Cold start of `--help` and `check` against an empty program."""
+    """Cold start of `--help` and `check` against an empty program, and against the libraries that `check` needs."""
     machine = str(MACHINES / "triglide.yaml")
     times = side_by_side(
         {
             "pass": lambda: _run("-c", "pass"),
+            "libraries": lambda: _run("-c", "import numpy, pydantic, typer, rich.console, yaml"),
             "help": lambda: _run("-m", "pkmcal_cli", "--help"),
             "check": lambda: _run("-m", "pkmcal_cli", "check", machine),
         },
@@ -39,6 +40,7 @@ def start_lines(effort: Effort) -> list[Line]:
     return [
         Line("`pkmcal --help` : `python -c pass`", times.ratio("help", "pass"), 8, note=note),
         Line("`pkmcal check triglide.yaml` : `python -c pass`", times.ratio("check", "pass"), 45, note=note),
+        Line("`pkmcal check triglide.yaml` : its libraries alone", times.ratio("check", "libraries")),
     ]
 
 

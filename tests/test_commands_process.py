@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import pty
 import re
 import signal
@@ -226,44 +225,41 @@ def test_too_little_memory_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done.code == 70 and "not enough memory" in done.err
 
 
-def _seconds(*arguments: str) -> float:
-    """CPU seconds of a process."""
-    with subprocess.Popen(
-        [sys.executable, *arguments], cwd=ROOT, env=environment(OMP_NUM_THREADS="1"),
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    ) as running:  # fmt: skip
-        _, status, usage = os.wait4(running.pid, 0)
-        running.returncode = os.waitstatus_to_exitcode(status)
-    assert running.returncode == 0
-    return usage.ru_utime + usage.ru_stime
-
-
-def test_cold_start() -> None:
-    """`--help` at most 8 times and `check` at most 45 times an empty Python, in CPU time, side by side.
-
-    Of a machine that is not redundant: of others, `check` looks at poses of the substructure, which is no start.
-    """
-    machine = str(ROOT / "machines" / "triglide-nonredundant.yaml")
-    commands = (["-c", "pass"], ["-m", "pkmcal_cli", "--help"], ["-m", "pkmcal_cli", "check", machine])
-    _seconds(*commands[2])  # compiled modules are kept
-    best = [float("inf")] * 3
-    for attempt in range(12):  # other processes may have their share: the fastest counts
-        best = [min(b, _seconds(*c)) for b, c in zip(best, commands, strict=True)]
-        ratios = best[1] / best[0], best[2] / best[0]
-        if attempt > 2 and ratios[0] <= 8 and ratios[1] <= 45:
-            return
-    raise AssertionError(ratios)
-
-
 def imported(*arguments: str, of: tuple[str, ...]) -> str:
     """Which of some modules a command imports."""
     code = f"import sys; from pkmcal_cli import app; app.run({[*arguments, '-q']!r});"
     return python(code + f"print([m for m in {of!r} if m in sys.modules])").out.strip()
 
 
-def test_check_imports_nothing_heavy_that_it_does_not_need() -> None:
-    machine = str(ROOT / "machines" / "triglide-nonredundant.yaml")  # no workspace has to be looked at
-    assert imported("check", machine, of=("numpy", "pandas", "scipy", "matplotlib", "joblib")) == "['numpy']"
+LIBRARIES = {"typer", "shellingham", "annotated_doc"}
+READER_LIBRARIES = {"numpy", "pydantic", "pydantic_core", "annotated_types", "typing_inspection", "yaml", "rich"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "libraries"),
+    [
+        (("--help",), LIBRARIES),
+        # a machine that is not redundant: of others, `check` looks at poses, which is no start
+        (("check", str(ROOT / "machines" / "triglide-nonredundant.yaml"), "-q"), LIBRARIES | READER_LIBRARIES),
+    ],
+)
+def test_a_cold_start_loads_only_what_it_uses(arguments: tuple[str, ...], libraries: set[str]) -> None:
+    """Which libraries and how many modules are loaded decides how fast a command starts (benchmarks/program.py)."""
+    code = f"""
+import sys
+before = set(sys.modules)
+from pkmcal_cli import app
+app.run({[*arguments]!r})
+loaded = set(sys.modules) - before
+print(*sorted({{name.split(".")[0] for name in loaded}} - set(sys.stdlib_module_names) - {{"typing_extensions"}}))
+print(*sorted(name for name in loaded if name.startswith("pkmcal_cli")))
+"""
+    names, modules = (line.split() for line in python(code).out.splitlines()[-2:])
+    here = {name for name in names if not name.startswith(("_", "cython"))}  # cython: inside compiled libraries
+    assert here - {"pkmcal_cli"} <= libraries
+    rooms = {name.split(".")[1] for name in modules if "." in name}
+    assert not rooms & {"diagnosis", "correction", "tables", "csv_files", "sheet", "pictures"}
+    assert len(modules) <= (30 if arguments == ("--help",) else 215), len(modules)
 
 
 @pytest.mark.parametrize("arguments", [("calibrate", TRIGLIDE, TRIGLIDE_DATA), ("observability", TRIGLIDE)])
