@@ -18,8 +18,9 @@ from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear, Memory, linear_problem
 from pkmcal_cli.diagnosis.noise_tests import noise_scale, successive
 from pkmcal_cli.diagnosis.refine import confirmed_only
+from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.run_diagnosis import diagnose
-from pkmcal_cli.diagnosis.scoring import Search, refit, score_all
+from pkmcal_cli.diagnosis.scoring import Search, score_all
 from tests.benchmark.setting import diagnosed, ready
 from tests.command import SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.truth.campaigns import Scenario, campaign, unit

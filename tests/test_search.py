@@ -14,8 +14,9 @@ from pkmcal_cli.diagnosis import search as searching
 from pkmcal_cli.diagnosis.confirm import blocks
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.refine import set_of, swapped
+from pkmcal_cli.diagnosis.refits import recalibrated, refit
 from pkmcal_cli.diagnosis.refuted import refuted_causes
-from pkmcal_cli.diagnosis.scoring import Scored, Search, recalibrated, refit, score_all
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 from pkmcal_cli.diagnosis.search import needed_only, run_search
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from tests.benchmark.setting import ALPHA, Ready, diagnosed, ready

@@ -14,8 +14,9 @@ from pkmcal_cli.calibration.complete_fit import with_prior
 from pkmcal_cli.calibration.robust import Loss, normal_figures, weights_of
 from pkmcal_cli.diagnosis.closed_loop import improve
 from pkmcal_cli.diagnosis.first_fit import calibrated
+from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis, diagnose
-from pkmcal_cli.diagnosis.scoring import recalibrated, score_all
+from pkmcal_cli.diagnosis.scoring import score_all
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from tests.benchmark.setting import ALPHA, Ready, ready
 from tests.command import MACHINES, SCISSORS, TRIGLIDE, TRIGLIDE_DATA, clean, run

@@ -10,7 +10,8 @@ from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.gross_rows import gross_rows
 from pkmcal_cli.diagnosis.outlying_rows import row_scores
-from pkmcal_cli.diagnosis.scoring import Scored, Search, recalibrated, score_all
+from pkmcal_cli.diagnosis.refits import recalibrated
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 
 _KINSHIP = 0.9  # share of what rows are off by that an effect explains if it is the cause
 _SUSPECT = 0.05  # chance that any row is as far off, at which one is told

@@ -54,6 +54,11 @@ def held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
     Without it the problem is linearised where it is null: what acts through it, as a stiffness through a load, is then
     no substitute.
     """
+    of = (search.problem, search.fit, search.candidates, search.accepted, search.shapes)
+    return search.known.once(of, ("held out", hypothesis), lambda: _held_out_gain(search, hypothesis))
+
+
+def _held_out_gain(search: Search, hypothesis: Hypothesis) -> HeldOutGain:
     labels, scheme = blocks(search.problem, hypothesis)
     raw_with, white_with, on = _held_out(search, search.fit.values, search.selected, labels)
     raw_without, white_without, there = _held_out(search, *nulled(search, [hypothesis]), labels)

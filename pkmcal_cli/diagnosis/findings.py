@@ -14,8 +14,9 @@ from pkmcal_cli.diagnosis.detection import Detection, Procedure
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.refine import Rival, rivals_of, set_of
+from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.score import UNUSUAL
-from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without, refit
+from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
 from pkmcal_cli.diagnosis.stability import STABLE, Stability, stability

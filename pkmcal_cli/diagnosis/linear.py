@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import Directions, directions
@@ -22,10 +22,8 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.score import FAR, NONCENTRALITY, PLAUSIBLE, Score
+from pkmcal_cli.diagnosis.score import KEPT, Score, projected_out, score_in
 from pkmcal_cli.prediction import WarmStart
-
-_KEPT = 1e-4  # share of a column's squared length that must remain after projection
 
 
 def log_evidence(statistic: Array, count: Array) -> Array:
@@ -178,6 +176,14 @@ class Linear:
         """Columns (n, k) or a vector (n,), zero where a value does not take part."""
         return x if self.on.all() else np.asarray((x.T * self.on.ravel()).T)
 
+    def only(self, names: tuple[str, ...], projected: tuple[str, ...]) -> Linear:
+        """The same with the columns of some parameters, of which `projected` are projected out."""
+        at = [self._index[n] for n in names]
+        known = None if self.known is None else (self.known[0], self.known[1][:, at])
+        return replace(
+            self, columns=self.columns[:, at], names=names, ranges=self.ranges[at], projected=projected, known=known
+        )
+
     def prewhitened(self, memory: Memory | None) -> Linear:
         """The same with successive rows made independent; itself where they are."""
         if memory is None:
@@ -221,8 +227,8 @@ class Linear:
         unit = columns[:, own][:, length > 0] / length[length > 0]
         if unit.shape[1]:
             values, vectors = np.linalg.eigh(unit.T @ self.free(unit))
-            basis = unit @ vectors[:, values > _KEPT]
-            columns = columns - basis @ ((basis.T @ self.free(columns)) / values[values > _KEPT, None])
+            basis = unit @ vectors[:, values > KEPT]
+            columns = columns - basis @ ((basis.T @ self.free(columns)) / values[values > KEPT, None])
             columns[:, own] = 0.0
         return columns
 
@@ -230,30 +236,32 @@ class Linear:
         """The same with the free parameters of a hypothesis projected out too."""
         return replace(self, projected=(*self.projected, *hypothesis.free)) if hypothesis.free else self
 
+    @cached_property
+    def _normal(self) -> tuple[Array, Array, Array]:
+        """C^T V^-1 C (q, q), C^T V^-1 r (q,) and squared lengths (q,) of all columns C."""
+        a, (factor, lower) = self._factor
+        whole = self.columns.T @ self.columns
+        length2 = np.diag(whole).copy()
+        if a.shape[1]:
+            half = solve_triangular(factor, a.T @ self.columns, trans=0 if lower else 1, lower=lower)
+            whole = whole - half.T @ half
+        return whole, self.columns.T @ self.unexplained, length2
+
     def score_of(self, hypothesis: Hypothesis) -> Score:
         """Score of a hypothesis, whatever its free parameters are."""
-        length2 = (self.of(hypothesis.parameters) ** 2).sum(axis=0)
-        length2[[hypothesis.parameters.index(name) for name in hypothesis.free]] = 0.0
-        return self.score(self.tested(hypothesis), length2)
+        whole, slope, length2 = self._normal
+        at = [self._index[n] for n in hypothesis.parameters]
+        information, gradient, before = whole[np.ix_(at, at)], slope[at], length2[at]
+        if hypothesis.free:
+            own = np.array([name in hypothesis.free for name in hypothesis.parameters])
+            information, gradient = projected_out(information, gradient, before, own)
+            before[own] = 0.0
+        return score_in(information, gradient, before)
 
-    def score(self, columns: Array, length2: Array | None = None) -> Score:
-        """Score of a hypothesis with these columns (n, k), in the directions that remain and can be seen in its range.
-
-        Where none can, those that can be seen far beyond it.
-
-        length2 (k,): squared lengths of its columns before anything was projected out; default: those of these.
-        """
-        free = self.free(columns)
-        information = columns.T @ free
-        before = np.einsum("nk,nk->k", columns, columns) if length2 is None else length2
-        values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-        whole = np.einsum("kd,k,kd->d", vectors, before, vectors)
-        left = values > _KEPT * whole
-        far = not (left & (values > NONCENTRALITY / PLAUSIBLE**2)).any()
-        seen = left & (values > NONCENTRALITY / (FAR if far else PLAUSIBLE) ** 2)
-        basis = vectors[:, seen]
-        gradient = basis.T @ (columns.T @ self.unexplained)
-        return Score(basis, values[seen], gradient, information, before, far)
+    def score(self, columns: Array) -> Score:
+        """Score of a hypothesis with these columns (n, k)."""
+        information = columns.T @ self.free(columns)
+        return score_in(information, columns.T @ self.unexplained, np.einsum("nk,nk->k", columns, columns))
 
 
 def linear_problem(

@@ -21,8 +21,9 @@ from pkmcal_cli.diagnosis.free_shapes import FittedShape, fitted_shapes, places
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.noise_tests import chance_of_noise
+from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search, linear_without, nulled, recalibrated, score_all
+from pkmcal_cli.diagnosis.scoring import NamelessShape, Scored, Search, linear_without, nulled, score_all
 from pkmcal_cli.diagnosis.unmodelled import evidence_of_effects
 from pkmcal_cli.effects import catalogue
 from pkmcal_cli.effects.unexplained import place_and_axis

@@ -16,8 +16,9 @@ from pkmcal_cli.diagnosis.experiment_design import cosines_between
 from pkmcal_cli.diagnosis.findings import Finding
 from pkmcal_cli.diagnosis.groups import pose_shapes
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.refits import refit
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
-from pkmcal_cli.diagnosis.scoring import linear_without, refit, score_without
+from pkmcal_cli.diagnosis.scoring import linear_without, score_without
 from pkmcal_cli.diagnosis.unit_columns import unit_columns
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.prediction.inputs import SiteInputs

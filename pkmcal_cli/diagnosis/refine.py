@@ -13,7 +13,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.scoring import Scored, Search, refit, score_without, scored, shape_gains
+from pkmcal_cli.diagnosis.refits import refit
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_without, scored, shape_gains
 from pkmcal_cli.diagnosis.search import BETTER, needed_only, set_evidence, stands_on_one_row
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import betainc
 
 from pkmcal_cli.base.rotation import Array
@@ -13,6 +14,8 @@ NONCENTRALITY = 17.07  # of a chi-square test at 0.1 % that misses 20 %; MDB (Ba
 PLAUSIBLE = 2.0  # standard deviations of a prior: its range
 UNUSUAL = 2.0  # ranges, beyond which a size is told to be unusual
 FAR = 50.0 * PLAUSIBLE  # up to which an effect is looked for that nothing could show within its range
+
+KEPT = 1e-4  # share of a column's squared length that must remain after projection
 
 
 @dataclass(frozen=True)
@@ -92,3 +95,34 @@ def p_of_part(statistic: Array, count: Array, variance: Array | float, dof: Arra
     """
     left = np.clip(1.0 - statistic / np.maximum(variance * dof, np.finfo(float).tiny), 0.0, 1.0)
     return np.asarray(np.where(dof > count, betainc(0.5 * np.maximum(dof - count, 1), 0.5 * count, left), 1.0))
+
+
+def projected_out(information: Array, gradient: Array, before: Array, own: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Information (k, k) and gradient (k,) with some own parameters projected out, whose entries are 0 then.
+
+    before (k,): squared lengths of all columns.
+    """
+    at = np.nonzero(own & (before > 0))[0]
+    length = np.sqrt(before[at])
+    values, vectors = np.linalg.eigh(information[np.ix_(at, at)] / np.outer(length, length))
+    kept = values > KEPT
+    free = vectors[:, kept] / length[:, None]
+    cross = information[:, at] @ free / values[kept]
+    information = information - cross @ (free.T @ information[at])
+    gradient = gradient - cross @ (free.T @ gradient[at])
+    information[own], information[:, own], gradient[own] = 0.0, 0.0, 0.0
+    return information, gradient
+
+
+def score_in(information: Array, gradient: Array, before: Array) -> Score:
+    """Score in the directions that remain and can be seen within the range; where none can, in those seen far beyond.
+
+    before (k,): squared lengths of the columns before anything was projected out.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    whole = np.einsum("kd,k,kd->d", vectors, before, vectors)
+    left = values > KEPT * whole
+    far = not (left & (values > NONCENTRALITY / PLAUSIBLE**2)).any()
+    seen = left & (values > NONCENTRALITY / (FAR if far else PLAUSIBLE) ** 2)
+    basis = vectors[:, seen]
+    return Score(basis, values[seen], basis.T @ gradient, information, before, far)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior, joined
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.best_fit import BestFit
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear, linear_problem, log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_tests import independent, noise_scale
@@ -24,9 +24,6 @@ from pkmcal_cli.diagnosis.scale import Scale
 from pkmcal_cli.diagnosis.score import UNUSUAL, Score
 from pkmcal_cli.model.effect_sites import PlacedEffect
 
-_STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
-_LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
-_HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is not led back by damped steps
 _NEAR_BEST = 30.0  # log evidence that a free shape can make up for
 
 
@@ -110,6 +107,7 @@ class Search:
     far_off: Mapping[str, FarOff] = field(default_factory=dict)  # by name, among the accepted effects
     untried: tuple[str, ...] = ()  # effects that may be far off, but were too many to try
     shapes: tuple[NamelessShape, ...] = ()  # that stand for what has no name
+    known: KnownResults = field(default_factory=KnownResults, compare=False)
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -159,7 +157,7 @@ class Search:
 
 def score_all(search: Search, hypotheses: Sequence[Hypothesis]) -> Scored:
     """Scores of hypotheses at the present solution."""
-    return scored(_linear(search, search.fit.values, search.selected, hypotheses), search.problem, hypotheses)
+    return _scored(search, _linear(search, search.fit.values, search.selected, hypotheses), hypotheses)
 
 
 def score_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Scored:
@@ -167,7 +165,13 @@ def score_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Seq
 
     The others stay where the fit has put them: what they would do instead is projected out.
     """
-    return scored(linear_without(search, removed, hypotheses), search.problem, hypotheses)
+    return _scored(search, linear_without(search, removed, hypotheses), hypotheses)
+
+
+def _scored(search: Search, linear: Linear, hypotheses: Sequence[Hypothesis]) -> Scored:
+    key = ("scored", *hypotheses)
+    compute = lambda: scored(linear, search.problem, hypotheses)  # noqa: E731
+    return search.known.once((linear, search.problem), key, compute, linear.columns.nbytes)
 
 
 def linear_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Sequence[Hypothesis]) -> Linear:
@@ -187,9 +191,14 @@ def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[
 
 
 def _linear(search: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
-    others = list(dict.fromkeys(n for h in hypotheses for n in h.parameters if n not in projected))
-    return linear_problem(
-        search.problem, _same_lag(search, values, hypotheses), projected, others, search.fit.after.start
+    others = tuple(dict.fromkeys(n for h in hypotheses for n in h.parameters if n not in projected))
+    values = _same_lag(search, values, hypotheses)
+    return search.known.linearised(
+        search.problem,
+        values,
+        (*projected, *others),
+        projected,
+        lambda: linear_problem(search.problem, values, projected, others, search.fit.after.start),
     )
 
 
@@ -253,48 +262,3 @@ def shape_gains(search: Search, scores: Scored) -> Array:
             free = scores.linear.whitened(discrepancies[hypothesis.name])
             out[k] = own_discrepancy(scores.linear.beside(hypothesis), scores.scale, columns, free).evidence
     return out
-
-
-def recalibrated(search: Search) -> Search:
-    """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
-    fit = identify(search.problem, search.selected, search.start)
-    if search.accepted and fit.chi2 > _LOST * search.fit.chi2:  # with fewer rows
-        fit = _better(fit, _settled(search, _near(search))) or fit
-    return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
-
-
-def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = np.inf) -> Fit | None:
-    """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
-
-    It begins where all fits do, so that what the data do not determine stays there, but for effects with estimates
-    (k,), SI. Where that is far from as good as `expected` (chi-square), it begins at the values of the fit before too.
-    """
-    near, start = _near(search), search.start
-    for hypothesis, estimate in starts.items():
-        for name, value in zip(hypothesis.parameters, estimate, strict=True):
-            k = search.problem.model.names.index(name)
-            if name in hypothesis.unknown:
-                start[k] = near[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
-    fit = _settled(search, start)
-    return fit if fit is not None and fit.chi2 < _LOST * expected else _better(fit, _settled(search, near))
-
-
-def _near(search: Search) -> Array:
-    """Values (P,) to begin with: those of the fit before, of what was fitted."""
-    near = search.start
-    own = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
-    near[own] = search.fit.values[own]
-    return near
-
-
-def _settled(search: Search, start: Array) -> Fit | None:
-    try:
-        fit = identify(search.problem, search.selected, start, _STEPS, hopeless=_HOPELESS * search.fit.chi2)
-    except RowsFailed:
-        return None
-    return fit if fit.usable and not fit.failed else None
-
-
-def _better(one: Fit | None, other: Fit | None) -> Fit | None:
-    fits = [fit for fit in (one, other) if fit is not None]
-    return min(fits, key=lambda fit: fit.chi2, default=None)

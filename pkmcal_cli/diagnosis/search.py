@@ -14,11 +14,10 @@ from pkmcal_cli.diagnosis.alpha import Alpha
 from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.outlying_rows import MOST
+from pkmcal_cli.diagnosis.refits import recalibrated, refit
 from pkmcal_cli.diagnosis.scoring import (
     Scored,
     Search,
-    recalibrated,
-    refit,
     score_all,
     score_without,
     shape_gains,

@@ -1,0 +1,74 @@
+"""What a search has computed already, so that no later step computes it again.
+
+The same solution is linearised for scores, exchanges, alternatives, findings: each solution costs a prediction with
+the derivatives by all numbers of the catalogue, which is most of a diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from typing import TypeVar, cast
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.diagnosis.linear import Linear
+
+_BYTES = 1 << 27  # of columns that results hold; the oldest go
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class _Result:
+    """One result of objects that are held, as their identity must not pass to others; `key`: what it is of else."""
+
+    of: tuple[object, ...]
+    key: tuple[Hashable, ...]
+    result: object
+    nbytes: int
+
+    def answers(self, of: tuple[object, ...], key: tuple[Hashable, ...]) -> bool:
+        return len(self.of) == len(of) and all(a is b for a, b in zip(self.of, of, strict=True)) and self.key == key
+
+
+@dataclass
+class KnownResults:
+    """Results of one search; objects that they depend on are compared by identity, not by content."""
+
+    _results: list[_Result] = field(default_factory=list)
+
+    def linearised(
+        self, problem: Problem, values: Array, names: tuple[str, ...], projected: tuple[str, ...],
+        compute: Callable[[], Linear],
+    ) -> Linear:  # fmt: skip
+        """The problem linearised at values (P,) by parameters `names`, or by more, of which `projected` are."""
+        of, key = (problem,), ("linear", values.tobytes())
+        near = [r.result for r in self._results if r.answers(of, key) and isinstance(r.result, Linear)]
+        near = [x for x in near if set(names) <= set(x.names)]
+        same = next((x for x in near if x.names == names and x.projected == projected), None)
+        if same is not None:
+            return same
+        linear = near[0].only(names, projected) if near else compute()
+        self._add(_Result(of, key, linear, linear.columns.nbytes))
+        return linear
+
+    def once(
+        self, of: tuple[object, ...], key: tuple[Hashable, ...], compute: Callable[[], T], nbytes: int = 0
+    ) -> T:
+        """A result that depends on objects `of` and a key; nbytes: about what it holds."""
+        for r in self._results:
+            if r.answers(of, key):
+                return cast(T, r.result)
+        result = compute()
+        self._add(_Result(of, key, result, nbytes))
+        return result
+
+    def _add(self, result: _Result) -> None:
+        self._results.append(result)
+        total = sum(r.nbytes for r in self._results)
+        while total > _BYTES and len(self._results) > 1:
+            total -= self._results.pop(0).nbytes
+
+    def __reduce__(self) -> tuple[type[KnownResults], tuple[()]]:
+        """Another process begins without."""
+        return KnownResults, ()

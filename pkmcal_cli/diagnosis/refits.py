@@ -1,0 +1,63 @@
+"""Fits with what a search has accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.scoring import Search
+
+_STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
+_LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
+_HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is not led back by damped steps
+
+
+def recalibrated(search: Search) -> Search:
+    """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
+    fit = identify(search.problem, search.selected, search.start)
+    if search.accepted and fit.chi2 > _LOST * search.fit.chi2:  # with fewer rows
+        fit = _better(fit, _settled(search, _near(search))) or fit
+    return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
+
+
+def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = np.inf) -> Fit | None:
+    """A calibration with the accepted effects; None where it does not settle, or does not predict all rows.
+
+    It begins where all fits do, so that what the data do not determine stays there, but for effects with estimates
+    (k,), SI. Where that is far from as good as `expected` (chi-square), it begins at the values of the fit before too.
+    """
+    near, start = _near(search), search.start
+    for hypothesis, estimate in starts.items():
+        for name, value in zip(hypothesis.parameters, estimate, strict=True):
+            k = search.problem.model.names.index(name)
+            if name in hypothesis.unknown:
+                start[k] = near[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
+    fit = _settled(search, start)
+    return fit if fit is not None and fit.chi2 < _LOST * expected else _better(fit, _settled(search, near))
+
+
+def _near(search: Search) -> Array:
+    """Values (P,) to begin with: those of the fit before, of what was fitted."""
+    near = search.start
+    own = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
+    near[own] = search.fit.values[own]
+    return near
+
+
+def _settled(search: Search, start: Array) -> Fit | None:
+    try:
+        fit = identify(search.problem, search.selected, start, _STEPS, hopeless=_HOPELESS * search.fit.chi2)
+    except RowsFailed:
+        return None
+    return fit if fit.usable and not fit.failed else None
+
+
+def _better(one: Fit | None, other: Fit | None) -> Fit | None:
+    fits = [fit for fit in (one, other) if fit is not None]
+    return min(fits, key=lambda fit: fit.chi2, default=None)
