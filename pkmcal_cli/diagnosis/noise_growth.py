@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
 
 from pkmcal_cli.base.rotation import Array
@@ -66,10 +66,10 @@ class _Squares:
 
 def noise_growth(linear: Linear, problem: Problem, scale: Scale, alpha: float) -> tuple[NoiseGrowth, ...]:
     """Of each sensor the strongest growth of its noise, where that is significant at alpha for all of them together."""
-    every = [growths for growths in _growths(linear, problem, scale) if growths]
-    tests = sum(map(len, every))
-    strongest = (min(growths, key=lambda g: g.p_value) for growths in every)
-    return tuple(g for g in strongest if g.p_value * tests < alpha)
+    every = [tests for tests in _tests(linear, problem, scale) if tests]
+    count = sum(map(len, every))
+    strongest = (min(tests, key=lambda test: test[0]) for tests in every)
+    return tuple(estimated(p) for p, estimated in strongest if p * count < alpha)
 
 
 def weighted(problem: Problem, growths: tuple[NoiseGrowth, ...]) -> Problem:
@@ -78,7 +78,11 @@ def weighted(problem: Problem, growths: tuple[NoiseGrowth, ...]) -> Problem:
     return replace(problem, sigma=problem.sigma * factor)
 
 
-def _growths(linear: Linear, problem: Problem, scale: Scale) -> Iterator[list[NoiseGrowth]]:
+_Test = tuple[float, Callable[[float], NoiseGrowth]]
+"""The p value of a growth, and the growth of this p value, which is estimated where it is significant."""
+
+
+def _tests(linear: Linear, problem: Problem, scale: Scale) -> Iterator[list[_Test]]:
     """Of each sensor with enough rows: towards every side that noise grows to, and with the distance."""
     axes = varying_axes(problem)
     for sensor in problem.model.sensors:
@@ -87,8 +91,10 @@ def _growths(linear: Linear, problem: Problem, scale: Scale) -> Iterator[list[No
         if squares is None:
             continue
         there = {name: axis for name, axis in axes.items() if np.ptp(axis[squares.rows]) > 0}
-        by_side = [_towards_side(sensor.name, name, axis, squares, problem) for name, axis in there.items()]
-        yield by_side + _with_distance(sensor.name, squares, problem)
+        yield [
+            *(_towards_side(sensor.name, name, axis, squares, problem) for name, axis in there.items()),
+            *_with_distance(sensor.name, squares, problem),
+        ]
 
 
 def _squares(linear: Linear, problem: Problem, scale: Scale, channels: list[int]) -> _Squares | None:
@@ -102,8 +108,15 @@ def _squares(linear: Linear, problem: Problem, scale: Scale, channels: list[int]
     return _Squares(residual**2 / free[rows] / scale.variance, rows, channels, scale.variance)
 
 
-def _towards_side(sensor: str, name: str, axis: Array, squares: _Squares, problem: Problem) -> NoiseGrowth:
+def _towards_side(sensor: str, name: str, axis: Array, squares: _Squares, problem: Problem) -> _Test:
     """Along a coordinate (N,) of -1 ... 1: standard deviations grow as its exponential."""
+    p_value = 2.0 * float(ndtr(-abs(squares.score(axis[squares.rows]))))
+    return p_value, partial(_along_side, sensor, name, axis, squares, problem)
+
+
+def _along_side(
+    sensor: str, name: str, axis: Array, squares: _Squares, problem: Problem, p_value: float
+) -> NoiseGrowth:
     place = axis[squares.rows]
     level = np.repeat(place[:, None], squares.values.shape[1], axis=1)
     values = np.minimum(squares.values, _LARGEST)
@@ -121,12 +134,12 @@ def _towards_side(sensor: str, name: str, axis: Array, squares: _Squares, proble
         ratio_std=float(np.exp(abs(power))) * std,
         slope=float("nan"),
         slope_std=float("nan"),
-        p_value=2.0 * float(ndtr(-abs(squares.score(place)))),
+        p_value=p_value,
         factor=_factor(problem, squares, np.exp(power * axis)[:, None]),
     )
 
 
-def _with_distance(sensor: str, squares: _Squares, problem: Problem) -> list[NoiseGrowth]:
+def _with_distance(sensor: str, squares: _Squares, problem: Problem) -> list[_Test]:
     """With the distance of a position from the sensor's origin; nothing where it does not grow, or is no position."""
     channels = problem.model.channels
     own = [k for k, c in enumerate(squares.channels) if channels[c].measurand is Measurand.POSITION]
@@ -140,24 +153,27 @@ def _with_distance(sensor: str, squares: _Squares, problem: Problem) -> list[Noi
     score = positions.score(distance2[squares.rows])
     if score <= 0:
         return []
-    relative, std, level = _slope(grown[squares.rows], np.minimum(positions.values, _LARGEST))
-    there, variance = grown[squares.rows], 1 + relative**2 * grown
-    far, near = variance[squares.rows].max(), variance[squares.rows].min()
+    return [(float(ndtr(-score)), partial(_along_distance, sensor, grown, positions, problem))]
+
+
+def _along_distance(sensor: str, grown: Array, positions: _Squares, problem: Problem, p_value: float) -> NoiseGrowth:
+    """grown (N, c): squares of the distance in those of sigma."""
+    relative, std, level = _slope(grown[positions.rows], np.minimum(positions.values, _LARGEST))
+    there, variance = grown[positions.rows], 1 + relative**2 * grown
+    far, near = variance[positions.rows].max(), variance[positions.rows].min()
     ratio = float(np.sqrt(far / near))
     by_slope = float(relative * (there.max() / far - there.min() / near)) * ratio  # derivative of the ratio
-    root = np.sqrt(level * squares.scale)
-    return [
-        NoiseGrowth(
-            sensor=sensor,
-            towards=DISTANCE,
-            ratio=ratio,
-            ratio_std=abs(by_slope) * std,
-            slope=root * relative,
-            slope_std=root * std,
-            p_value=float(ndtr(-score)),
-            factor=_factor(problem, positions, variance),
-        )
-    ]
+    root = np.sqrt(level * positions.scale)
+    return NoiseGrowth(
+        sensor=sensor,
+        towards=DISTANCE,
+        ratio=ratio,
+        ratio_std=abs(by_slope) * std,
+        slope=root * relative,
+        slope_std=root * std,
+        p_value=p_value,
+        factor=_factor(problem, positions, variance),
+    )
 
 
 def _slope(grown: Array, values: Array) -> tuple[float, float, float]:
@@ -177,6 +193,8 @@ def _slope(grown: Array, values: Array) -> tuple[float, float, float]:
 
 def _least(cost: Callable[[float], float], low: float, high: float) -> float:
     """Where a cost is least between bounds."""
+    from scipy.optimize import minimize_scalar  # seldom needed, and dear to import
+
     minimum = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
     return float(minimum.x)
 
