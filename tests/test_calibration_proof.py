@@ -49,7 +49,10 @@ def quick(name: str) -> Coverage:
     return campaigns(by_engine(shipped(name)), 60, SEED)
 
 
-@pytest.mark.parametrize("name", ["triglide", "biglide", "delta4", "hangprinter"])
+LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("delta4", "hangprinter")]
+
+
+@pytest.mark.parametrize("name", ["triglide", "biglide", *LONG])
 def test_intervals_hold_the_true_values(name: str) -> None:
     """95 % of them, within four standard deviations of chance: 60 campaigns, parameters going together as they do.
 

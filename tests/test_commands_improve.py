@@ -148,7 +148,8 @@ def test_shop_floor_ends_at_the_noise(shop: Improved) -> None:
 def test_rows_kept_apart_report(halves: tuple[Path, Path]) -> None:
     """With a validation file there is one rotation; the same seed gives the same bytes."""
     use, apart = halves
-    first, again = (clean(run("improve", SCISSORS, use, "--validation", apart, "--json")) for _ in range(2))
+    some = ("--only", "backlash@q3,thermal_strut@all")
+    first, again = (clean(run("improve", SCISSORS, use, "--validation", apart, *some, "--json")) for _ in range(2))
     assert timeless(first.out) == timeless(again.out) and first.err == again.err
     assert first.json["rotations"] == 1 and first.json["verdict"] == "improved"
     assert first.json["after"]["position"]["count"] == 26
@@ -219,6 +220,7 @@ def test_too_few_rows_to_keep_some_apart(tmp_path: Path, halves: tuple[Path, Pat
 
 
 # --- rows that report ----------------------------------------------------------------------
+@pytest.mark.slow
 def test_report_rows_see_only_what_their_own_rotation_chose(monkeypatch: pytest.MonkeyPatch) -> None:
     """A rotation that did not choose an effect reports without it, though most rotations chose it and it is added."""
     there = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4))

@@ -174,7 +174,7 @@ COUNT = st.one_of(st.integers(-3, 40).map(str), st.sampled_from(["", "1e3", "2.0
 NAME = st.sampled_from(["x", "y", "rz", "z", "q1", "", "X", "x y", "=", "x=", "é"])
 AXIS = st.builds("{}={}:{}:{}".format, NAME, NUMBER, NUMBER, COUNT)
 TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
-ODD = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+ODD = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @ODD
@@ -220,7 +220,7 @@ def test_any_offset(offset: str) -> None:
     looked_at(done, True)
 
 
-@settings(ODD, max_examples=10)
+@settings(ODD, max_examples=6)
 @given(st.one_of(NUMBER, TEXT))
 def test_any_holdout_and_limit(text: str) -> None:
     Path("t.csv").write_text(TABLES["measured"])

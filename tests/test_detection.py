@@ -156,7 +156,7 @@ def test_nothing_is_corrected_where_nothing_can_be_said() -> None:
     assert limit(4.0).corrected(3.0) is None
 
 
-@pytest.mark.parametrize(("rows", "size"), [(10, 0.01), (16, 0.01)])
+@pytest.mark.parametrize(("rows", "size"), [(10, 0.01), pytest.param(16, 0.01, marks=pytest.mark.slow)])
 def test_a_huge_effect_in_few_rows_is_told_in_little_memory(tmp_path: Path, rows: int, size: float) -> None:
     """q1 reads 1 % too much: its noise is estimated with the effect in it, no size is ever detected by itself."""
     head, *lines = (MACHINES / "triglide.csv").read_text(encoding="utf-8").splitlines()

@@ -13,30 +13,33 @@ from tests.truth.campaigns import Campaign, Planted, Scenario, campaign, unit
 
 FOUND = """
 triglide              273418 straight@rail.y*5.45
-triglide              422374 drift@tracker*1.64
 triglide              500905 pitch_curve@q1*6.11
-triglide              867208 pitch@q3*6.01
 triglide-nonredundant 5989   thermal_screw@q2*0.485
-triglide-nonredundant 310351 resetup@s2*0.673
 triglide-nonredundant 656977 backlash@q2*2.03
-triglide-nonredundant 684078 unequal_backlash@q1*2.43
 triglide-nonredundant 826121 thermal_strut@rod2*0.795
-scissors              119419 pitch@q1*0.344
-scissors              262680 drift@grid*0.107
 scissors              529656 pitch_curve@q2*1.32
 scissors              673475 backlash@q3*0.285
-scissors              713370 straight@right.x*0.467
 scissors              889864 thermal_foot@left*0.0605
 delta4                52945  frame@tracker*1.62
 delta4                248676 pitch_curve@q2*5.68
-delta4                496131 pitch@q3*3.21
-delta4                540689 unequal_backlash@q2*2.68
 triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77
-triglide-nonredundant 718028 thermal_screw@q2*0.557 straight@rail.y*3.28 pitch@q1*2.12
 scissors              248315 backlash@q2*0.304 windup@q1*0.189 thermal_strut@rod5*0.119
-delta4                582788 frame@tracker*6.63 pitch@q1*4.01
 """
 """Machine, seed, effects as multiples of their usual size: each is named at its place, and nothing else."""
+MORE = """
+triglide              422374 drift@tracker*1.64
+triglide              867208 pitch@q3*6.01
+triglide-nonredundant 310351 resetup@s2*0.673
+triglide-nonredundant 684078 unequal_backlash@q1*2.43
+scissors              119419 pitch@q1*0.344
+scissors              262680 drift@grid*0.107
+scissors              713370 straight@right.x*0.467
+delta4                496131 pitch@q3*3.21
+delta4                540689 unequal_backlash@q2*2.68
+triglide-nonredundant 718028 thermal_screw@q2*0.557 straight@rail.y*3.28 pitch@q1*2.12
+delta4                582788 frame@tracker*6.63 pitch@q1*4.01
+"""
+"""More of these, for the slow run."""
 SETS = """
 triglide              754619 frame@tracker*1.87
 triglide-nonredundant 542324 meas_scale@tracker*1.37
@@ -103,17 +106,17 @@ class Line:
         return measured, diagnosed(measured, self.seed)
 
 
-def lines(text: str) -> list[object]:
+def lines(text: str, *marks: pytest.MarkDecorator) -> list[object]:
     """The lines of a table as cases."""
     rows = [row.split() for row in text.strip().splitlines()]
-    return [pytest.param(Line(m, int(s), tuple(rest)), id="-".join([m, s, *rest])) for m, s, *rest in rows]
+    return [pytest.param(Line(m, int(s), tuple(rest)), id="-".join([m, s, *rest]), marks=marks) for m, s, *rest in rows]
 
 
 def named(d: Diagnosis) -> set[str]:
     return {f.hypothesis.name for f in d.findings}
 
 
-@pytest.mark.parametrize("line", lines(FOUND))
+@pytest.mark.parametrize("line", lines(FOUND) + lines(MORE, pytest.mark.slow))
 def test_effects_are_named_and_nothing_else(line: Line) -> None:
     _, d = line.diagnosis()
     assert named(d) == line.names
@@ -137,7 +140,7 @@ OF_DRIVES = [
     pytest.param("delta4", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": 20e-6}), marks=pytest.mark.slow),
     pytest.param("triglide", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
     ("triglide-nonredundant", Planted("zero", "q2[s2]", {"o": -40e-6})),
-    ("scissors", Planted("zero", "q4[s2]", {"o": 10e-6})),
+    pytest.param("scissors", Planted("zero", "q4[s2]", {"o": 10e-6}), marks=pytest.mark.slow),
     pytest.param("delta4", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
 ]
 """Zeros that drift, or are others in the second session."""
@@ -155,7 +158,11 @@ def test_a_zero_that_does_not_stay_is_found(machine: str, planted: Planted) -> N
         assert estimate == pytest.approx(value, abs=4 * std + 0.02 * abs(value)) and std < 0.1 * abs(value)
 
 
-BOWED = [("triglide", "rail.y"), ("scissors", "left.x"), ("scissors", "right.x"), ("delta4", "rail1.x")]
+BOWED = [
+    ("triglide", "rail.y"),
+    ("scissors", "left.x"),
+    *(pytest.param(*where, marks=pytest.mark.slow) for where in [("scissors", "right.x"), ("delta4", "rail1.x")]),
+]
 
 
 @pytest.mark.parametrize(("machine", "guide"), BOWED)

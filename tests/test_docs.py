@@ -18,8 +18,16 @@ from tests.pages import SHOWING, Shown, all_files, commands, done, fits, output,
 README, LANGUAGE = ROOT / "README.md", ROOT / "docs" / "machine-language.md"
 ALL_PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), MACHINES / "README.md"]
 COMMANDS = [(page, shown) for page in SHOWING for shown in commands(page.read_text(encoding="utf-8"))]
-LONG = "improve machines/hangprinter.yaml"
-SHOWN = [pytest.param(page, shown, marks=[pytest.mark.slow] if LONG in shown.line else []) for page, shown in COMMANDS]
+LONG = (
+    "improve machines/hangprinter.yaml",
+    "scissors-shopfloor.csv --method ",
+    "report machines/triglide.yaml",
+    "study machines/triglide.yaml",
+)
+SHOWN = [
+    pytest.param(page, shown, marks=[pytest.mark.slow] if any(part in shown.line for part in LONG) else [])
+    for page, shown in COMMANDS
+]
 FILES = all_files()
 FAULTY = {shown.line.split()[-1] for _, shown in COMMANDS if any(" error[" in line for line in shown.output)}
 VALUES = {"planted.yaml", "long-rod.yaml"}  # no machine but a parameter file

@@ -69,6 +69,7 @@ def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(tmp_path: Path
     assert with_far_causes(found) is found, "nothing else is far off"
 
 
+@pytest.mark.slow
 def test_a_far_cause_explains_most_of_what_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the share that is asked for: where it is more than any cause explains, none is named."""
     search = begun(tmp_path)

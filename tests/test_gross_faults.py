@@ -22,7 +22,7 @@ from tests.campaigns import Plan, by_engine, shipped
 from tests.command import MACHINES, SCISSORS, TRIGLIDE, run
 from tests.support import model, overlay
 
-NAMED = ("triglide", "scissors", "delta4", "hexapod7")
+NAMED, LONG = ("triglide", "scissors", "delta4", "hexapod7"), "hexapod7"
 TABLES = sorted(MACHINES.glob("*.csv"))
 
 
@@ -118,7 +118,7 @@ def named(plan: Plan, problem: Problem, mistake: Mistake) -> bool:
 
 
 @pytest.mark.parametrize("label", MISTAKES)
-@pytest.mark.parametrize("name", NAMED)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == LONG else []) for n in NAMED])
 def test_every_mistake_is_named(name: str, label: str) -> None:
     """With errors of four standard deviations of the prior, to make it harder."""
     plan, problem = measured(name, 3, 2.0)

@@ -92,7 +92,7 @@ def test_scores_with_a_prior_are_those_of_fits_with_it() -> None:
 
 
 # --- loss ----------------------------------------------------------------------------------
-@pytest.mark.parametrize("loss", ["huber", "tukey"])
+@pytest.mark.parametrize("loss", [pytest.param("huber", marks=pytest.mark.slow), "tukey"])
 def test_a_robust_loss_bears_gross_rows_that_hide_the_effect(loss: Loss) -> None:
     """Every eighth row is wrong by far: too many to be taken out one by one."""
     there, rows = spoilt(0.12)
@@ -104,7 +104,7 @@ def test_a_robust_loss_bears_gross_rows_that_hide_the_effect(loss: Loss) -> None
     assert {d.row for d in found.weighed.doubtful if abs(d.deviation) > 6} == rows, "and the rows are told"
 
 
-@pytest.mark.parametrize("loss", ["huber", "tukey"])
+@pytest.mark.parametrize("loss", ["huber", pytest.param("tukey", marks=pytest.mark.slow)])
 def test_a_robust_loss_changes_nothing_where_all_rows_are_good(loss: Loss) -> None:
     """Same name, same size; 5 % of efficiency are lost, a third of them in the uncertainty."""
     value, std = size(diagnosed(case(), loss))

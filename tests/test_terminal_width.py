@@ -74,7 +74,7 @@ def check(commands: dict[str, list[tuple[str, ...]]], width: int) -> None:
         assert not lost or hidden, (case, lost)
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", [80, *(pytest.param(w, marks=pytest.mark.slow) for w in WIDTHS if w != 80)])
 def test_no_table_loses_a_number(width: int) -> None:
     check(QUICK, width)
 

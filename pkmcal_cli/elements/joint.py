@@ -1,5 +1,9 @@
 """Joint between two connection points, guide with its drive, spring to ground.
 
+Displacements are a_i . (x_j - x_i) along axes a_i that member i carries; rotations are sums of products f a_i . d_j of
+axes that both carry, which are zero where the blocked rotation is, and its angle for small ones (the hinges of Jonker
+and Meijaard 1990 are the same conditions).
+
 Which rotations a joint blocks, and the formula of each that stays valid at any angle of its free rotations, is one
 row of `JOINTS`. The joint's own axes: z is the axis of revolute, cylindrical and planar joints; x that of a prismatic
 joint; a universal joint rotates about x of the first member and y of the second.

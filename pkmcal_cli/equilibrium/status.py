@@ -1,4 +1,8 @@
-"""Each row has a status: solved, or why not."""
+"""Each row has a status: solved, or why not.
+
+Solved is a row whose force balance g(u) = 0 holds, whose tangent dg/du is positive definite on the freedoms (a stable
+equilibrium: Lagrange and Dirichlet's theorem) and whose assembly is the machine's; each other status says what fails.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Forces of drives, tensions and strain energy at a solution, and their derivatives.
 
 A drive's force is the derivative of the Lagrangian with respect to the coefficient of its position (minus that with
-respect to a natural length), so the force's derivatives come from a complex step in that coefficient.
+respect to a natural length; Castigliano's first theorem), so the force's derivatives come from a complex step in that
+coefficient (Squire and Trapp 1998).
 """
 
 from __future__ import annotations

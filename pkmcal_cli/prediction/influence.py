@@ -1,7 +1,8 @@
 """Parameters that act nowhere by structure are found: neither the balance of forces nor a reading contains them.
 
 A coefficient c acts where l^T dg/dc (the force terms, by the complex step of `derivative`) or dz/dc is not zero at a
-machine that is strained everywhere and out of balance, with a vector l that has no zero; a parameter p by dc/dp.
+machine that is strained everywhere and out of balance, with a vector l that has no zero; a parameter p by dc/dp
+(structural against practical identifiability: Bellman and Astrom 1970).
 """
 
 from __future__ import annotations

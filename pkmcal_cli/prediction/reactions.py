@@ -1,8 +1,8 @@
 """Forces of a pass, for effects that depend on them in the next one: two fixed passes, no iteration.
 
 The force of a drive, and the pull in a member, is the derivative of the Lagrangian with respect to the coefficient of
-its position, or minus that with respect to its natural length. So its derivatives come from a complex step in that
-coefficient.
+its position, or minus that with respect to its natural length (Castigliano's first theorem). So its derivatives come
+from a complex step in that coefficient (Squire and Trapp 1998).
 """
 
 from __future__ import annotations

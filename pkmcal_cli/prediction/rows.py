@@ -1,4 +1,7 @@
-"""Rows and requests go into a prediction; readings, derivatives and the status of rows come out."""
+"""Rows and requests go into a prediction; readings, derivatives and the status of rows come out.
+
+z = f(p, q_i) of row i with parameters p and drive readings q_i, with dz/dp and dz/dq (Ecorchard 2010, eq. 20).
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Command, geometry, stiffness and load stages: the coefficients of every row and their derivatives.
 
-position = zero + gain * reading for drives that hold their position; a force for those that do not.
+position = zero + gain * reading for drives that hold their position; a force for those that do not
+(Ecorchard 2010, section 2).
 """
 
 from __future__ import annotations
