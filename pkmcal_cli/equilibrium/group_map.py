@@ -1,8 +1,8 @@
 """A group of elements in one kind of solution: its links, and how each of its strains acts.
 
 A strain is elastic (stress S e), rigid (e = 0 with a multiplier) or released (no stress), as in the formulation by
-generalised strains (Besseling 1974; Jonker and Meijaard 1990): masks, not code, tell them apart, so that all groups take
-the same array operations.
+generalised strains (Besseling 1974; Jonker and Meijaard 1990): masks, not code, tell them apart, so that all groups
+take the same array operations.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What coefficients say, in the form in which the elements need it: gathered once, used in every iteration.
 
 The stiffness matrix of an element is S = sum_p c_p P_p (/ L): numbers c_p times constant patterns P_p, so that it is
-linear in what parameters and effects can set (of beams: Przemieniecki 1968). Most coefficients are the same in all rows; what does not differ is kept
-with one row.
+linear in what parameters and effects can set (of beams: Przemieniecki 1968). Most coefficients are the same in all
+rows; what does not differ is kept with one row.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Methods that do not end at equilibrium are differentiated by central differences; `exact` has analytic derivatives.
 
-dz/dp = (z(p + h) - z(p - h)) / (2 h), with an error of order h^2 (Taylor's series); h is a share of the parameter's range.
+dz/dp = (z(p + h) - z(p - h)) / (2 h), with an error of order h^2 (Taylor's series); h is a share of the range.
 """
 
 from __future__ import annotations
