@@ -62,8 +62,8 @@ def beam_frame(count: int) -> Frame:
     sizes = spatial_sizes(count)
     coefficients = coefficients_at(model, sizes[:, None])
     state = unloaded(model, coefficients, count)
-    state.travel[:] = sizes[:, None] * model.topology.travel_reference
-    names = model.topology.travel_names
+    state.translation[:] = sizes[:, None] * model.topology.translation_reference
+    names = model.topology.translation_names
     dofs = (names.index("T.x"), names.index("T.y"), _rotation(model.topology))
     return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))
 

@@ -103,11 +103,11 @@ def planar_frame(count: int) -> Frame:
     model = compiled(PLANAR)
     feet, tops = planar_points(count)
     lengths = np.sqrt(((tops[:, None] - feet) ** 2).sum(-1))
-    names = model.topology.travel_names
+    names = model.topology.translation_names
     coefficients = coefficients_at(model, np.hstack([lengths, 7850.0 * 4e-4 * lengths]))
     state = unloaded(model, coefficients, count)
     for axis, name in enumerate(("T.x", "T.y")):
-        state.travel[:, names.index(name)] = tops[:, axis]
+        state.translation[:, names.index(name)] = tops[:, axis]
     read = tuple(int(model.exact.place[names.index(name)]) for name in ("T.x", "T.y"))
     return Frame(model, coefficients, state, read)
 
@@ -134,8 +134,8 @@ def spatial_frame(count: int) -> Frame:
     sizes = spatial_sizes(count)
     coefficients = coefficients_at(model, sizes[:, None])
     state = unloaded(model, coefficients, count)
-    state.travel[:] = sizes[:, None] * model.topology.travel_reference
-    first = model.topology.travel_names.index("T.x")
+    state.translation[:] = sizes[:, None] * model.topology.translation_reference
+    first = model.topology.translation_names.index("T.x")
     turn = int(model.topology.rotation_dofs[model.topology.rotations.names.index("T")])
     dofs = (first, first + 1, first + 2, turn, turn + 1, turn + 2)
     return Frame(model, coefficients, state, tuple(int(model.exact.place[dof]) for dof in dofs))

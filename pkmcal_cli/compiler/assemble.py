@@ -71,7 +71,7 @@ def assemble(topology: Topology, length: float) -> tuple[State, list[Gap]]:
     state = reference_state(topology, coefficients, 1, system.constraints)
     driven = {d.target[0] for d in topology.drives if d.kind is DriveKind.TRAVEL}
     ease = np.array([_CHEAP if int(k) in driven else 1.0 for k in system.free])
-    unit = np.where(system.free < len(topology.travel_coefficients), length, 1.0)
+    unit = np.where(system.free < len(topology.translation_coefficients), length, 1.0)
     rows = _strains(system, coefficients, state, length)
     for _ in range(50):
         if not len(rows.values):
@@ -116,7 +116,7 @@ def _closer(
 
 def reference_configuration(topology: Topology, state: State) -> ReferenceConfiguration:
     """The assembled travels and orientations by name."""
-    travels = dict(zip(topology.travel_names, state.travel[0].tolist(), strict=True))
+    travels = dict(zip(topology.translation_names, state.translation[0].tolist(), strict=True))
     orientations = dict(zip(topology.rotations.names, state.rotation[0], strict=True))
     return ReferenceConfiguration(travels, orientations)
 
@@ -131,8 +131,8 @@ def free_motions(topology: Topology, length: float) -> tuple[Array, System]:
 
 def coordinate_name(topology: Topology, coordinate: int) -> str:
     """What a coordinate is, in words."""
-    if coordinate < len(topology.travel_coefficients):
-        return f"travel of {topology.travel_names[coordinate]}"
+    if coordinate < len(topology.translation_coefficients):
+        return f"travel of {topology.translation_names[coordinate]}"
     dofs = np.where(topology.rotations.carrier < 0, topology.rotation_dofs, -1)
     r = max(int(k) for k in np.nonzero((dofs >= 0) & (dofs <= coordinate))[0])
     return f"rotation of {topology.rotations.names[r]}"
@@ -150,7 +150,7 @@ def split_motions(
     coefficients = topology.coefficients.constants[None]
     state = reference_state(topology, coefficients, 1, system.constraints)
     offset_vectors = offset_vectors_at(topology, coefficients, state)
-    unit = np.where(system.free < len(topology.travel_coefficients), length, 1.0)
+    unit = np.where(system.free < len(topology.translation_coefficients), length, 1.0)
     loads = [g.map for g in system.groups if isinstance(g.group.element, LoadElement)]
     rows = [_moved(topology, links, system, state, offset_vectors) * unit / length for links in (system.points, *loads)]
     rotated = [r for r in read if topology.rotation_dofs[r] >= 0]
@@ -177,7 +177,7 @@ def near_reference(topology: Topology, length: float) -> int:
     system = all_drives(topology, DriveState.RELEASED)
     coefficients = topology.coefficients.constants[None]
     state = reference_state(topology, coefficients, 1, system.constraints)
-    unit = np.where(system.free < len(topology.travel_coefficients), length, 1.0)
+    unit = np.where(system.free < len(topology.translation_coefficients), length, 1.0)
     basis = null_space(_strains(system, coefficients, state, length).jacobian)
     if basis.shape[1] == 0:
         return 0

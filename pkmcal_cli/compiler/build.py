@@ -281,7 +281,7 @@ def _reference_readings(topology: Topology, actuators: tuple[Actuator, ...]) -> 
     for drive, actuator in zip(topology.drives, actuators, strict=True):
         gain, base = coefficients[0, actuator.gain_coefficient], coefficients[0, drive.coefficient]
         if drive.kind is DriveKind.TRAVEL:
-            moved = state.travel[0, drive.target[0]] - base
+            moved = state.translation[0, drive.target[0]] - base
         elif drive.kind is DriveKind.ROTATION:
             moved = -base
         else:

@@ -90,7 +90,7 @@ def _rotation_is_felt(c: SiteCollector, body: str) -> bool:
         and not member.element.slides
         and member.name not in own
         and any(
-            any(t == travel for _, t, _ in connection.point.travels)
+            any(t == travel for _, t, _ in connection.point.translations)
             if station is None
             else connection.rotation == station.rotation
             for link in member.links

@@ -46,7 +46,7 @@ class Coordinates:
 
     def new_travel(self, name: str, reference: float, coefficient: int = -1) -> int:
         """A travel, at its assembled value where there is one."""
-        return self.builder.travel(self.configuration.travels.get(name, reference), name, coefficient)
+        return self.builder.translation(self.configuration.travels.get(name, reference), name, coefficient)
 
     def free_point(self, name: str, at: Array) -> Point:
         """A point free to move along the base axes."""
@@ -59,8 +59,8 @@ class Coordinates:
         b, out = self.builder, np.zeros(3)
         for r, sign, index in point.offsets:
             out = out + self.orientation(r) @ (sign * np.array([b.constants[k] for k in b.offsets[index]]))
-        for r, t, axis in point.travels:
-            out = out + self.orientation(r) @ (b.travels[t][1] * np.array(axis))
+        for r, t, axis in point.translations:
+            out = out + self.orientation(r) @ (b.translations[t][1] * np.array(axis))
         return out
 
     def orientation(self, rotation: int) -> Array:

@@ -126,16 +126,16 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
     """A carriage or telescope: its travel is prescribed, or held by the drive's own spring."""
     b = structure.builder
     travel = structure.carriage_travel[actuator.target]
-    base = number(actuator.zero) if actuator.zero != "home" else b.travels[travel][1]  # type: ignore[arg-type]
+    base = number(actuator.zero) if actuator.zero != "home" else b.translations[travel][1]  # type: ignore[arg-type]
     if actuator.offset is not None:
         base = combined(lambda z, o: z + o, base, number(actuator.offset))
     if actuator.stiffness is None:
-        _, reference, free, label = b.travels[travel]
-        b.travels[travel] = (b.coefficient(base, f"{name}.position"), reference, free, label)
-        drive = _drive(name, actuator, DriveKind.TRAVEL, b.travels[travel][0], (travel,), 1.0)
+        _, reference, free, label = b.translations[travel]
+        b.translations[travel] = (b.coefficient(base, f"{name}.position"), reference, free, label)
+        drive = _drive(name, actuator, DriveKind.TRAVEL, b.translations[travel][0], (travel,), 1.0)
         if not actuator.holds:
             force = b.coefficient(0.0, f"{name}.force")
-            b.force("travel", travel, force)
+            b.force("translation", travel, force)
             drive = replace(drive, force_coefficient=force)
         return drive, "", ""
     connections, axis, turns = _driven_connections(structure, actuator)

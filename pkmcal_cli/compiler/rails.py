@@ -120,7 +120,7 @@ class Rails:
             for n, body in machine.bodies.items()
             if body.guide is not None and machine.guides[body.guide].beam == beam
         ]
-        return sorted(on, key=lambda name: self.coordinates.builder.travels[travel[name]][1])
+        return sorted(on, key=lambda name: self.coordinates.builder.translations[travel[name]][1])
 
     def along(self, guide: str) -> Array:
         """Nominal direction of travel on a guide, in the axes of what carries it."""

@@ -209,6 +209,6 @@ def _vectors(structure: Structure, links: Sequence[Link]) -> tuple[Array, list[t
                         slopes.setdefault(coefficient, np.zeros_like(fixed))[k] += factor * sign * along
                     else:
                         fixed[k] += factor * sign * b.constants[coefficient] * along
-            for r, t, axis in connection.point.travels:
-                fixed[k] += factor * b.travels[t][1] * (structure.orientation(r) @ np.array(axis))
+            for r, t, axis in connection.point.translations:
+                fixed[k] += factor * b.translations[t][1] * (structure.orientation(r) @ np.array(axis))
     return fixed, [(formulas[coefficient].function, slope) for coefficient, slope in slopes.items()]

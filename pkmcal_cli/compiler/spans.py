@@ -42,7 +42,7 @@ def add_spans(
     stations, taken = [_Station(ends[0], 0.0)], dict[float, str]()
     for rider in structure.rails.riders(name):
         rail, travel = structure.rails.of(rider), structure.carriage_travel[rider]
-        other = taken.setdefault(structure.builder.travels[travel][1], rider)
+        other = taken.setdefault(structure.builder.translations[travel][1], rider)
         if other != rider:
             what = f"carriages `{other}` and `{rider}` are at one place of beam `{name}`"
             raise BadConfiguration(rider, what, "give them different travels: they cannot pass each other")

@@ -45,14 +45,14 @@ __all__ = ["Balance", "balance", "stiffness_matrices", "typical_stiffness"]
 class Balance:
     """Residual (N, n + c), tangent or None, and per group strains and stresses (N, E, m).
 
-    travel (N, T): where the balance was taken.
+    translation (N, T): where the balance was taken.
     """
 
     residual: Array
     tangent: Tangent | None
     strains: tuple[Array, ...]
     stresses: tuple[Array, ...]
-    travel: Array
+    translation: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +105,7 @@ def balance(
     if system.loaded:
         _add_constant_forces(system, numbers, residual)
     square = None if tangents is None else _tangent(system, tangents, entries)
-    return Balance(residual, square, tuple(e for e, _ in parts), tuple(s for _, s in parts), state.travel)
+    return Balance(residual, square, tuple(e for e, _ in parts), tuple(s for _, s in parts), state.translation)
 
 
 def _tangent(system: System, tangents: Array, entries: Array | None) -> Tangent:
@@ -133,7 +133,7 @@ def of_constraints(x: Array, group: GroupMap) -> Array:
 def _add_group(context: _Context, index: int) -> tuple[Array, Array]:
     """Write one group's forces, constraints and tangent; returns its strains and stresses."""
     system, group = context.system, context.system.groups[index]
-    numbers, blocks = context.numbers.groups[index].at(context.state.travel), system.maps.groups[index]
+    numbers, blocks = context.numbers.groups[index].at(context.state.translation), system.maps.groups[index]
     geometry = group_geometry(system, index, context.geometries)
     links = geometry.links(numbers.sizes)
     e, b = group_strains(group.group, links, numbers.rest)
@@ -199,7 +199,7 @@ def _add_own(
 
 
 def _add_natural_length(context: _Context, index: int, numbers: GroupNumbers, e: Array, b: Array) -> None:
-    """Tangent with respect to natural lengths that travels change, beyond b^T S b: stiffness and loads depend on them.
+    """Tangent with respect to natural lengths that translations change, beyond b^T S b: stiffness and loads too.
 
     e (N, E, m), b (N, E, m, I) with the natural length as the last input.
     """
@@ -282,7 +282,7 @@ def _add_offset_curvature(context: _Context, index: int, force: Array, direction
 
 
 def _sliding_moment(context: _Context, index: int, pairs: Pairs, pull: Array, directions: Array) -> Array:
-    """u x f for travel directions u that turn, (N, F, 3)."""
+    """u x f for translation directions u that turn, (N, F, 3)."""
     links = context.system.groups[index].map
     link, varying = links.sliding.link[pairs.sliding], links.sliding.varying[pairs.sliding]
     row = np.searchsorted(links.moving, link)

@@ -27,14 +27,14 @@ def strain_jacobian(system: System, coefficients: Array, state: State, length: f
     gradients = np.empty((maps.jacobian.columns, len(state)))
     for index, (own, varying) in maps.groups.items():
         group, geometry = system.groups[index], group_geometry(system, index, stacked)
-        given = numbers.groups[index].at(state.travel)
+        given = numbers.groups[index].at(state.translation)
         _, b = group_strains(group.group, geometry.links(given.sizes), given.rest)
         own.of(gradients)[...] = b
         directions, part = geometry.directions, pick(b, group.map.moving)[..., :3]
         np.einsum("nmxd,nmkd->nmkx", directions, part, out=varying.of(gradients))
     out = np.zeros((len(state), maps.count * system.unknowns))
     out[:, maps.filled] = maps.jacobian(gradients).T
-    unit = np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
+    unit = np.where(system.free < len(system.topology.translation_coefficients), length, 1.0)
     return np.asarray(out.reshape(len(state), maps.count, system.unknowns) * unit)
 
 

@@ -37,7 +37,7 @@ class _Sums:
 
 def _start(system: System, numbers: SystemNumbers, state: State) -> _Sums:
     topology, rows = system.topology, len(state)
-    kind = np.result_type(state.travel, state.rotation)
+    kind = np.result_type(state.translation, state.rotation)
     steered = np.nonzero(topology.rotations.coefficients[:, 0] >= 0)[0]
     return _Sums(
         rotated_offset_vectors(topology, numbers.bodies, state),
@@ -76,7 +76,7 @@ def _add_group(
 ) -> None:
     """One group's forces, and its gradients with respect to stiffness, rest and prestress."""
     group = system.groups[index]
-    spec, group_numbers = group.group, group_numbers.at(state.travel)
+    spec, group_numbers = group.group, group_numbers.at(state.translation)
     links = geometry.links(group_numbers.sizes)
     e, b = group_strains(spec, links, group_numbers.rest)
     stress = stresses_of(group, group_numbers, e, state)
@@ -98,7 +98,7 @@ def _add_group(
     _coefficients_of_group(sums.coefficients, spec.stiffness, spec.shape[0], energy.shape[2])[...] = energy
     np.negative(pull, out=_coefficients_of_group(sums.coefficients, spec.rest, *spec.shape))
     if spec.element.slides:
-        _add_held_travels(system, spec, pull, sums)
+        _add_held_translations(system, spec, pull, sums)
     if system.loaded:
         np.multiply(
             (e if carrying is None else e * carrying[:, :, None]) * length**spec.element.load_power,
@@ -107,10 +107,10 @@ def _add_group(
         )
 
 
-def _add_held_travels(system: System, spec: Group, pull: Array, sums: _Sums) -> None:
-    """Gradient with respect to prescribed travels that add to natural lengths; pull (N, E, m): minus that by rest."""
+def _add_held_translations(system: System, spec: Group, pull: Array, sums: _Sums) -> None:
+    """Gradient with respect to prescribed translations that add to natural lengths; pull (N, E, m): -d/d rest."""
     held = np.nonzero(spec.slides.any(axis=1) & (system.place[: len(spec.slides)] < 0))[0]
-    sums.coefficients[:, system.topology.travel_coefficients[held]] -= pull[..., 0] @ spec.slides[held].T
+    sums.coefficients[:, system.topology.translation_coefficients[held]] -= pull[..., 0] @ spec.slides[held].T
 
 
 def _sizes(sums: _Sums, spec: Group, links: LinkGeometry, stress: Array) -> None:
@@ -174,7 +174,7 @@ def _pull(sums: _Sums, system: System, index: int, pull: Array) -> None:
 
 
 def _offset_vector_coefficients(system: System, numbers: SystemNumbers, state: State, sums: _Sums) -> None:
-    """Chain link forces and connection point moments to offsets, prescribed travels, frames and driven angles."""
+    """Chain link forces and connection point moments to offsets, prescribed translations, frames and driven angles."""
     topology = system.topology
     table, rotations = topology.offset_vectors, topology.rotations
     pull = pick(sums.force, table.link)  # (N, A, 3)

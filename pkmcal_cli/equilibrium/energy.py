@@ -24,7 +24,7 @@ def _members(
 ) -> Iterator[tuple[GroupMap, GroupNumbers, Array]]:
     """Groups with what coefficients say at the state of the balance, and strains (N, E, m)."""
     for group, own, e in zip(system.groups, numbers.groups, balanced.strains, strict=True):
-        yield group, own.at(balanced.travel), e
+        yield group, own.at(balanced.translation), e
 
 
 def strain_energy(system: System, numbers: SystemNumbers, balanced: Balance, *, taut: bool = False) -> Array:

@@ -1,7 +1,8 @@
-"""The state of all rows (travels, rotations, multipliers), offset vectors and links at a state, the Jacobian of links.
+"""The state of all rows (translations, rotations, multipliers), its offset vectors and links, the Jacobian of links.
 
 Rotations are matrices, moved by increments from the left, R <- exp(theta) R, so that no parametrisation has a
-singularity; a link is delta = sum +-R_r (o + travel a), and d delta = theta x (R o) for each of its offset vectors.
+singularity; a link is delta = sum +-R_r (o + s a) with translations s, and d delta = theta x (R o) for each of its
+offset vectors.
 """
 
 from __future__ import annotations
@@ -22,27 +23,27 @@ from pkmcal_cli.mechanism.topology import GROUND, DriveKind, Index, Topology
 class State:
     """Travels (N, T) in m, rotations (N, B, 3, 3), multipliers (N, c) in N or N m, of N rows."""
 
-    travel: Array
+    translation: Array
     rotation: Array
     multiplier: Array
 
     def __len__(self) -> int:
-        return len(self.travel)
+        return len(self.translation)
 
     def take(self, rows: Index | slice) -> State:
         """The state of some rows."""
-        return State(*(take_rows(x, rows) for x in (self.travel, self.rotation, self.multiplier)))
+        return State(*(take_rows(x, rows) for x in (self.translation, self.rotation, self.multiplier)))
 
     def put(self, rows: Index, other: State) -> State:
         """This state with some rows taken from `other`."""
-        out = State(*(x.copy(order="K") for x in (self.travel, self.rotation, self.multiplier)))
+        out = State(*(x.copy(order="K") for x in (self.translation, self.rotation, self.multiplier)))
         out.write(rows, other)
         return out
 
     def write(self, rows: Index, other: State) -> None:
         """Overwrite some rows, in place."""
         for target, source in (
-            (self.travel, other.travel),
+            (self.translation, other.translation),
             (self.rotation, other.rotation),
             (self.multiplier, other.multiplier),
         ):
@@ -51,33 +52,33 @@ class State:
 
 def reference_state(topology: Topology, coefficients: Array, rows: int, constraints: int) -> State:
     """Give the reference configuration in `rows` rows; frames are where `coefficients` (1 or N, S) put them."""
-    travel = np.empty((rows, len(topology.travel_reference)), order="F")
+    translation = np.empty((rows, len(topology.translation_reference)), order="F")
     rotation = np.empty((rows, *topology.rotations.reference.shape), order="F")
-    travel[:], rotation[:] = topology.travel_reference, topology.rotations.reference
+    translation[:], rotation[:] = topology.translation_reference, topology.rotations.reference
     return place_prescribed(
-        topology, coefficients, State(travel, rotation, np.zeros((rows, constraints))), frames_only=True
+        topology, coefficients, State(translation, rotation, np.zeros((rows, constraints))), frames_only=True
     )
 
 
 def place_prescribed(
     topology: Topology, coefficients: Array, state: State, frames_only: bool = False, free: Index | None = None
 ) -> State:
-    """Set what coefficients prescribe: frames and, unless `frames_only`, the travels and angles not among `free`."""
+    """Set what coefficients prescribe: frames and, unless `frames_only`, translations and angles not among `free`."""
     rotations = topology.rotations
     rotation = state.rotation.copy(order="K")
-    travel = state.travel.copy(order="K")
+    translation = state.translation.copy(order="K")
     if not frames_only:
         unknown = set() if free is None else set(free.tolist())
-        for t in np.nonzero(topology.travel_coefficients >= 0)[0]:
+        for t in np.nonzero(topology.translation_coefficients >= 0)[0]:
             if int(t) not in unknown:
-                travel[:, t] = coefficients[:, topology.travel_coefficients[t]]
+                translation[:, t] = coefficients[:, topology.translation_coefficients[t]]
         for drive in topology.drives:
             r = drive.target[0]
             if drive.kind is DriveKind.ROTATION and int(topology.rotation_dofs[r]) not in unknown:
                 angle = coefficients[:, rotations.coefficients[r, 0], None]
                 rotation[:, r] = exp(angle * rotations.axis[r]) @ rotations.reference[r]
     _place_frames(topology, coefficients, rotation)
-    return replace(state, travel=travel, rotation=rotation)
+    return replace(state, translation=translation, rotation=rotation)
 
 
 def _place_frames(topology: Topology, coefficients: Array, rotation: Array) -> None:
@@ -95,7 +96,7 @@ def advance(system: System, state: State, step: Array, multiplier_scale: float) 
     topology, n = system.topology, system.unknowns
     full = np.zeros((len(step), topology.n_dof), dtype=step.dtype, order="F")
     full[:, system.free] = step[:, :n]
-    travel = state.travel + full[:, : len(topology.travel_coefficients)]
+    translation = state.translation + full[:, : len(topology.translation_coefficients)]
     (free, turning), (axial, about, axes) = topology.free_rotations, topology.axial_rotations
     rotation = np.asarray(state.rotation, dtype=np.result_type(state.rotation, step))
     if len(free) or len(axial):
@@ -105,7 +106,7 @@ def advance(system: System, state: State, step: Array, multiplier_scale: float) 
     if len(axial):
         theta = full[:, about, None] * axes
         rotation[:, axial] = _rotation_of(theta, pick(state.rotation, axial))
-    return State(travel, rotation, state.multiplier + multiplier_scale * step[:, n:])
+    return State(translation, rotation, state.multiplier + multiplier_scale * step[:, n:])
 
 
 def _rotation_of(theta: Array, rotation: Array) -> Array:
@@ -116,7 +117,7 @@ def _rotation_of(theta: Array, rotation: Array) -> Array:
 
 def without_stress(state: State, system: System) -> State:
     """Give the same pose as a state of another system, its constraints without force."""
-    return State(state.travel, state.rotation, np.zeros((len(state), system.constraints), order="F"))
+    return State(state.translation, state.rotation, np.zeros((len(state), system.constraints), order="F"))
 
 
 def offset_vectors_at(topology: Topology, coefficients: Array, state: State) -> Array:
@@ -126,7 +127,7 @@ def offset_vectors_at(topology: Topology, coefficients: Array, state: State) -> 
 
 def rotated_offset_vectors(topology: Topology, bodies: Array, state: State) -> Array:
     """Rotate offset vectors into base axes, (N, A, 3); `bodies` (1 or N, A, 3): constant parts in their triads."""
-    offset_vectors = bodies + topology.offset_vector_block.of(topology.travel_map(rows_last(state.travel)))
+    offset_vectors = bodies + topology.offset_vector_block.of(topology.translation_map(rows_last(state.translation)))
     carried, width = topology.carried_offset_vectors, topology.width
     if len(carried):
         carriers = pick(state.rotation[..., :width, :width], topology.offset_vectors.rotation[carried])

@@ -3,8 +3,8 @@
 A link's inputs are delta (the vector from point i to point j) and the increments theta_i, theta_j of the rotations of
 its connection points. Where the dependence is constant (a node moved along base axes, a connection point on a free
 rotation) it is a template, made once. An offset vector v that rotates moves delta by theta x v, a direction that
-varies with the state; the three, or one, unknowns of its rotation, or the travel along it, are the link's *varying*
-inputs, X of them. Few links have any, so only these pay for them.
+varies with the state; the three, or one, unknowns of its rotation, or the translation along it, are the link's
+*varying* inputs, X of them. Few links have any, so only these pay for them.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class _Collector:
     width: int = 0
 
     def add_link(self, e: int, link: int, connections: list[int], slides: Array) -> None:
-        """Local unknowns of one link, the offset vectors by which they move it, travels (T,) that lengthen it."""
+        """Local unknowns of one link, the offset vectors by which they move it, translations (T,) that lengthen it."""
         topology = self.topology
         offset_vectors, rotations, first = topology.offset_vectors, topology.rotations, topology.rotation_dofs
         of_link = [int(a) for a in np.nonzero(offset_vectors.link == link)[0]]
@@ -138,7 +138,7 @@ class _Collector:
         for a in of_link:
             rotates = int(first[offset_vectors.rotation[a]]) in local
             used = self._add_rotation(e, a, local, used) if rotates else used
-            used = self._add_travels(e, a, local, used, rotates)
+            used = self._add_translations(e, a, local, used, rotates)
         for t in np.nonzero((slides != 0) & (self.place[: len(slides)] >= 0))[0]:
             local.append(int(t))
             self.lengthening.append((e, len(local) - 1, float(slides[t])))
@@ -154,9 +154,9 @@ class _Collector:
         self.hinged.append((e, column, a, used, self.topology.rotations.axis[r]))
         return used + 1
 
-    def _add_travels(self, e: int, a: int, local: list[int], used: int, rotates: bool) -> int:
+    def _add_translations(self, e: int, a: int, local: list[int], used: int, rotates: bool) -> int:
         rotations, r = self.topology.rotations, int(self.topology.offset_vectors.rotation[a])
-        axes = self.topology.offset_vectors.travel[:, 3 * a : 3 * a + 3]
+        axes = self.topology.offset_vectors.translation[:, 3 * a : 3 * a + 3]
         for t in np.nonzero((axes != 0).any(1) & (self.place[: len(axes)] >= 0))[0]:
             local.append(int(t))
             if rotations.kind[r] == RotationKind.FIXED and rotations.coefficients[r, 0] < 0:
@@ -175,7 +175,7 @@ def build_links(topology: Topology, links: slice, place: Index, group: Group | N
     """Build the map of a range of links: those of a group of elements, or of points."""
     triads = group is not None and group.element.uses_triads
     connections = group.rotation if group is not None and triads else None
-    count = (len(topology.travel_names), links.stop - links.start)
+    count = (len(topology.translation_names), links.stop - links.start)
     slides = np.zeros(count) if group is None else group.slides[:, group.owners]
     collected = _Collector(topology=topology, place=place)
     for e, link in enumerate(range(links.start, links.stop)):
@@ -202,7 +202,7 @@ def build_links(topology: Topology, links: slice, place: Index, group: Group | N
 
 
 def _template(collected: _Collector, connections: Index | None, width: int, inputs: int) -> Array:
-    """Constant inputs (E, L, I): fixed directions of travels; connection point rotations, identity or the axis."""
+    """Constant inputs (E, L, I): fixed directions of translations; connection point rotations, identity or the axis."""
     topology, out = collected.topology, np.zeros((len(collected.local), width, 10))
     for e, column, factor in collected.lengthening:
         out[e, column, NATURAL_LENGTH] = factor

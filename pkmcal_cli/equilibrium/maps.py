@@ -133,11 +133,11 @@ class MapsBuilder:
 
     def _offset_vector_coefficients(self) -> SparseMap:
         topology, entries = self.topology, Entries.none()
-        offsets, travels = topology.offset_map, topology.travel_map
+        offsets, translations = topology.offset_map, topology.translation_map
         entries.add(offsets.source, offsets.target, offsets.factor)
-        held = self.place[: len(topology.travel_coefficients)] < 0
-        coefficients = np.where(held, topology.travel_coefficients, -1)
-        entries.add(coefficients[travels.source], travels.target, travels.factor)
+        held = self.place[: len(topology.translation_coefficients)] < 0
+        coefficients = np.where(held, topology.translation_coefficients, -1)
+        entries.add(coefficients[translations.source], translations.target, translations.factor)
         return entries.build(offsets.columns, offsets.height)
 
     def _blocks(self, group: GroupMap) -> Blocks:

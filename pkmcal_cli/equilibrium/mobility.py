@@ -38,14 +38,14 @@ def strain_rows(system: System, coefficients: Array, state: State, length: float
     """Evaluate and differentiate all strains that act in a system at the first row of `state`."""
     offset_vectors = offset_vectors_at(system.topology, coefficients, state)
     stacked = geometries(system, state, offset_vectors)
-    unit = np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
+    unit = np.where(system.free < len(system.topology.translation_coefficients), length, 1.0)
     names, values, lengthwise, rows, rigid = [], [], [], [], []
     for index, group in enumerate(system.groups):
         spec = group.group
         if isinstance(spec.element, LoadElement):
             continue
         links = group_geometry(system, index, stacked).links(link_sizes(group, coefficients))
-        e, b = group_strains(spec, links, rest_at(group, rest_values(group, coefficients), state.travel))
+        e, b = group_strains(spec, links, rest_at(group, rest_values(group, coefficients), state.translation))
         jacobian, _ = input_jacobian(system.topology, group.map, state, offset_vectors)
         active = group.elastic > 0
         active[group.rigid] = True

@@ -65,8 +65,8 @@ def coefficients_of(coefficients: Array, rows: Index) -> Array:
 
 
 def unit_sizes(system: System, length: float) -> Array:
-    """Give the size of each unknown (n,): `length` for travels, 1 rad for rotations."""
-    return np.where(system.free < len(system.topology.travel_coefficients), length, 1.0)
+    """Give the size of each unknown (n,): `length` for translations, 1 rad for rotations."""
+    return np.where(system.free < len(system.topology.translation_coefficients), length, 1.0)
 
 
 def newton(

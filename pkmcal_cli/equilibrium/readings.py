@@ -139,7 +139,7 @@ def _drive_reading(
     unknowns = np.zeros((rows, system.size))
     direct = np.zeros((rows, coefficients.shape[1]))
     if drive.kind is DriveKind.TRAVEL:
-        position = state.travel[:, drive.target[0]]
+        position = state.translation[:, drive.target[0]]
         where = system.place[drive.target[0]]
         if where >= 0:
             unknowns[:, where] = 1.0

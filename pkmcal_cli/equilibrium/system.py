@@ -138,14 +138,14 @@ def _group_map(
 
 
 def _free_coordinates(topology: Topology, states: tuple[DriveState, ...]) -> Index:
-    travel = topology.travel_free.copy()
+    translation = topology.translation_free.copy()
     rotating = topology.rotations.kind != RotationKind.FIXED
     for drive, state in zip(topology.drives, states, strict=True):
         if drive.kind is DriveKind.TRAVEL:
-            travel[drive.target[0]] = state is not DriveState.ENGAGED
+            translation[drive.target[0]] = state is not DriveState.ENGAGED
         elif drive.kind is DriveKind.ROTATION:
             rotating[drive.target[0]] = state is not DriveState.ENGAGED
-    out = np.nonzero(travel)[0].tolist()
+    out = np.nonzero(translation)[0].tolist()
     rotating &= topology.rotations.carrier < 0
     for r in np.nonzero(rotating)[0]:
         start = int(topology.rotation_dofs[r])

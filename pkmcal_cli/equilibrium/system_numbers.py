@@ -36,12 +36,12 @@ class GroupNumbers:
         rest, sizes = _rows(self.rest, rows), _rows(self.sizes, rows)
         return replace(self, rest=rest, sizes=sizes, stiffness=stiffness, prestress=prestress)
 
-    def at(self, travel: Array) -> GroupNumbers:
-        """The numbers at travels (N, T), which may add to natural lengths; what has no length there is nan."""
+    def at(self, translation: Array) -> GroupNumbers:
+        """The numbers at translations (N, T), which may add to natural lengths; what has no length there is nan."""
         spec = self.group.group
         if not spec.element.slides:
             return self
-        rest = rest_at(self.group, self.rest, travel)
+        rest = rest_at(self.group, self.rest, translation)
         stiffness, prestress, length = self.stiffness, self.prestress, rest[..., 0]
         if stiffness is not None and spec.element.per_length:
             stiffness = stiffness / length[..., None, None]
@@ -154,16 +154,16 @@ def group_numbers(system: System, group: GroupMap, coefficients: Array) -> Group
 
 
 def rest_values(group: GroupMap, coefficients: Array) -> Array:
-    """Gather the strains' rest values, (1 or N, E, m): natural length, commanded travel, ..."""
+    """Gather the strains' rest values, (1 or N, E, m): natural length, commanded translation, ..."""
     return _shaped(common(coefficients[:, group.group.rest]), *group.group.shape)
 
 
-def rest_at(group: GroupMap, rest: Array, travel: Array) -> Array:
-    """Give rest values at travels (N, T), which may add to natural lengths; nan where there is no length left."""
+def rest_at(group: GroupMap, rest: Array, translation: Array) -> Array:
+    """Give rest values at translations (N, T), which may add to natural lengths; nan where there is no length left."""
     if not group.group.element.slides:
         return rest
-    out: Array = rest + np.zeros_like(travel[:, :1, None])  # (N, E, m)
-    out[..., 0] += travel @ group.group.slides
+    out: Array = rest + np.zeros_like(translation[:, :1, None])  # (N, E, m)
+    out[..., 0] += translation @ group.group.slides
     out[..., 0][out[..., 0].real <= 0] = np.nan
     return out
 
@@ -203,12 +203,12 @@ def beyond_beams(system: System, coefficients: Array) -> NDArray[np.bool_]:
     """Tell in which rows (N,) held drives leave a span of a beam no length: a carriage beyond its end."""
     topology, out = system.topology, np.zeros(len(coefficients), dtype=bool)
     for group in system.groups:
-        held = system.place[: len(topology.travel_names)] < 0
+        held = system.place[: len(topology.translation_names)] < 0
         slides = group.group.slides * held[:, None]
         spans = np.nonzero(slides.any(axis=0) & ~(group.group.slides * ~held[:, None]).any(axis=0))[0]
         if len(spans):
-            travel = coefficients[:, topology.travel_coefficients] @ slides[:, spans]
-            out |= (rest_values(group, coefficients)[:, spans, 0] + travel <= 0).any(axis=1)
+            translation = coefficients[:, topology.translation_coefficients] @ slides[:, spans]
+            out |= (rest_values(group, coefficients)[:, spans, 0] + translation <= 0).any(axis=1)
     return out
 
 

@@ -1,4 +1,4 @@
-"""Builds a `Topology` piece by piece: coefficients, rotations, travels, points, links.
+"""Builds a `Topology` piece by piece: coefficients, rotations, translations, points, links.
 
 The compiler calls it in any order; only `build` turns lists into index arrays, when every count is known.
 """
@@ -45,12 +45,12 @@ class TopologyBuilder:
     rotations: list[tuple[RotationKind, Array, Array, tuple[int, int, int], str]] = field(default_factory=list)
     filed: dict[int, Array] = field(default_factory=dict)  # orientation in the file where it is not the reference one
     carriers: dict[int, int] = field(default_factory=dict)  # of frames
-    travels: list[tuple[int, float, bool, str]] = field(default_factory=list)
+    translations: list[tuple[int, float, bool, str]] = field(default_factory=list)
     offsets: list[tuple[int, int, int]] = field(default_factory=list)
     members: list[Member] = field(default_factory=list)
     points: list[Link] = field(default_factory=list)
     aims: list[Member] = field(default_factory=list)
-    forces: list[tuple[str, int, int]] = field(default_factory=list)  # (travel | rotation, number, coefficient)
+    forces: list[tuple[str, int, int]] = field(default_factory=list)  # (translation | rotation, number, coefficient)
     nominal: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -97,10 +97,10 @@ class TopologyBuilder:
         self.carriers[made] = carrier
         return made
 
-    def travel(self, reference: float, name: str, coefficient: int = -1, free: bool = True) -> int:
-        """A new travel; `coefficient` holds its value where it is prescribed."""
-        self.travels.append((coefficient, reference, free, name))
-        return len(self.travels) - 1
+    def translation(self, reference: float, name: str, coefficient: int = -1, free: bool = True) -> int:
+        """A new translation; `coefficient` holds its value where it is prescribed."""
+        self.translations.append((coefficient, reference, free, name))
+        return len(self.translations) - 1
 
     def offset(self, rotation: int, value: Sequence[Number], label: str) -> Point:
         """A point at a constant offset in a rotation's triad."""
@@ -120,7 +120,7 @@ class TopologyBuilder:
         rope: bool = False,
         slides: Sequence[tuple[int, float]] = (),
     ) -> None:
-        """An element between two connection points; `slides`: travels that add to its natural length, with factors."""
+        """An element between two connection points; `slides`: translations that add to its length, with factors."""
         self.members.append(
             Member(
                 element=element,
@@ -174,7 +174,7 @@ class TopologyBuilder:
         return len(self.points) - 1
 
     def force(self, kind: str, number: int, coefficient: int) -> None:
-        """A constant force along a travel, or moment about one rotation (its axis, or its three base axes)."""
+        """A constant force along a translation, or moment about one rotation (its axis, or its three base axes)."""
         self.forces.append((kind, number, coefficient))
 
     def build(self, drives: Sequence[tuple[Drive, str, str]], parked: Sequence[int] = ()) -> Topology:
@@ -186,14 +186,14 @@ class TopologyBuilder:
         aims = [self._group([member], sequence) for member in self.aims]
         first_point = len(sequence)
         sequence += self.points
-        offset_vectors = offset_vectors_of(sequence, self.offsets, len(self.travels))
+        offset_vectors = offset_vectors_of(sequence, self.offsets, len(self.translations))
         return Topology(
             planar=self.planar,
             coefficients=CoefficientTable(np.array(self.constants), tuple(self.formulas), tuple(self.labels)),
-            travel_coefficients=np.array([t[0] for t in self.travels], dtype=np.intp),
-            travel_reference=np.array([t[1] for t in self.travels]),
-            travel_free=np.array([t[2] for t in self.travels], dtype=bool),
-            travel_names=tuple(t[3] for t in self.travels),
+            translation_coefficients=np.array([t[0] for t in self.translations], dtype=np.intp),
+            translation_reference=np.array([t[1] for t in self.translations]),
+            translation_free=np.array([t[2] for t in self.translations], dtype=bool),
+            translation_names=tuple(t[3] for t in self.translations),
             rotations=self._rotating(),
             offset_vectors=offset_vectors,
             groups=tuple(groups),
@@ -243,7 +243,7 @@ class TopologyBuilder:
             prestress=block("prestress", every, [member.prestress for member in members], element.strains),
             rigid=np.array([member.rigid for member in members], dtype=bool).reshape(len(every), -1),
             rope=np.array([member.rope for member in members], dtype=bool),
-            slides=slides_of(members, len(self.travels)),
+            slides=slides_of(members, len(self.translations)),
         )
 
     def _rotating(self) -> Rotations:
@@ -258,14 +258,17 @@ class TopologyBuilder:
         )
 
     def _forced_dofs(self) -> list[int]:
-        """Coordinates on which constant forces act: travels first, then the rotations' own."""
+        """Coordinates on which constant forces act: translations first, then the rotations' own."""
         widths = np.array([0, 3, 1])[[int(r[0]) for r in self.rotations]]
         widths[list(self.carriers)] = 0
-        first = len(self.travels) + np.cumsum(widths) - widths
+        first = len(self.translations) + np.cumsum(widths) - widths
         dofs = []
         for kind, number, _ in self.forces:
+            if kind == "translation":
+                dofs.append(number)
+                continue
             rotation, axis = divmod(number, 3)
-            dofs.append(number if kind == "travel" else int(first[rotation]) + (axis if widths[rotation] == 3 else 0))
+            dofs.append(int(first[rotation]) + (axis if widths[rotation] == 3 else 0))
         return dofs
 
 

@@ -21,13 +21,13 @@ Number = float | Formula
 
 @dataclass(frozen=True)
 class Point:
-    """A sum of offset vectors: offsets (sign, number) and travels (number, axis) by the rotation that carries them."""
+    """A sum of offset vectors: offsets (sign, number), translations (number, axis), by what carries them."""
 
     offsets: tuple[tuple[int, float, int], ...] = ()  # (rotation, sign, offset)
-    travels: tuple[tuple[int, int, tuple[float, float, float]], ...] = ()  # (rotation, travel, axis)
+    translations: tuple[tuple[int, int, tuple[float, float, float]], ...] = ()  # (rotation, translation, axis)
 
     def __add__(self, other: Point) -> Point:
-        return Point(self.offsets + other.offsets, self.travels + other.travels)
+        return Point(self.offsets + other.offsets, self.translations + other.translations)
 
 
 @dataclass(frozen=True)
@@ -78,20 +78,22 @@ class Member:
     rigid: tuple[bool, ...]
     rope: bool
     path: bool = False
-    slides: tuple[tuple[int, float], ...] = ()  # travels that add to the natural length, with factors
+    slides: tuple[tuple[int, float], ...] = ()  # translations that add to the natural length, with factors
 
 
-def slides_of(members: Sequence[Member], travels: int) -> Array:
-    """What each travel adds to the natural lengths of members, (travels, E)."""
-    out = np.zeros((travels, len(members)))
+def slides_of(members: Sequence[Member], translations: int) -> Array:
+    """What each translation adds to the natural lengths of members, (translations, E)."""
+    out = np.zeros((translations, len(members)))
     for e, member in enumerate(members):
-        for travel, factor in member.slides:
-            out[travel, e] += factor
+        for translation, factor in member.slides:
+            out[translation, e] += factor
     return out
 
 
-def offset_vectors_of(links: Sequence[Link], offsets: Sequence[tuple[int, int, int]], travels: int) -> OffsetVectors:
-    """The offset vectors of links, in order; offsets: coefficients of the constant ones; travels: how many."""
+def offset_vectors_of(
+    links: Sequence[Link], offsets: Sequence[tuple[int, int, int]], translations: int
+) -> OffsetVectors:
+    """The offset vectors of links, in order; offsets: coefficients of the constant ones; translations: how many."""
     rows: list[tuple[int, int, list[tuple[float, int]], list[tuple[int, Array]]]] = []
     start = []
     for number, link in enumerate(links):
@@ -100,19 +102,19 @@ def offset_vectors_of(links: Sequence[Link], offsets: Sequence[tuple[int, int, i
     width = max(len(row[2]) for row in rows)
     offset = np.zeros((len(rows), width), dtype=np.intp)
     sign = np.zeros((len(rows), width))
-    travel = np.zeros((travels, len(rows) * 3))
+    translation = np.zeros((translations, len(rows) * 3))
     for a, (_, _, placed, moved) in enumerate(rows):
         for p, (factor, index) in enumerate(placed):
             offset[a, p], sign[a, p] = index, factor
         for t, axis in moved:
-            travel[t, 3 * a : 3 * a + 3] += axis
+            translation[t, 3 * a : 3 * a + 3] += axis
     return OffsetVectors(
         link=np.array([row[0] for row in rows], dtype=np.intp),
         rotation=np.array([row[1] for row in rows], dtype=np.intp),
         start=np.array(start, dtype=np.intp),
         offset=offset,
         sign=sign,
-        travel=travel,
+        translation=translation,
         offset_coefficients=np.array(offsets, dtype=np.intp),
     )
 
@@ -120,17 +122,17 @@ def offset_vectors_of(links: Sequence[Link], offsets: Sequence[tuple[int, int, i
 def _of_link(link: Link) -> list[tuple[int, list[tuple[float, int]], list[tuple[int, Array]]]]:
     """Arms of point j minus point i by rotation; what both share cancels."""
     offsets: dict[tuple[int, int], float] = {}
-    travels: dict[tuple[int, int], Array] = {}
+    translations: dict[tuple[int, int], Array] = {}
     for factor, connection in ((-1.0, link.connections[0]), (1.0, link.connections[1])):
         for r, sign, index in connection.point.offsets:
             offsets[r, index] = offsets.get((r, index), 0.0) + factor * sign
-        for r, t, axis in connection.point.travels:
-            travels[r, t] = travels.get((r, t), np.zeros(3)) + factor * np.array(axis)
-    rotations = sorted({r for r, _ in offsets} | {r for r, _ in travels}) or [GROUND]
+        for r, t, axis in connection.point.translations:
+            translations[r, t] = translations.get((r, t), np.zeros(3)) + factor * np.array(axis)
+    rotations = sorted({r for r, _ in offsets} | {r for r, _ in translations}) or [GROUND]
     out = []
     for r in rotations:
         constant = [(sign, index) for (q, index), sign in offsets.items() if q == r and sign] or [(0.0, 0)]
-        moved = [(t, axis) for (q, t), axis in travels.items() if q == r and axis.any()]
+        moved = [(t, axis) for (q, t), axis in translations.items() if q == r and axis.any()]
         if constant != [(0.0, 0)] or moved or len(rotations) == 1:
             out.append((r, constant, moved))
     return out or [(GROUND, [(0.0, 0)], [])]

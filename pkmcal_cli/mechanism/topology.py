@@ -1,10 +1,11 @@
 """The compiled machine as index arrays: coordinates, offset vectors, links, elements. It never changes.
 
-Coordinates are *travels* (lengths along an axis carried by a rotation; the position of a free node is three travels
-along the base axes) and *rotations*. A point is a sum of *offset vectors*, x = sum R_r (o + travel a): each is constant
-in the triad of one rotation r but for the travels along it. So points of bodies, carriages on guides, pinned member
-ends and rigid telescopes need no unknowns of their own, and no constraint either. A *link* is the vector between the
-points of two connection points. An element sees one link, or several: a rope over pulleys is a path of links.
+Coordinates are *translations* (lengths along an axis carried by a rotation; the position of a free node is three
+translations along the base axes) and *rotations*. A point is a sum of *offset vectors*, x = sum R_r (o + s a) with
+translations s: each is constant in the triad of one rotation r but for the translations along it. So points of bodies,
+carriages on guides, pinned member ends and rigid telescopes need no unknowns of their own, and no constraint either. A
+*link* is the vector between the points of two connection points. An element sees one link, or several: a rope over
+pulleys is a path of links.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class OffsetVectors:
     start: Index  # (links,) first offset vector of each link
     offset: Index  # (A, P) which offset vectors, padded with the zero offset 0
     sign: Array  # (A, P)
-    travel: Array  # (T, A * 3): travel values to offset vectors, in their triads
+    translation: Array  # (T, A * 3): translation values to offset vectors, in their triads
     offset_coefficients: Index  # (O, 3) coefficients of the offset vectors
 
 
@@ -84,7 +85,7 @@ class Group:
     prestress: slice  # coefficients, (E, m)
     rigid: NDArray[np.bool_]  # (E, m) constraint instead of stiffness
     rope: NDArray[np.bool_]  # (E,) carries no compression
-    slides: Array  # (T, E) what travels add to natural lengths; zero but where the element slides
+    slides: Array  # (T, E) what translations add to natural lengths; zero but where the element slides
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -117,7 +118,7 @@ class Drive:
     name: str
     kind: DriveKind
     coefficient: int  # set to zero + law(reading)
-    target: tuple[int, ...]  # (travel,), (rotation,) or (group, element, strain)
+    target: tuple[int, ...]  # (translation,), (rotation,) or (group, element, strain)
     force_coefficient: int  # constant drive force; prestress of the strain, or force on the coordinate
     force_sign: float  # coefficient value = force_sign * force
     redundant: bool
@@ -131,10 +132,10 @@ class Topology:
 
     planar: bool
     coefficients: CoefficientTable
-    travel_coefficients: Index  # (T,) prescribed value of each travel; -1 where it can only be free
-    travel_reference: Array  # (T,)
-    travel_free: NDArray[np.bool_]  # (T,) free unless a drive commands it
-    travel_names: tuple[str, ...]
+    translation_coefficients: Index  # (T,) prescribed value of each translation; -1 where it can only be free
+    translation_reference: Array  # (T,)
+    translation_free: NDArray[np.bool_]  # (T,) free unless a drive commands it
+    translation_names: tuple[str, ...]
     rotations: Rotations
     offset_vectors: OffsetVectors
     groups: tuple[Group, ...]
@@ -147,9 +148,9 @@ class Topology:
 
     @cached_property
     def rotation_dofs(self) -> Index:
-        """First coordinate of each rotation, that of its carrier for a frame, -1 for FIXED; travels come first."""
+        """First coordinate of each rotation, that of its carrier for a frame, -1 for FIXED; translations come first."""
         width = self._widths
-        start = np.where(width > 0, len(self.travel_coefficients) + np.cumsum(width) - width, -1)
+        start = np.where(width > 0, len(self.translation_coefficients) + np.cumsum(width) - width, -1)
         for r in self.frames:
             start[r] = start[self.rotations.carrier[r]]
         return start
@@ -162,7 +163,7 @@ class Topology:
     @cached_property
     def n_dof(self) -> int:
         """Travels plus rotational coordinates."""
-        return int(len(self.travel_coefficients) + self._widths.sum())
+        return int(len(self.translation_coefficients) + self._widths.sum())
 
     @cached_property
     def inputs(self) -> Index:
@@ -237,10 +238,10 @@ class Topology:
         return entries.build(out.stop, len(self.coefficients.constants))
 
     @cached_property
-    def travel_map(self) -> SparseMap:
-        """From travels (T) to their part of the offset vectors (A, 3) in their triads."""
+    def translation_map(self) -> SparseMap:
+        """From translations (T) to their part of the offset vectors (A, 3) in their triads."""
         out, entries = self.offset_vector_block, Entries.none()
-        axes = self.offset_vectors.travel.reshape(len(self.travel_coefficients), *out.shape)
+        axes = self.offset_vectors.translation.reshape(len(self.translation_coefficients), *out.shape)
         entries.add(out.numbers, np.arange(len(axes))[:, None, None], axes)
         return entries.build(out.stop, len(axes))
 

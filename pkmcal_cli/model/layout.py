@@ -47,8 +47,8 @@ class Placed:
         numbers = self.topology.offset_vectors.offset_coefficients
         for rotation, sign, offset in point.offsets:
             out += sign * np.einsum("nij,nj->ni", self._turn(rotation), self.coefficients[:, numbers[offset]])
-        for rotation, travel, axis in point.travels:
-            out += self.state.travel[:, travel, None] * (self._turn(rotation) @ np.array(axis))
+        for rotation, travel, axis in point.translations:
+            out += self.state.translation[:, travel, None] * (self._turn(rotation) @ np.array(axis))
         return out
 
     def direction(self, rotation: int, vector: Array) -> Array:

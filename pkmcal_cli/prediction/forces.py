@@ -138,7 +138,7 @@ def coefficient_force_derivatives(model: Model, solution: Solution, along: Seque
     for coefficient in along:
         stepped = solution.coefficients.astype(complex)
         stepped[:, coefficient] += 1j * _STEP
-        at = State(*(x.astype(complex) for x in (state.travel, state.rotation, state.multiplier)))
+        at = State(*(x.astype(complex) for x in (state.translation, state.rotation, state.multiplier)))
         at = place_prescribed(model.topology, stepped, at, free=system.free)
         numbers = system_numbers(system, stepped)
         direct.append(lagrangian_gradient(system, numbers, at, taut=taut).imag / _STEP)

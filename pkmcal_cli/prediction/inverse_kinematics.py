@@ -129,7 +129,7 @@ def _readings(model: Model, system: System, coefficients: Array, state: State) -
     out = np.empty((len(state), len(model.topology.drives)))
     for a, (drive, actuator) in enumerate(zip(model.topology.drives, model.actuators, strict=True)):
         if drive.kind is DriveKind.TRAVEL:
-            moved = state.travel[:, drive.target[0]] - coefficients[:, drive.coefficient]
+            moved = state.translation[:, drive.target[0]] - coefficients[:, drive.coefficient]
         elif drive.kind is DriveKind.ROTATION:
             r = drive.target[0]
             rotated = log(state.rotation[:, r] @ model.topology.rotations.reference[r].T)

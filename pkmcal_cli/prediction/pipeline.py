@@ -163,7 +163,7 @@ def _joined(parts: Sequence[Prediction]) -> Prediction:
 
     if len(parts) == 1:
         return parts[0]
-    names = ("travel", "rotation", "multiplier")
+    names = ("translation", "rotation", "multiplier")
     state = State(*(np.concatenate([getattr(part.state, name) for part in parts]) for name in names))
     slack, first = {}, 0
     for part in parts:

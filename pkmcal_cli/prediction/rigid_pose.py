@@ -122,7 +122,7 @@ def relaxed_coefficients(model: Model, coefficients: Array, state: State, drives
     strains = balance(system, coefficients, without_stress(state, system), 1.0, tangent=False).strains
     for drive in drives:
         if drive.kind is DriveKind.TRAVEL:
-            out[:, drive.coefficient] = state.travel[:, drive.target[0]]
+            out[:, drive.coefficient] = state.translation[:, drive.target[0]]
         elif drive.kind is DriveKind.ROTATION:
             r = drive.target[0]
             turned = log(state.rotation[:, r] @ topology.rotations.reference[r].T)
