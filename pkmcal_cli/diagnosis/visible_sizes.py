@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -24,13 +25,20 @@ _ALIKE = 1e-6  # by which what rounding tells apart is the same
 @dataclass(frozen=True)
 class SizeAlong:
     """Along a direction (p,) of an effect's numbers, of length 1 in standard deviations of their priors: minimal
-    detectable length (one test at 0.1 %, found in 80 %) and length that is detected in 80 %, inf for never;
-    declared parameters that take it up."""
+    detectable length (one test at 0.1 %, found in 80 %), and declared parameters that take it up.
+
+    simulated: the length that is detected in 80 %, from simulated campaigns.
+    """
 
     direction: Array
     mdb: float
-    detected: float
+    simulated: Callable[[], float]
     absorbed_by: tuple[str, ...]
+
+    @cached_property
+    def detected(self) -> float:
+        """The length that is detected in 80 % of campaigns; inf for never."""
+        return self.simulated()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,8 +104,8 @@ def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> 
 
     def along(direction: Array) -> SizeAlong:
         mdb = noise * minimal_detectable(float(direction @ score.whole @ direction))
-        detected = noise * detection.size(k, direction, procedure)
-        return SizeAlong(direction, mdb, detected, absorbing(detection.linear, hypothesis, direction))
+        simulated = partial(_detected, detection, k, direction, procedure)
+        return SizeAlong(direction, mdb, simulated, absorbing(detection.linear, hypothesis, direction))
 
     unit = np.eye(len(hypothesis.parameters))
     return VisibleSizes(
@@ -108,6 +116,10 @@ def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> 
         worst=along(_worst(score, own)) if len(own) > 1 else None,
         tested=score.count > 0 and not score.far,
     )
+
+
+def _detected(detection: Detection, k: int, direction: Array, procedure: Procedure) -> float:
+    return float(np.sqrt(procedure.scale.variance)) * detection.size(k, direction, procedure)
 
 
 def _worst(score: Score, own: list[int]) -> Array:

@@ -64,22 +64,22 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
     report.show(to)
     Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(to)
     _draw(request, case, diagnosis, to)
-    result = enveloped("diagnose", diagnosis.verdict, diagnosis_json(case, report), provenance(case.inputs))
-    if request.as_json:
-        emit_json(result)
     failed = diagnosis.verdict in fails_on
     if request.quiet and failed:
         to.fail(report.verdict_line())
-    line = report.verdict_line().partition("\n")[0]
-    kept = Run(
-        command="diagnose",
-        machine=request.case.machine,
-        result=result,
-        code=int(failed),
-        verdict=line,
-        asked=request.case.asked | {"alpha": request.alpha, "seed": request.seed},
-    )
-    keep_run(request.run, case.inputs, kept, to)
+    if request.as_json or request.run is not None:  # what only programs read takes some of the time
+        result = enveloped("diagnose", diagnosis.verdict, diagnosis_json(case, report), provenance(case.inputs))
+        if request.as_json:
+            emit_json(result)
+        kept = Run(
+            command="diagnose",
+            machine=request.case.machine,
+            result=result,
+            code=int(failed),
+            verdict=report.verdict_line().partition("\n")[0],
+            asked=request.case.asked | {"alpha": request.alpha, "seed": request.seed},
+        )
+        keep_run(request.run, case.inputs, kept, to)
     return int(failed)
 
 
