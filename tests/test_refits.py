@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.diagnosis import scoring, search
+from pkmcal_cli.diagnosis import refits, search
 from tests.benchmark.setting import diagnosed
 from tests.command import MACHINES, clean, run
 from tests.hangprinter_cases import measured
@@ -56,13 +56,13 @@ def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
 @pytest.mark.parametrize(("flat", "found"), [(True, ["backlash@q3"]), (False, [])])
 def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parameters that hardly matter may wander for more steps than a refit has."""
-    plain = scoring.identify
+    plain = refits.identify
 
     def wandering(problem: Problem, selected: tuple[str, ...], *more: Any, **options: Any) -> Fit:
         fit = plain(problem, selected, *more, **options)
         return replace(fit, status="not_converged", flat=flat) if any("@" in n for n in selected) else fit
 
-    monkeypatch.setattr(scoring, "identify", wandering)
+    monkeypatch.setattr(refits, "identify", wandering)
     d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
     assert [f.hypothesis.name for f in d.findings] == found
     assert d.verdict == ("found" if flat else "unknown") and (flat or d.unknown)
@@ -70,13 +70,13 @@ def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypat
 
 def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its chi-square is that of other rows."""
-    plain = scoring.identify
+    plain = refits.identify
 
     def leaving(problem: Problem, selected: tuple[str, ...], *more: Any, **options: Any) -> Fit:
         fit = plain(problem, selected, *more, **options)
         return replace(fit, failed={3: "out of reach"}) if any("@" in n for n in selected) else fit
 
-    monkeypatch.setattr(scoring, "identify", leaving)
+    monkeypatch.setattr(refits, "identify", leaving)
     d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
     assert d.findings == () and d.verdict == "unknown"
 

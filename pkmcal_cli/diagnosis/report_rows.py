@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,11 @@ class OuterFold:
     start: Array  # (P,), where its fits begin
     accepted: tuple[Hypothesis, ...] = ()
 
+    @cached_property
+    def reported(self) -> Evaluation:
+        """The rows that report, at the fit."""
+        return evaluate(self.report, self.fit.values, ())
+
     def chose(self, alike: Sequence[Hypothesis]) -> bool:
         """Whether these rows name the first of effects that all rows cannot separate, or one of the others.
 
@@ -76,8 +82,8 @@ def errors_of(folds: Sequence[OuterFold]) -> Errors:
     fit = [error_figures(*_predicted(t.train, t.fit.after)) for t in folds]
     choose, report, channels, points, squares, values, failed = [], [], [], [], 0.0, 0, 0
     for t in folds:
-        choose += [error_figures(*_predicted(p, evaluate(p, fold.values))) for p, fold in _inner(t)]
-        there = evaluate(t.report, t.fit.values, ())
+        choose += [error_figures(*_predicted(problem, there)) for problem, there in _inner(t)]
+        there = t.reported
         failed += len(lost_rows(t.report, there))
         part, there = _predicted(t.report, there)
         report.append(error_figures(part, there))
@@ -102,21 +108,21 @@ def _predicted(problem: Problem, evaluation: Evaluation) -> tuple[Problem, Evalu
     return predicted_part(problem.without(lost_rows(problem, evaluation)), evaluation)
 
 
-def _inner(fold: OuterFold, folds: int = 3) -> list[tuple[Problem, Fit]]:
-    """Fits without each of a few groups of cells of the training rows, and the rows left out."""
+def _inner(fold: OuterFold, folds: int = 3) -> Iterator[tuple[Problem, Evaluation]]:
+    """Each of a few groups of cells of the training rows, at a fit of the others; states begin at those of all."""
     labels = cells(fold.train, folds)
-    out = []
+    before, after = fold.fit.before.start, fold.fit.after.start
     for k in np.unique(labels):
-        remaining_rows, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
-        out.append((fold.train.take(rows), identify(fold.train.take(remaining_rows), fold.fit.selected, fold.start)))
-    return out
+        others, rows = np.nonzero(labels != k)[0], np.nonzero(labels == k)[0]
+        fit = identify(fold.train.take(others), fold.fit.selected, fold.start, states=before.take(others))
+        part = fold.train.take(rows)
+        yield part, evaluate(part, fit.values, start=after.take(rows))
 
 
-def whitened_rows(problem: Problem, values: Array) -> Array:
-    """Sum of squares of each row's whitened residual (N,), nan in rows that are not predicted."""
-    there = evaluate(problem, values, ())
-    out = np.asarray((weighted_residual(problem, there) ** 2).sum(axis=1))
-    out[lost_rows(problem, there)] = np.nan
+def _squares(fold: OuterFold) -> Array:
+    """Sum of squares of each report row's whitened residual (N,), nan in rows that are not predicted."""
+    out = np.asarray((weighted_residual(fold.report, fold.reported) ** 2).sum(axis=1))
+    out[lost_rows(fold.report, fold.reported)] = np.nan
     return out
 
 
@@ -127,7 +133,7 @@ def gain_of(before: Sequence[OuterFold], after: Sequence[OuterFold], seed: int) 
     """
     sums = []
     for old, new in zip(before, after, strict=True):
-        change = whitened_rows(old.report, old.fit.values) - whitened_rows(new.report, new.fit.values)
+        change = _squares(old) - _squares(new)
         sums.append(_block_sums(old.report, np.stack([change, old.report.measured.sum(axis=1)], axis=1)))
     total, drawn = _resampled(np.vstack(sums), seed)
     return _interval(total[0] / total[1], drawn[0] / drawn[1])
@@ -138,8 +144,7 @@ def rms_gain_of(before: Sequence[OuterFold], after: Sequence[OuterFold], seed: i
     positions = shown_channels(before[0].report)
     sums = []
     for old, new in zip(before, after, strict=True):
-        residuals = [evaluate(t.report, t.fit.values).residual[:, positions] for t in (old, new)]
-        squares = [(r**2).sum(axis=1) for r in residuals]
+        squares = [(t.reported.residual[:, positions] ** 2).sum(axis=1) for t in (old, new)]
         used = old.report.measured[:, positions].any(axis=1)
         sums.append(_block_sums(old.report, np.stack([*squares, used], axis=1)))
     total, drawn = _resampled(np.vstack(sums), seed)
