@@ -188,7 +188,7 @@ def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: D
         trial = tuple(_with(t, hypothesis, whole) if c else t for t, c in zip(progress.folds, chosen, strict=True))
         gain, errors = gain_of(progress.folds, trial, seed), errors_of(trial)
         refused = _refused(progress, trial, sum(chosen), errors)
-        last = progress.last if refused else _determined(clean, accepted, whole)
+        last = progress.last if refused else _determined(clean, accepted, whole, progress.last)
     except (RowsFailed, np.linalg.LinAlgError):
         step = Step(hypothesis, progress.errors, Interval(0.0, -np.inf, np.inf), sum(chosen), _FAILS)
         return replace(progress, steps=(*progress.steps, step))
@@ -212,7 +212,7 @@ def _with(fold: OuterFold, hypothesis: Hypothesis, whole: Diagnosis) -> OuterFol
     accepted = (*fold.accepted, hypothesis)
     start = _start(fold.train, accepted, whole)
     train = _beside(fold.train, accepted, whole)
-    return replace(fold, train=train, fit=_fit_with(train, accepted, whole), accepted=accepted, start=start)
+    return replace(fold, train=train, fit=_fit_with(train, accepted, whole, fold.fit), accepted=accepted, start=start)
 
 
 def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Array:
@@ -240,22 +240,22 @@ def with_shapes_of(model: Model, whole: Diagnosis) -> Model:
     return model.with_effects(tuple(s.placed for s in whole.search.shapes), parameters)
 
 
-def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
-    """A calibration with effects. Raises RowsFailed."""
+def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, earlier: Fit) -> Fit:
+    """A calibration with effects; states begin where those of an earlier fit did. Raises RowsFailed."""
     for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
         problem = of_any_size(problem, hypothesis)
     problem = _beside(problem, accepted, whole)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)
-    return identify(problem, names, _start(problem, accepted, whole))
+    return identify(problem, names, _start(problem, accepted, whole), states=earlier.before.start)
 
 
-def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Fit:
+def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, earlier: Fit) -> Fit:
     """The same, but that numbers of effects which the data do not tell from other parameters stay at null.
 
     The shift of a measuring frame beside that of the base would leave both open.
     """
-    fit = _fit_with(problem, accepted, whole)
+    fit = _fit_with(problem, accepted, whole, earlier)
     effects = {n for h in accepted if h.effect != RELEASE for n in h.parameters}
     near = linearise(_beside(problem, accepted, whole).without(fit.failed), fit.last)
     kept = list(fit.selected)
@@ -267,5 +267,6 @@ def _determined(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnos
         if not removable:
             start = _start(problem, accepted, whole)
             problem = _beside(problem, accepted, whole)
-            return fit if len(kept) == len(fit.selected) else identify(problem, tuple(kept), start)
+            same = len(kept) == len(fit.selected)
+            return fit if same else identify(problem, tuple(kept), start, states=fit.before.start)
         kept.remove(max(removable, key=lambda n: share[n]))

@@ -12,6 +12,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.scoring import Search
+from pkmcal_cli.prediction import WarmStart
 
 _STEPS = 20  # of a fit with effects; those that take more turn on the sign of forces
 _LOST = 1.5  # times the chi-square that is expected, at which a fit may have lost its way
@@ -20,9 +21,9 @@ _HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is 
 
 def recalibrated(search: Search) -> Search:
     """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
-    fit = identify(search.problem, search.selected, search.start)
+    fit = identify(search.problem, search.selected, search.start, states=search.fit.before.start)
     if search.accepted and fit.chi2 > _LOST * search.fit.chi2:  # with fewer rows
-        fit = _better(fit, _settled(search, _near(search))) or fit
+        fit = _better(fit, _settled(search, _near(search), search.fit.after.start)) or fit
     return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
 
 
@@ -38,8 +39,10 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
             k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
                 start[k] = near[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
-    fit = _settled(search, start)
-    return fit if fit is not None and fit.chi2 < _LOST * expected else _better(fit, _settled(search, near))
+    fit = _settled(search, start, search.fit.before.start)
+    if fit is not None and fit.chi2 < _LOST * expected:
+        return fit
+    return _better(fit, _settled(search, near, search.fit.after.start))
 
 
 def _near(search: Search) -> Array:
@@ -50,9 +53,11 @@ def _near(search: Search) -> Array:
     return near
 
 
-def _settled(search: Search, start: Array) -> Fit | None:
+def _settled(search: Search, start: Array, states: WarmStart) -> Fit | None:
+    """A fit from values (P,), and from states of rows near those there."""
+    most = _HOPELESS * search.fit.chi2
     try:
-        fit = identify(search.problem, search.selected, start, _STEPS, hopeless=_HOPELESS * search.fit.chi2)
+        fit = identify(search.problem, search.selected, start, _STEPS, states=states, hopeless=most)
     except RowsFailed:
         return None
     return fit if fit.usable and not fit.failed else None
