@@ -14,11 +14,12 @@ from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
-from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
+from pkmcal_cli.calibration.plausible import USABLE, implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.calibration.residual import lost_rows
+from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
 from pkmcal_cli.loading.poses import Place
@@ -67,6 +68,8 @@ class CalibrationReport:
         self.weighed = replace(problem, weight=calibration.robust.problem.weight)
         implausible = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
         self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
+        more = unexplained(fit, self.budget, calibration.robust)
+        self.incomplete = () if self.implausible else tuple(each.text for each in more)
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, place, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
@@ -78,8 +81,14 @@ class CalibrationReport:
 
     @property
     def status(self) -> str:
-        """How the fit ended; "implausible" where it should not be believed all the same."""
-        return "implausible" if self.implausible else self.fit.status
+        """How the fit ended; "implausible" where it should not be believed all the same, "incomplete" where it leaves
+        more than noise."""
+        return "implausible" if self.implausible else "incomplete" if self.incomplete else self.fit.status
+
+    @property
+    def usable(self) -> bool:
+        """Whether the parameters can be used."""
+        return self.status in USABLE
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
@@ -87,6 +96,7 @@ class CalibrationReport:
         return {
             "status": self.status,
             "implausible": list(self.implausible),
+            "incomplete": list(self.incomplete),
             "n_rows": self.n_rows,
             **self.failed.json(),
             "loads": self.loads.json(),
@@ -260,17 +270,19 @@ class CalibrationReport:
         lines = [
             {
                 "converged": f"converged in {steps}",
+                "incomplete": f"INCOMPLETE, though converged in {steps}: an effect is missing, or a sigma is too small",
                 "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
                 "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
                 "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
             }[self.status]
         ]
-        lines += [f"because: {reason}" for reason in self.implausible]
+        lines += [f"because: {reason}" for reason in (*self.implausible, *self.incomplete)]
+        lines += ["next: `pkmcal diagnose` tells which"] if self.incomplete else []
         if self.fit.dof > 0:
             freedom = count(self.fit.dof, "degree")
             lines.append(f"chi-square per degree of freedom: {chi2:.3f} ({freedom} of freedom)")
         factor = float(np.sqrt(max(self.fit.chi2_per_dof, 0.0)))
-        if self.fit.excess > 1 and self.audit.loss == "squares":
+        if self.fit.excess > 1 and self.audit.loss == "squares" and not self.incomplete:
             lines.append(f"The residuals are {factor:.3g} times larger than the stated noise.")
             lines.append("The model lacks an effect, or sigma is too small.")
         elif self.audit.loss != "squares":
