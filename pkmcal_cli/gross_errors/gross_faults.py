@@ -20,6 +20,7 @@ from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
+from pkmcal_cli.gross_errors.repeated import repeated_readings
 from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.prediction import WarmStart
@@ -99,7 +100,7 @@ def _suspected(
 ) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
     sample = Sample.of(problem, values, tuple(parameters), states)
-    steady = _steady(sample)
+    steady = (*_steady(sample), *repeated_readings(sample, place))
     if not sample.gross:
         return steady
     reasons = [_channels(sample, True), _rows(sample, sessions, place)]

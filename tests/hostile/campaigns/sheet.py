@@ -12,7 +12,7 @@ from tests.command import MACHINES
 from tests.csv_tables import read_table
 
 Array = NDArray[np.float64]
-_ROWS = 60
+_ROWS = 24
 
 
 @dataclass(frozen=True)
