@@ -270,19 +270,19 @@ class CalibrationReport:
         lines = [
             {
                 "converged": f"converged in {steps}",
-                "incomplete": f"INCOMPLETE, though converged in {steps}: an effect is missing, or a sigma is too small",
+                "incomplete": f"INCOMPLETE, though converged in {steps}: more is left than noise (next: `pkmcal diagnose`)",
                 "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
                 "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
                 "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
             }[self.status]
         ]
-        lines += [f"because: {reason}" for reason in (*self.implausible, *self.incomplete)]
-        lines += ["next: `pkmcal diagnose` tells which"] if self.incomplete else []
+        several = len(self.budget.instruments) > 1
+        lines += [f"because: {reason}" for reason in (*self.implausible, *(self.incomplete if several else ()))]
         if self.fit.dof > 0:
             freedom = count(self.fit.dof, "degree")
             lines.append(f"chi-square per degree of freedom: {chi2:.3f} ({freedom} of freedom)")
         factor = float(np.sqrt(max(self.fit.chi2_per_dof, 0.0)))
-        if self.fit.excess > 1 and self.audit.loss == "squares" and not self.incomplete:
+        if self.fit.excess > 1 and self.audit.loss == "squares":
             lines.append(f"The residuals are {factor:.3g} times larger than the stated noise.")
             lines.append("The model lacks an effect, or sigma is too small.")
         elif self.audit.loss != "squares":
