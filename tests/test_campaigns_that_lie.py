@@ -37,7 +37,7 @@ def test_a_dozen_that_lie(name: str) -> None:
     assert end.status in BY_NAME[name].expected and (end.code != 0 or end.status == "incomplete"), end
 
 
-@pytest.mark.parametrize("name", ["constant, gantry", "inches from the middle on, triglide"])
+@pytest.mark.parametrize("name", ["constant, gantry", "angle reversed, five-bar"])
 def test_a_hint_settles_that_calibrate_fails(name: str) -> None:
     """So that the others need not be fitted."""
     end = told(BY_NAME[name], whole=True)

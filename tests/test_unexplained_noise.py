@@ -1,4 +1,4 @@
-"""Status `incomplete`: residuals beyond what a stated sigma may be wrong by, which is known to ten degrees of freedom."""
+"""Status `incomplete`: residuals beyond what a stated sigma, known to ten degrees of freedom, may be wrong by."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_robust_loss_goes_by_the_rows_that_it_keeps(tmp_path: Path) -> None:
 def test_it_is_told_written_and_repeated_as_a_note(tmp_path: Path) -> None:
     file = tmp_path / "p.yaml"
     done = calibrated(tmp_path, 7.0, "stated", "-o", file)
-    assert done.err.count("INCOMPLETE, though converged") == 1 and "next: `pkmcal diagnose`" in done.err
+    assert done.err.count("INCOMPLETE, though converged") == 1 and "next: `diagnose`" in done.err
     written = yaml.safe_load(file.read_text(encoding="utf-8"))["provenance"]
     assert written["status"] == "incomplete"
     again = run("sensitivity", tmp_path / "m.yaml", "-p", file)

@@ -20,6 +20,7 @@ from pkmcal_cli.gross_errors.change_row import change_row
 from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
+from pkmcal_cli.gross_errors.permuted import permuted_rows
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
 from pkmcal_cli.gross_errors.repeated import repeated_readings
 from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
@@ -134,7 +135,8 @@ def _suspected(
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
-    return (*_chosen([r for r in reasons if r.hints]), *steady)
+    chosen = _chosen([r for r in reasons if r.hints])
+    return (*(chosen or permuted_rows(sample, place)), *steady)
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:

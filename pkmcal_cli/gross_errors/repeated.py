@@ -1,4 +1,4 @@
-"""Readings that repeat others to the last digit where the machine has moved: a stuck sensor, cells filled in or copied."""
+"""Readings that repeat others to the last digit where the machine has moved: a stuck sensor, copied cells."""
 
 from __future__ import annotations
 

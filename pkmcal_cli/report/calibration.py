@@ -28,6 +28,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
+from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.number_format import finite, readable, uncertain
@@ -120,7 +121,7 @@ class CalibrationReport:
             "gauge": [] if self.calibration.datum is None else list(self.calibration.datum.gauge.motions),
             "starts": None if self.calibration.agreement is None else asdict(self.calibration.agreement),
             "replicates": [noise.json() for noise in self.replicates],
-            "heldout": self._heldout_json(),
+            "heldout": heldout_json(self.machine, self.held_out),
             "condition_number": finite(self.ranges.declared.condition_number),
             "rank": self.ranges.declared.rank,
             "undetermined": [
@@ -134,25 +135,6 @@ class CalibrationReport:
     def _noise(self) -> list[float]:
         """How many times larger than stated the sigma of each instrument is taken to be."""
         return [float(v) for v in np.sqrt(self.budget.scales.typical_noise)]
-
-    def _heldout_json(self) -> dict[str, Any]:
-        held = self.held_out
-        keys = ("rms_before", "rms_after", "unit", "kind", "scheme", "failed_folds", "before", "after", "reason")
-        out: dict[str, Any] = dict.fromkeys(keys)
-        if isinstance(held, str) or not held.after:
-            return out | {"reason": held if isinstance(held, str) else "the held-out rows have no measured values"}
-        kind = next(iter(held.after))
-        unit = figure_unit(self.machine, held.after[kind])
-        return out | {
-            "rms_before": finite(held.before[kind].rms / unit.scale),
-            "rms_after": finite(held.after[kind].rms / unit.scale),
-            "unit": unit.text,
-            "kind": kind,
-            "scheme": held.scheme,
-            "failed_folds": held.failed,
-            "before": figures_json(self.machine, held.before),
-            "after": figures_json(self.machine, held.after),
-        }
 
     def show(self, to: Reporter) -> None:
         """Tables for people."""
@@ -270,7 +252,7 @@ class CalibrationReport:
         lines = [
             {
                 "converged": f"converged in {steps}",
-                "incomplete": f"INCOMPLETE, though converged in {steps}: more is left than noise (next: `pkmcal diagnose`)",
+                "incomplete": f"INCOMPLETE, though converged in {steps}: more is left than noise (next: `diagnose`)",
                 "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
                 "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
                 "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",

@@ -31,7 +31,8 @@ def computed_reasons(problem: Problem, calibration: Calibration, measured: Measu
     factor = float(np.sqrt(freedom[small].sum() / max(squares[small].sum(), 1e-300)))
     size = f"{factor:.2g} times" if factor < 1e6 else "a million times"
     what = ", ".join(f"`{name}`" for name in names)
-    return (f"residuals of {what} are {size} smaller than the stated noise: computed, not measured, or sigma in the wrong unit",)
+    why = "computed, not measured, or sigma in the wrong unit"
+    return (f"residuals of {what} are {size} smaller than the stated noise: {why}",)
 
 
 def _by_channel(problem: Problem, calibration: Calibration) -> tuple[Array, Array]:

@@ -15,9 +15,9 @@ from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
-from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
+from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT

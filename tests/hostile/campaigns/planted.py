@@ -27,7 +27,12 @@ def commanded(machine: str, rows: int) -> Array:
 
 
 def measured(
-    machine: str, seed: int, rows: int = 24, size: float = 1.0, noise: float = 1.0, changed: dict[str, float] | None = None
+    machine: str,
+    seed: int,
+    rows: int = 24,
+    size: float = 1.0,
+    noise: float = 1.0,
+    changed: dict[str, float] | None = None,
 ) -> Sheet:
     """A machine whose parameters are off by normal errors of `size` half ranges, and some by so much more (mm), at
     drawn poses, with `noise` times the stated noise."""

@@ -67,7 +67,9 @@ def ended(machine: str, tables: Sequence[Sheet], whole: bool = False) -> End:
         return End("error", 3, tuple(done.err.splitlines()[-3:]))
     found = done.json
     status = "failed" if found["status"] in ("not_converged", "nothing_identifiable") else found["status"]
-    return End(status, done.code, (*found["implausible"], *found["incomplete"], f"chi2/dof {found['chi2_per_dof']:.4g}"))
+    return End(
+        status, done.code, (*found["implausible"], *found["incomplete"], f"chi2/dof {found['chi2_per_dof']:.4g}")
+    )
 
 
 def told(lie: Lie, whole: bool = False) -> End:

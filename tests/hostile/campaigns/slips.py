@@ -1,4 +1,4 @@
-"""What engineers, spreadsheets and instruments do to a table, as changes of a sheet. Lengths in the file's unit (mm)."""
+"""What engineers, spreadsheets and instruments do to a table, as changes of a sheet. Lengths in mm, as in the file."""
 
 from __future__ import annotations
 
@@ -139,7 +139,9 @@ def pushed_column(name: str) -> Change:
 
 def block_copied(rows: int) -> Change:
     """Readings of some rows were pasted over those of the next ones."""
-    return _moved(lambda n: np.where((np.arange(n) >= rows) & (np.arange(n) < 2 * rows), np.arange(n) - rows, np.arange(n)))
+    return _moved(
+        lambda n: np.where((np.arange(n) >= rows) & (np.arange(n) < 2 * rows), np.arange(n) - rows, np.arange(n))
+    )
 
 
 def filled_down(every: int) -> Change:
