@@ -19,7 +19,7 @@ from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, rows_far_off
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.prediction import WarmStart
@@ -150,6 +150,8 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         to.warn(text)
     states = evaluate(s.problem, s.start.values).start
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states)
+    if not hints and s.request.fit_options.loss == "squares":
+        hints = rows_far_off(s.problem, s.start.values, s.measured, states)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
@@ -167,7 +169,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
             held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
-    gross = gross_row_reasons(s.problem, robust_fit, place)
+    gross = () if hints else gross_row_reasons(s.problem, robust_fit, place)
     mistakes = (*hints, *gross, *computed_reasons(s.problem, robust_fit, s.measured))
     return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, mistakes))
 

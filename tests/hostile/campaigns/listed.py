@@ -133,7 +133,7 @@ _DRIVES = [
     *_spoilt(
         "drives swapped from the middle on", s.swapped, GROSS, delta4=("q1", "q3", True), scissors=("q1", "q4", True)
     ),
-    *_spoilt("drives rotated", _fixed(s.rotated_drives), GROSS, delta4=(), triglide=(), delta_printer=()),
+    *_spoilt("drives rotated", _fixed(s.rotated_drives), GROSS, delta4=(), triglide=()),
     *_spoilt("drive reversed", s.times, GROSS, triglide_nonredundant=("q1", -1), hexapod7=("q4", -1)),
     *_spoilt("drive in inches", s.times, GROSS, delta4=("q2", 1 / 25.4), gantry=("X", 1 / 25.4)),
     *_spoilt(
@@ -243,6 +243,7 @@ UNTELLABLE: tuple[tuple[Lie, str], ...] = tuple(
         (_spoilt("axis out of square", s.sheared, EITHER, triglide=("x", "y", 1e-3)), "so do feet of other heights"),
         (_spoilt("axis reversed", s.times, EITHER, delta_printer=("probe", -1)), "stops off by 1 mm the other way"),
         (_spoilt("origin forgotten", s.plus, EITHER, delta_printer=("probe", 3.0)), "stops 3 mm, six ranges, lower"),
+        (_spoilt("drives rotated", _fixed(s.rotated_drives), EITHER, delta_printer=()), "three towers that are alike"),
         (_spoilt("scale 1.0001 of all", s.all_times, EITHER, biglide=(1.0001,)), "parameters within their ranges"),
     )
     for lie in lies
