@@ -142,7 +142,7 @@ _DRIVES = [
         GROSS,
         scissors=("q1", "q4"),
         delta4=("q1", "q2"),
-        gantry=("Y1", "Y2"),
+        gantry=("X", "Y1"),
     ),
     *_spoilt(
         "encoder offset from the middle on",
