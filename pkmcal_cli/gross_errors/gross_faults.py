@@ -123,9 +123,9 @@ def _suspected(
 ) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
     sample = Sample.of(problem, values, tuple(parameters), states)
-    steady = (*_steady(sample), *repeated_readings(sample, place))
+    steady = _steady(sample)
     if not sample.gross:
-        return steady
+        return (*steady, *repeated_readings(sample, place))
     reasons = [_channels(sample, True), _rows(sample, sessions, place)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
@@ -136,7 +136,7 @@ def _suspected(
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
     chosen = _chosen([r for r in reasons if r.hints])
-    return (*(chosen or permuted_rows(sample, place)), *steady)
+    return (*(chosen or permuted_rows(sample, place) or repeated_readings(sample, place)), *steady)
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:
