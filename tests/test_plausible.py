@@ -149,7 +149,7 @@ def test_what_is_large_but_explained_is_plausible() -> None:
     """One anchor of the hangprinter is nine ranges off; chi-square is 28 times what it should be."""
     machine, table = MACHINES / "hangprinter.yaml", MACHINES / "hangprinter_2021-12-16.csv"
     done = clean(run("calibrate", machine, table, "--holdout", "none", "--json"))
-    assert done.code == 0 and done.json["status"] == "converged" and done.json["chi2_per_dof"] > 20
+    assert done.code == 0 and done.json["status"] == "incomplete" and done.json["chi2_per_dof"] > 20
 
 
 def test_improve_says_it_too(tmp_path: Path) -> None:

@@ -219,6 +219,7 @@ def test_uncertainty_is_that_of_noise_and_of_offsets_together() -> None:
     budget = ErrorBudget(
         names=("a",), held=("b",), instruments=("gauge",), data=np.array([[[9e-12]]]), by_own=np.zeros((1, 1)),
         by_held=np.array([[4e-6]]), half_ranges=np.ones(2), scales=one,
+        squares=np.ones(1), counts=np.ones(1), worth=np.ones(1),
     )  # fmt: skip
     assert budget.std == pytest.approx(5e-6, rel=1e-6)
     assert budget.std_by_data == pytest.approx(3e-6, rel=1e-6) and budget.std_by_held == pytest.approx(4e-6, rel=1e-6)

@@ -37,13 +37,13 @@ class Calibration(Result):
 
     @property
     def status(self) -> str:
-        """`converged`, `implausible`, `not_converged` or `nothing_identifiable`."""
+        """`converged`, `incomplete`, `implausible`, `not_converged` or `nothing_identifiable`."""
         return self.found.report.status
 
     @property
     def ok(self) -> bool:
         """Whether the parameters can be used."""
-        return self.status == "converged"
+        return self.found.report.usable
 
     @property
     def verdict(self) -> str:

@@ -132,9 +132,7 @@ class Improvement(Result):
 
     def _parameter_text(self, overlay: str, machine: str) -> str:
         """overlay: what the fingerprint is of; machine: what the file calls it."""
-        fit = self.found.report.improvement.fit
-        status = "implausible" if self.found.odd else fit.status
-        head = provenance(self.inputs, status=status, arguments=["pkmcal.improve"])
+        head = provenance(self.inputs, status=self.found.status, arguments=["pkmcal.improve"])
         return self.found.report.parameter_file(
             head, replace(fingerprint_of_improved(overlay, self.inputs), of=machine)
         )

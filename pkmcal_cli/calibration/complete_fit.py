@@ -18,7 +18,7 @@ from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.error_budget import ErrorBudget, error_budget, held_parameters
 from pkmcal_cli.calibration.estimated_ranges import with_estimated_ranges
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import identify
+from pkmcal_cli.calibration.identify import STEPS, identify
 from pkmcal_cli.calibration.intervals import (
     Intervals,
     Method,
@@ -97,16 +97,18 @@ def calibrated(
     states: WarmStart | None = None,
     tell: Callable[[str], None] | None = None,
     observe: Observer = unobserved,
+    steps: int = STEPS,
 ) -> Calibration:
     """Calibrate from values (P,), with `states` of the rows there; session (N,): number of the session of each row.
 
     The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer;
-    `observe` is told the steps. Raises RowsFailed.
+    `observe` is told the steps; steps: that the fit from the start may take. Raises RowsFailed.
     """
     problem = with_prior(problem, selected, options.prior)
     count, seed = options.starts, options.seed
     first, agreement = identify_from(
-        problem, selected, start, count, seed, tell, states=states, observe=observe, workers=options.workers
+        problem, selected, start, count, seed, tell, states=states, observe=observe, workers=options.workers,
+        steps=steps,
     )
     first = steady_fit(problem.without(first.failed), first)
     robust = _with_loss(problem.without(first.failed), first, options)

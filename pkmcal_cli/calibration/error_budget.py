@@ -33,7 +33,8 @@ class ErrorBudget:
     """Errors of p identified parameters `names`, besides h others that are `held` with a range; SI.
 
     data (G, p, p): covariance by the noise of each of G instruments as stated; by_own (p, p), by_held (p, h): errors by
-    offsets of half a range; half_ranges (p + h,); scales: of the offsets, identified ones first, and of the noise.
+    offsets of half a range; half_ranges (p + h,); scales: of the offsets, identified ones first, and of the noise;
+    squares, counts, worth (G,): of the whitened residuals of each instrument, and what its stated variance is worth.
     """
 
     names: tuple[str, ...]
@@ -44,6 +45,9 @@ class ErrorBudget:
     by_held: Array
     half_ranges: Array
     scales: Scales
+    squares: Array
+    counts: Array
+    worth: Array
     known_by: str = "the ranges"  # what is known of identified parameters besides the data
 
     def _std(self, by_own: Array, by_held: Array) -> Array:
@@ -164,6 +168,9 @@ def error_budget(
         by_held=gain @ whole[:p, p:] * own,
         half_ranges=half,
         scales=scales,
+        squares=evidence.squares,
+        counts=groups.counts,
+        worth=groups.freedom,
         known_by="the ranges" if prior is None or not prior.stated else "the prior",
     )
 

@@ -37,6 +37,7 @@ _STATUS = {
     **dict.fromkeys(("gradient", "step", "rounding"), "converged"),
     **dict.fromkeys(("no_descent", "budget"), "not_converged"),
 }
+STEPS = 60  # that a fit may take
 _SWITCHED, _ROUNDED = 1e-3, 1e-10  # in sigma, and m or rad: by which a reading in another assembly differs at least
 _BIND = 1e-9  # a parameter this near to its bound, in ranges, is on it
 
@@ -53,7 +54,7 @@ def identify(
     problem: Problem,
     selected: tuple[str, ...],
     start: Array | None = None,
-    iterations: int = 60,
+    iterations: int = STEPS,
     progress: Callable[[int, float], None] | None = None,
     shift: Array | None = None,
     states: WarmStart | None = None,
@@ -132,7 +133,7 @@ def _identified(
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
     several = problem.method == "exact" and problem.model.overdetermined  # else each step is in the one that there is
     way = _descent(task, kept, evaluation, failed, compare=not several)
-    if not way.holds:  # assemblies change on the way
+    if not way.holds and iterations >= STEPS:  # assemblies change on the way; with few steps nobody will use its end
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
     fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)

@@ -9,6 +9,8 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import RangeCheck
 
+USABLE = ("converged", "incomplete")
+"""How a fit ends whose parameters can be used."""
 _FAR = 10.0  # effective ranges off nominal
 _WIDER = 3.0  # times the range of the machine file: no kind is wider effectively
 _LEFT, _LARGE = 1 / 3, 1e-2  # share of the rms before, and of the machine's size, that a fit of good data goes below

@@ -16,7 +16,7 @@ from pkmcal_cli.base.stages import Observer, Stage, unobserved
 from pkmcal_cli.base.workers import ALONE, Workers
 from pkmcal_cli.calibration.estimated_ranges import centred
 from pkmcal_cli.calibration.fit import Fit
-from pkmcal_cli.calibration.identify import RowsFailed, identify
+from pkmcal_cli.calibration.identify import STEPS, RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.prediction import WarmStart
@@ -64,17 +64,19 @@ def identify_from(
     states: WarmStart | None = None,
     observe: Observer = unobserved,
     workers: Workers = ALONE,
+    steps: int = STEPS,
 ) -> tuple[Fit, Agreement | None]:
     """The best fit of `count` starts, the first one as given (P,), with `states` of the rows there.
 
     Raises RowsFailed where none can be predicted. With `count` 0 one start that fails, or explains nothing, is helped
-    by further ones, which `tell` announces.
+    by further ones, which `tell` announces. steps: that the first may take.
     """
     observe(Stage("fit"))
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        first = identify(problem, selected, start, progress=lambda n, _: observe(Stage("fit", n)), states=states)
+        told = lambda n, _: observe(Stage("fit", n))  # noqa: E731
+        first = identify(problem, selected, start, steps, progress=told, states=states)
         first = _centred(problem, selected, start, first)
         if first.before.prediction.slack:
             first = _by_taut_ropes(problem, selected, start, first)

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.measured_pose import measured_poses
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.gross_errors.change_row import change_row
 from pkmcal_cli.gross_errors.column_faults import explain_columns
 from pkmcal_cli.gross_errors.drive_columns import explain_by_prediction
 from pkmcal_cli.gross_errors.mirror import brought_back, explain_frame
+from pkmcal_cli.gross_errors.permuted import permuted_rows
 from pkmcal_cli.gross_errors.plausibility import BETTER, EXPLAINED, Hint, evidence, misfit
+from pkmcal_cli.gross_errors.repeated import repeated_readings
 from pkmcal_cli.gross_errors.row_shift import RowShift, apply_shifts, find_row_shifts
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.prediction import WarmStart
@@ -65,7 +68,7 @@ def gross_faults(
     whole = _suspected(problem, values, parameters, sessions, place, states)
     numbers = np.unique(sessions)
     if len(numbers) < 2:
-        return whole
+        return whole or _from_a_row(problem, values, parameters, sessions, place, states)
     messages = []
     for number in numbers:
         rows = np.nonzero(sessions == number)[0]
@@ -76,6 +79,27 @@ def gross_faults(
             messages.append(replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)))
     same = {(h.kind, h.names) for h in messages} <= {(h.kind, h.names) for h in whole}
     return whole if same else tuple(messages)
+
+
+def _from_a_row(
+    problem: Problem,
+    values: Array,
+    parameters: Sequence[str],
+    sessions: IntArray,
+    place: Callable[[int], str],
+    states: WarmStart | None,
+) -> tuple[Hint, ...]:
+    """Suspicions by the rows from one on, or up to one: a cable, a unit or a setting was changed on the way."""
+    first = change_row(Sample.of(problem, values, tuple(parameters), states))
+    if first is None:
+        return ()
+    out: list[Hint] = []
+    for rows, words in ((np.arange(first, len(problem)), "from"), (np.arange(first), "up to")):
+        own = None if states is None else states.take(rows)
+        found = _suspected(problem.take(rows), values, parameters, sessions[rows], _Places(place, rows), own)
+        where = f"from {place(int(rows[0]))} on" if words == "from" else f"up to {place(int(rows[-1]))}"
+        out += [replace(h, message=f"{where}: {h.message}", rows=tuple(int(rows[k]) for k in h.rows)) for h in found]
+    return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -101,7 +125,7 @@ def _suspected(
     sample = Sample.of(problem, values, tuple(parameters), states)
     steady = _steady(sample)
     if not sample.gross:
-        return steady
+        return (*steady, *repeated_readings(sample, place))
     reasons = [_channels(sample, True), _rows(sample, sessions, place)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
@@ -111,7 +135,8 @@ def _suspected(
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
-    return (*_chosen([r for r in reasons if r.hints]), *steady)
+    chosen = _chosen([r for r in reasons if r.hints])
+    return (*(chosen or permuted_rows(sample, place) or repeated_readings(sample, place)), *steady)
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:

@@ -12,8 +12,10 @@ from pkmcal_cli.base.errors import MAX_FAULTS, Fault, Location
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.gross_errors.far_rows import far_rows
 from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import find_limit_faults
+from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.poses import Place, place_of
 from pkmcal_cli.prediction import WarmStart
@@ -78,6 +80,14 @@ def measurement_hints(
         problem, values, names_to_fit, sessions, partial(_row_text, measured), names=measured.sessions, states=states
     )
     return tuple(h.message for h in hints)
+
+
+def rows_far_off(
+    problem: Problem, values: Array, measured: Measurements, states: WarmStart | None = None
+) -> tuple[str, ...]:
+    """Rows that spoil a fit by least squares, and that a robust loss does without."""
+    names = tuple(p.name for p in problem.model.parameters if p.identify)
+    return far_rows(Sample.of(problem, values, names, states), partial(_row_text, measured))
 
 
 def _row_text(measured: Measurements, row: int) -> str:

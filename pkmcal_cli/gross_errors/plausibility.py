@@ -17,7 +17,9 @@ from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.units.file_units import UNITS, Unit, parse_unit
 
 FloatArray = NDArray[np.float64]
-Kind = Literal["swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits"]
+Kind = Literal[
+    "swapped", "rotated", "moved", "unit", "sign", "mirrored", "offset", "rows", "copies", "limits", "repeated"
+]
 
 _PREFIXES = (1e3, 1e-3)
 BETTER = 0.2  # an explanation leaves at most this share of the residual

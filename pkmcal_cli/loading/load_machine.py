@@ -120,7 +120,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
     read = read_parameters(path, model.parameters, model.fingerprint)
     for name, value in read.values.items():
         values[model.names.index(name)] = value
-    warnings = [] if read.status in (None, "converged") else [_bad_status(path, read.status, read.accepted)]
+    warnings = [] if read.status in (None, "converged") else [_status_text(path, read.status, read.accepted)]
     far = [p.name for p, v in zip(model.parameters, values, strict=True) if not p.bounds[0] <= v <= p.bounds[1]]
     warnings += [f"warning: {path}: parameters outside the bounds of the machine file: {', '.join(far)}"] if far else []
     warnings += (
@@ -131,8 +131,10 @@ def load_parameters(model: Model, path: str | None) -> Start:
     return Start(values, {read.file: read.sha256}, tuple(warnings), read.covariance, read.evidence)
 
 
-def _bad_status(path: str, status: str, accepted: tuple[str, ...]) -> str:
-    """What is to be said of a fit that did not end well, and was accepted or not."""
+def _status_text(path: str, status: str, accepted: tuple[str, ...]) -> str:
+    """What is to be said of a fit that did not end well, and was accepted or not, or that leaves more than noise."""
+    if status == "incomplete":
+        return f"note: {path}: incomplete: the fit leaves more than the stated noise (`pkmcal diagnose` tells why)"
     if accepted:
         return f"note: {path}: implausible, but accepted: {'; '.join(accepted)}"
     return f"warning: {path}: the fit ended with status `{status}`"

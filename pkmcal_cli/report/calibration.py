@@ -14,11 +14,12 @@ from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
-from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
+from pkmcal_cli.calibration.plausible import USABLE, implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.replicates import replicate_noise
 from pkmcal_cli.calibration.residual import lost_rows
+from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
 from pkmcal_cli.loading.poses import Place
@@ -27,6 +28,7 @@ from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.evidence import evidence_of
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
+from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.number_format import finite, readable, uncertain
@@ -67,6 +69,8 @@ class CalibrationReport:
         self.weighed = replace(problem, weight=calibration.robust.problem.weight)
         implausible = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
         self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
+        more = unexplained(fit, self.budget, calibration.robust)
+        self.incomplete = () if self.implausible else tuple(each.text for each in more)
         self.rows = parameter_rows(self.model, fit, intervals, self.budget, self.ranges.far)
         self.failed = FailedRows(fit.failed, place, len(problem))
         self.slipped = lost_rows(problem, fit.after)  # predicted only with errors of the drives: no error is told
@@ -78,8 +82,14 @@ class CalibrationReport:
 
     @property
     def status(self) -> str:
-        """How the fit ended; "implausible" where it should not be believed all the same."""
-        return "implausible" if self.implausible else self.fit.status
+        """How the fit ended; "implausible" where it should not be believed all the same, "incomplete" where it leaves
+        more than noise."""
+        return "implausible" if self.implausible else "incomplete" if self.incomplete else self.fit.status
+
+    @property
+    def usable(self) -> bool:
+        """Whether the parameters can be used."""
+        return self.status in USABLE
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""
@@ -87,6 +97,7 @@ class CalibrationReport:
         return {
             "status": self.status,
             "implausible": list(self.implausible),
+            "incomplete": list(self.incomplete),
             "n_rows": self.n_rows,
             **self.failed.json(),
             "loads": self.loads.json(),
@@ -110,7 +121,7 @@ class CalibrationReport:
             "gauge": [] if self.calibration.datum is None else list(self.calibration.datum.gauge.motions),
             "starts": None if self.calibration.agreement is None else asdict(self.calibration.agreement),
             "replicates": [noise.json() for noise in self.replicates],
-            "heldout": self._heldout_json(),
+            "heldout": heldout_json(self.machine, self.held_out),
             "condition_number": finite(self.ranges.declared.condition_number),
             "rank": self.ranges.declared.rank,
             "undetermined": [
@@ -124,25 +135,6 @@ class CalibrationReport:
     def _noise(self) -> list[float]:
         """How many times larger than stated the sigma of each instrument is taken to be."""
         return [float(v) for v in np.sqrt(self.budget.scales.typical_noise)]
-
-    def _heldout_json(self) -> dict[str, Any]:
-        held = self.held_out
-        keys = ("rms_before", "rms_after", "unit", "kind", "scheme", "failed_folds", "before", "after", "reason")
-        out: dict[str, Any] = dict.fromkeys(keys)
-        if isinstance(held, str) or not held.after:
-            return out | {"reason": held if isinstance(held, str) else "the held-out rows have no measured values"}
-        kind = next(iter(held.after))
-        unit = figure_unit(self.machine, held.after[kind])
-        return out | {
-            "rms_before": finite(held.before[kind].rms / unit.scale),
-            "rms_after": finite(held.after[kind].rms / unit.scale),
-            "unit": unit.text,
-            "kind": kind,
-            "scheme": held.scheme,
-            "failed_folds": held.failed,
-            "before": figures_json(self.machine, held.before),
-            "after": figures_json(self.machine, held.after),
-        }
 
     def show(self, to: Reporter) -> None:
         """Tables for people."""
@@ -260,12 +252,14 @@ class CalibrationReport:
         lines = [
             {
                 "converged": f"converged in {steps}",
+                "incomplete": f"INCOMPLETE, though converged in {steps}: more is left than noise (next: `diagnose`)",
                 "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
                 "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
                 "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",
             }[self.status]
         ]
-        lines += [f"because: {reason}" for reason in self.implausible]
+        several = len(self.budget.instruments) > 1
+        lines += [f"because: {reason}" for reason in (*self.implausible, *(self.incomplete if several else ()))]
         if self.fit.dof > 0:
             freedom = count(self.fit.dof, "degree")
             lines.append(f"chi-square per degree of freedom: {chi2:.3f} ({freedom} of freedom)")

@@ -17,7 +17,7 @@ _BY_DIAGNOSIS: dict[str, Word] = {"clean": "CLEAN", "found": "FOUND", "ambiguous
 
 def verdict(results: Results) -> Verdict:
     """By the tolerance (ISO 14253-1) where there is one, else by what the search found."""
-    if results.calibrated.status != "converged":
+    if not results.calibrated.usable:
         first, *reasons = results.calibrated.verdict().splitlines()
         return Verdict("IMPLAUSIBLE", first, tuple(reasons))
     judged = results.judged

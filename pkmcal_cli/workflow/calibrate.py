@@ -86,7 +86,7 @@ def _verdict(
     s: CalibrationSetting, report: CalibrationReport, judged: Sequence[Judged], to: Reporter
 ) -> tuple[str, int]:
     """In a word, and the exit code; 1: not converged, a named parameter undetermined, a limit missed; all is told."""
-    failed = report.status != "converged" and not (report.implausible and s.request.accept)
+    failed = not report.usable and not (report.implausible and s.request.accept)
     if failed and s.request.quiet:
         to.fail(report.verdict())
     selected_by_name = named(report.model, s.request.select) & set(s.selected)

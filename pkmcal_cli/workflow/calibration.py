@@ -15,11 +15,11 @@ from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibra
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.frame_start import at_frames
-from pkmcal_cli.calibration.identify import RowsFailed
+from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured
+from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, rows_far_off
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.prediction import WarmStart
@@ -29,10 +29,13 @@ from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
+from pkmcal_cli.workflow.computed_reasons import computed_reasons
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
+
+_STEPS_IN_DOUBT = 15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,24 +150,28 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         to.warn(text)
     states = evaluate(s.problem, s.start.values).start
     hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states)
+    if not hints and s.request.fit_options.loss == "squares":
+        hints = rows_far_off(s.problem, s.start.values, s.measured, states)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
     s = _determined(s, states, to)
     options = s.request.fit_options
-    if hints:  # no start mends a wrong column
+    if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
+    steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe)
+        robust_fit = _fit(s, states, options, to, observe, steps)
         fit, place = robust_fit.robust.fit, partial(place_of, s.measured)
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
             held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
-    gross = gross_row_reasons(s.problem, robust_fit, place)
-    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, (*hints, *gross)))
+    gross = () if hints else gross_row_reasons(s.problem, robust_fit, place)
+    mistakes = (*hints, *gross, *computed_reasons(s.problem, robust_fit, s.measured))
+    return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, mistakes))
 
 
 def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:
@@ -211,7 +218,7 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
 
 
 def _fit(
-    s: CalibrationSetting, states: WarmStart, options: FitOptions, to: Listener, observe: Observer
+    s: CalibrationSetting, states: WarmStart, options: FitOptions, to: Listener, observe: Observer, steps: int
 ) -> Calibration:
     try:
         calibration = calibrated(
@@ -224,6 +231,7 @@ def _fit(
             states=states,
             tell=to.say,
             observe=observe,
+            steps=steps,
         )
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None

@@ -17,6 +17,7 @@ from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.plausible import implausible_residuals, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
+from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.diagnosis.closed_loop import FAILURES, Improvement, improve
 from pkmcal_cli.diagnosis.hypotheses import Candidates
 from pkmcal_cli.diagnosis.rotations import FEWEST_TO_SPLIT
@@ -88,7 +89,7 @@ def run_improvement(request: ImproveRequest) -> int:
     _tell(odd[len(case.hints) :], to)
     if odd and request.accept:
         to.say("accepted (`--accept`)")
-    head = _head(request, inputs, improvement, odd)
+    head = _head(request, inputs, improved)
     machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
     result = improved.json(machine, parameters, accept=request.accept)
@@ -112,6 +113,13 @@ class Improved:
     case: Case
     report: ImprovementReport
     odd: tuple[str, ...]
+
+    @property
+    def status(self) -> str:
+        """How the fit with all that was accepted ended."""
+        made = self.report.improvement
+        more = self.case.loss == "squares" and unexplained(made.fit, made.budget)
+        return "implausible" if self.odd else "incomplete" if more else made.fit.status
 
     def failures(self, accept: bool = False) -> tuple[str, ...]:
         """What it did not achieve."""
@@ -275,13 +283,10 @@ def _write(
     return targets
 
 
-def _head(
-    request: ImproveRequest, inputs: dict[str, str], improvement: Improvement, odd: tuple[str, ...]
-) -> dict[str, Any]:
+def _head(request: ImproveRequest, inputs: dict[str, str], improved: Improved) -> dict[str, Any]:
     """Where the parameters come from, and whether they are to be believed."""
-    accepted = {"accepted": list(odd)} if odd and request.accept else {}
-    status = "implausible" if odd else improvement.fit.status
-    return provenance(inputs, seed=request.seed, status=status, **accepted)
+    accepted = {"accepted": list(improved.odd)} if improved.odd and request.accept else {}
+    return provenance(inputs, seed=request.seed, status=improved.status, **accepted)
 
 
 def _base(machine: str, target: str) -> str:

@@ -7,12 +7,16 @@ from pkmcal_cli.report.outputs.keys import Output
 CALIBRATE = Output(
     "calibrate",
     """
-verdict converged|not_converged|nothing_identifiable|implausible|undetermined|limit_missed: `status`; where that is
-    `converged` and the exit code 1 all the same: `undetermined` for a parameter named in `--select`, or
-    `limit_missed`
-status converged|not_converged|nothing_identifiable|implausible: `converged`, `not_converged`, `nothing_identifiable`,
-    or `implausible`: converged, but not to be believed
+verdict converged|incomplete|not_converged|nothing_identifiable|implausible|undetermined|limit_missed: `status`; where
+    that is `converged` or `incomplete` and the exit code 1 all the same: `undetermined` for a parameter named in
+    `--select`, or `limit_missed`
+status converged|incomplete|not_converged|nothing_identifiable|implausible: `converged`; `incomplete`: converged, but
+    the residuals are larger than the stated noise can be, so an effect is missing or a sigma too small (exit 0;
+    `diagnose` tells which); `not_converged`, `nothing_identifiable`, or `implausible`: converged, but not to be
+    believed
 implausible[] text: why not
+incomplete[] text: instruments whose residuals are larger than their stated noise can be, and by what factor; empty
+    unless `status` is `incomplete`
 n_rows integer: number of rows in all tables
 n_failed integer: number of rows without a prediction, not used
 failed[].file text: such a row

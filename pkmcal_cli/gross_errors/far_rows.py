@@ -1,0 +1,34 @@
+"""Single rows that are off, before any fit, by more than any parameters could be: by least squares they spoil it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pkmcal_cli.base.plural import count
+from pkmcal_cli.gross_errors.plausibility import GROSS
+from pkmcal_cli.gross_errors.sample import Sample
+from pkmcal_cli.units.unit_text import parse_unit
+
+_FAR = 100.0  # times what errors of parameters and noise cause: fifty ranges of all together
+_MOST = 0.25  # share of the rows; more are another mistake
+_LISTED = 5
+
+
+def far_rows(sample: Sample, place: Callable[[int], str]) -> tuple[str, ...]:
+    """Such rows in words, where most of the others are off by no more than parameters explain."""
+    residual = np.abs(sample.seen(sample.readings, sample.predicted) - sample.predicted)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.where(np.isfinite(residual) & (sample.prior_rms > 0), residual / sample.prior_rms, 0.0)
+    each = relative.max(axis=1, initial=0.0)
+    rows = np.nonzero(each > _FAR)[0]
+    if not 0 < len(rows) <= _MOST * len(each) or np.median(each) > GROSS:
+        return ()
+    worst = int(each.argmax())
+    k = int(relative[worst].argmax())
+    channel, listed = sample.part.model.channels[k], ", ".join(place(int(sample.rows[r])) for r in rows[:_LISTED])
+    more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
+    off = parse_unit(channel.unit).format(float(residual[worst, k]), 3)
+    what = f"{count(len(rows), 'row')} {'is' if len(rows) == 1 else 'are'} far off what the others say"
+    return (f"{what}: {listed}{more}, `{channel.name}` by up to {off} (`--loss tukey` does without them)",)
