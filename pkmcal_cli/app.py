@@ -91,7 +91,7 @@ def run(arguments: list[str]) -> int:
 
 def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
-    from pkmcal_cli.base.errors import BadInput, Location, OutputError, PkmcalError, numbers_fail
+    from pkmcal_cli.base.errors import BadInput, Location, OutputError, PkmcalError, numbers_fail, too_large
 
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
@@ -102,6 +102,8 @@ def _failed(error: Exception, arguments: list[str]) -> int:
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
         error = numbers_fail()
+    if isinstance(error, MemoryError):
+        error = too_large()
     if isinstance(error, PkmcalError):
         if os.environ.get("PKMCAL_DEBUG"):
             _tell("".join(traceback.format_exception(error)))
@@ -111,9 +113,6 @@ def _failed(error: Exception, arguments: list[str]) -> int:
 
             _tell("\n".join(of_error(error)))
         return error.exit_code
-    if isinstance(error, MemoryError):
-        _tell("error[memory]: not enough memory\nhelp: use fewer rows or positions at once")
-        return PkmcalError.exit_code
     return _usage_or_internal(error, arguments)
 
 
