@@ -20,6 +20,7 @@ from pkmcal_cli.commands._group import Subcommands, names
 
 _STOPPED = 130
 _GARBAGE = 50_000  # objects between looks for garbage: the many that modules make at the start are none
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 app = typer.Typer(
     name="pkmcal",
@@ -48,6 +49,7 @@ def _root(
 def main() -> None:
     """Run the program and end the process."""
     gc.set_threshold(_GARBAGE)
+    os.environ.update(dict.fromkeys(_THREADS, "1"))  # before there is any linear algebra: sums do not depend on it
     _stop_on_signals()
     sys.exit(run(sys.argv[1:]))
 

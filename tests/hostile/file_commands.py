@@ -118,7 +118,7 @@ COMMANDS: dict[str, Writing] = {
     ),
     "plan --as checklist": Writing(command=f"plan {_TABLE} --as checklist -o {{o}}/n.txt", groups=(("n.txt",),)),
     "plan --as gcode": Writing(
-        command="plan {m}/gantry.yaml --grid x=100:400:2,y=100:400:2,z=-100:-100:1 --as gcode -o {o}/n.nc",
+        command="plan {m}/gantry.yaml --grid x=100:400:2,y=100:400:2 --as gcode -o {o}/n.nc",
         groups=(("n.nc",),),
     ),
     "report": Writing(command=f"report {_TABLE} -o {{o}}/r.html", groups=(("r.html",),)),
