@@ -41,7 +41,7 @@ MACHINE_COMMANDS = (
     f"check {_M}", f"simulate {_M} {_T} -o {{o}}/s.csv", f"draw {_M} -o {{o}}/d.svg", f"sensitivity {_M} --json",
     f"observability {_M} {_T}", f"plan {_M} {_T} --points 1 -o {{o}}/n.csv", f"calibrate {_M} {_T} -o {{o}}/c.yaml",
     f"effects {_M}", f"correct {_M} {_T} --as beckhoff -o {{o}}/b.csv", f"improve {_M} {_T} -o {{o}}/i.yaml",
-    f"study {_M} --points 5 --repeat 1 --validation 1 --within {_BOX} -o {{o}}/s.csv", f"compare {_M} {_M} --json",
+    f"study {_M} --points 5 --repeat 2 --validation 1 --within {_BOX} -o {{o}}/s.csv", f"compare {_M} {_M} --json",
     f"diagnose {_M} {_T} --json", f"report {_M} {_T} -o {{o}}/r.html",
 )  # fmt: skip
 TABLE_COMMANDS = (
@@ -194,13 +194,14 @@ def _record(text: str) -> str:
 def _other_files() -> Iterator[Attack]:
     """States, records of runs, files beside tables, printers, overlays."""
     printer, overlay, quoted = base_files()["printer.cfg"], base_files()["e.yaml"], [*map(_quoted, CODE)]
-    study = f"study {_M} --points 5 --repeat 1 --validation 1 --within {_BOX} --state {{i}}/state.json"
+    study = f"study {_M} --points 5 --repeat 2 --validation 1 --within {_BOX} --state {{i}}/state.json"
     for text in quoted:
         state = f'{{"form": {text}, "asked": {{"command": {text}}}, "results": {{{text}: {text}}}}}'
         yield Attack("state", tuple(study.split()), {"state.json": state})
         record = f"command: {text}\nmachine: {text}\nresults: {{{text}: {text}}}\ncreated: {text}\n"
         yield Attack("record of a run", ("compare", "{i}/runs"), {"runs/a/run.yaml": record})
-        yield Attack("record of a run", ("report", "{i}/runs/a", "-o", "{o}/r.html"), {"runs/a/run.yaml": _record(text)})
+        report = ("report", "{i}/runs/a", "-o", "{o}/r.html")
+        yield Attack("record of a run", report, {"runs/a/run.yaml": _record(text)})
         beside = f"data: {text}\nsha256: {text}\nkind: {text}\nnote: {text}\n"
         yield Attack("file beside a table", tuple(f"check {_M} {_T}".split()), {"t.csv.provenance.yaml": beside})
         files = {"printer.cfg": printer.replace("288.0", json.loads(text).replace("\n", " "))}
