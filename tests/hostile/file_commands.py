@@ -68,7 +68,7 @@ _BIGLIDE = "{m}/biglide.yaml"
 _TABLE = "{m}/biglide.yaml {i}/t.csv"
 COMMANDS: dict[str, Writing] = {
     "new": Writing(command="new rrr -o {o}/m.yaml", groups=(("m.yaml",),), fast=True),
-    "schema": Writing(command="schema -o {o}/s.json", groups=(("s.json",),), fast=True),
+    "schema": Writing(command="schema -o {o}/s.json", groups=(("s.json",),)),
     "simulate": Writing(
         command=f"simulate {_BIGLIDE} {_GRID} --noise declared --seed 1 -o {{o}}/t.csv",
         before=(f"simulate {_BIGLIDE} {_GRID} --noise declared --seed 2 -o {{o}}/t.csv",),
@@ -100,7 +100,6 @@ COMMANDS: dict[str, Writing] = {
         before=(f"correct {_BIGLIDE} {_GRID} -p {{i}}/u.params.yaml -o {{o}}/c.csv",),
         groups=(_table("c.csv"), ("runs/",)),
         accepted=_own_table("c.csv"),
-        fast=True,
     ),
     "correct --as beckhoff": Writing(
         command=f"correct {_TABLE} -p {{i}}/t.params.yaml --as beckhoff -o {{o}}/c.csv",

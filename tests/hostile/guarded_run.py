@@ -10,7 +10,6 @@ import ast
 import os
 import site
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import CodeType
@@ -29,13 +28,13 @@ class Guard:
     """An audit hook that notes what is forbidden: `found`, in words; while `on`."""
 
     def __init__(self, read: tuple[Path, ...], written: tuple[Path, ...]) -> None:
-        temporary = Path(tempfile.gettempdir())
         packages = {sys.prefix, sys.base_prefix, sys.exec_prefix, *site.getsitepackages(), *sys.path}
         roots = {Path(p).resolve() for p in packages if p}
         self._written = tuple(map(str, (*written, Path(os.devnull))))
         fixed = ("/etc/localtime", "/usr/share/zoneinfo", "/usr/share/fonts", "/proc/self", "/proc/cpuinfo", "/sys")
         self._read = (*map(str, roots), *map(str, read), *self._written, *fixed)
-        self._temporary, self.on, self.found = str(temporary), False, list[str]()
+        self.on, self.found = False, list[str]()
+        sys.dont_write_bytecode = True
         sys.addaudithook(self._look)
 
     def _look(self, event: str, arguments: tuple[Any, ...]) -> None:
@@ -66,7 +65,7 @@ class Guard:
     def _opened(self, name: str, mode: Any, flags: int) -> Iterator[str]:
         path = os.path.abspath(name)
         writes = bool(flags & _WRITES) or any(c in str(mode or "") for c in "wax+")
-        if writes and not _below(path, self._written) and not path.endswith(".pyc") and ".pyc." not in path:
+        if writes and not _below(path, self._written):
             yield f"{path!r} opened for writing"
         elif not writes and not _below(path, self._read):
             yield f"{path!r} opened for reading"
