@@ -59,7 +59,7 @@ class Guard:
             yield from self._opened(os.fsdecode(arguments[0]), arguments[1], int(arguments[2] or 0))
         else:
             for name in arguments[: _CHANGES.get(event, 0)]:
-                if os.path.isabs(str(name)) and not _below(str(name), self._written):
+                if os.path.isabs(str(name)) and not _below(os.path.abspath(name), self._written):
                     yield f"{event} {name}"
 
     def _opened(self, name: str, mode: Any, flags: int) -> Iterator[str]:
