@@ -24,7 +24,7 @@ def written(command: str, threads: str, seed: str) -> str:
     "calibrate @triglide-nonredundant.yaml @triglide-nonredundant.csv --uncertainty bootstrap --json",
     "simulate @triglide.yaml @triglide.csv --noise declared --seed 4",
     "diagnose @biglide.yaml @biglide.csv --json",  # differed in the last bits with two threads
-    "plan @biglide.yaml --grid x=300:600:2,y=200:300:2 --points 2",
+    "plan @biglide.yaml --grid x=300:600:2,y=200:300:2 --points 2 -o -",
     f"study @biglide.yaml --points 5 --repeat 2 --validation 2 --within {_BOX} --json",
 ])  # fmt: skip
 def test_threads_and_hash_seed_change_no_byte(command: str) -> None:
@@ -38,7 +38,7 @@ def test_threads_and_hash_seed_change_no_byte(command: str) -> None:
     "calibrate @scissors.yaml @scissors-shopfloor.csv --uncertainty profile --json",
     "improve @scissors.yaml @scissors-shopfloor.csv --json",
     "diagnose @scissors.yaml @scissors-shopfloor.csv --json",
-    "plan @triglide.yaml --grid x=200:700:3,y=200:350:3 --points 3",
+    "plan @triglide.yaml --grid x=200:700:3,y=200:350:3 --points 3 -o -",
 ])  # fmt: skip
 def test_nor_of_long_commands(command: str) -> None:
     assert written(command, "1", "1") == written(command, "2", "2")

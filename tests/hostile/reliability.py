@@ -21,17 +21,17 @@ PAGE = ROOT / "docs" / "reliability.md"
 _TIME = re.compile(r"[;,] (longest|in) [\d.]+ s\b")
 _HEAD = """# Reliability
 
-What was tried to make pkmcal fail, and what came of it. Each figure is the last output of the command beside it
-(`python -m tests.hostile.reliability --run NAME` runs one and keeps it, `--write` makes this page); parts of all run with
-every `pytest`. What follows for those who use it: [what you can rely on](promises.md).
+What was tried to make pkmcal fail, and what came of it. Each figure is the last output of the command beside it; parts of
+all run with every `pytest`. `python -m tests.hostile.reliability --run NAME` runs one and keeps its figures, `--write` makes
+this page. What follows for those who use it: [what you can rely on](promises.md).
 
 | check | what must hold | command | figures |
 | --- | --- | --- | --- |
 """
 _TAIL = """
-Number k of the fuzz is the same input on every computer; other numbers: `python -m tests.hostile.fuzz N FIRST`. The slow
-run of a million is `python -m pytest -m slow tests/test_fuzz.py`. All mutants (one or two minutes each on a busy machine):
-`python -m tests.hostile.mutants`. The lowest versions are tried by hand, as `tests/hostile/floors.py` says.
+Number k of the fuzz is the same input on every computer; others: `python -m tests.hostile.fuzz N FIRST`. The slow run
+of a million is `python -m pytest -m slow tests/test_fuzz.py`, that of all mutants `python -m tests.hostile.mutants`.
+The lowest versions are tried by hand, as `tests/hostile/floors.py` says.
 """
 
 
@@ -50,8 +50,8 @@ class Check:
 
 
 _DISK = (
-    "every file operation of every writing command fails (killed, ENOSPC, EIO, no memory, disk full from then on): files "
-    "whole, old or absent; no pair that does not belong together is accepted; no exit code 70"
+    "every file operation of every writing command fails (killed, ENOSPC, EIO, no memory, disk full from then on): "
+    "files whole, old or absent; no pair that does not belong together is accepted; no exit code 70"
 )
 _ATTACK = (
     "texts of attackers in every input: nothing is run, no process, no socket, no file opened for writing but the "
