@@ -25,6 +25,7 @@ from pkmcal_cli import app
 HOWS = ("kill", "ENOSPC", "EIO", "MemoryError", "full")
 """`full`: from this operation on no file takes more than `_ROOM` bytes."""
 _ROOM = 64
+_TEMPORARY = ".temporary"
 _PATHS = {"open": 1, "os.rename": 2, "os.link": 2, "os.remove": 1, "os.chmod": 1, "os.mkdir": 1, "os.rmdir": 1,
           "os.fsync": 1}  # fmt: skip
 
@@ -92,7 +93,7 @@ class _Walker:
 
     def start(self) -> None:
         """From now on operations are looked at; a hook stays as long as the process."""
-        temporary = self._folder / ".temporary"
+        temporary = self._folder / _TEMPORARY
         temporary.mkdir()
         tempfile.tempdir = str(temporary)  # what a fork takes away comes back
         sys.addaudithook(self._look)
@@ -125,6 +126,8 @@ class _Walker:
         names = [str(a) for a in arguments[: _PATHS.get(event, 0)]]
         if not any(n.startswith(str(self._folder)) for n in names):
             return
+        if event == "open" and _TEMPORARY in names[0] and os.path.isdir(names[0]):
+            return  # `rmtree` holds to the very folder that it has looked at: a fork would take it away
         self._busy = True
         at = " ".join((event, *map(os.path.basename, names)))
         for how in self._hows:

@@ -28,7 +28,8 @@ class Guard:
     """An audit hook that notes what is forbidden: `found`, in words; while `on`."""
 
     def __init__(self, read: tuple[Path, ...], written: tuple[Path, ...]) -> None:
-        packages = {sys.prefix, sys.base_prefix, sys.exec_prefix, sys.pycache_prefix, *site.getsitepackages(), *sys.path}
+        own = (sys.prefix, sys.base_prefix, sys.exec_prefix, sys.pycache_prefix)
+        packages = {*own, *site.getsitepackages(), *sys.path}
         roots = {Path(p).resolve() for p in packages if p}
         self._written = tuple(map(str, (*written, Path(os.devnull))))
         fixed = ("/etc/localtime", "/usr/share/zoneinfo", "/usr/share/fonts", "/proc/self", "/proc/cpuinfo", "/sys")
