@@ -64,7 +64,7 @@ _ATTACK = (
 )
 _NIST = "NIST StRD regressions through the fit itself, from both starts: four digits, or an honest status"
 CHECKS: Mapping[str, Check] = {
-    "fuzz": Check("mutated inputs: no traceback, no number but a plain second reader's", "fuzz 30000 10000", 3),
+    "fuzz": Check("mutated inputs: no traceback, no number but a plain second reader's", "fuzz 5000 10000", 3),
     "file operations": Check(_DISK, "file_operations"),
     "attacks": Check(_ATTACK, "attacks"),
     "unit slips": Check("units that engineers confuse are warned of", "unit_slips", most=True),
