@@ -20,6 +20,7 @@ from pkmcal_cli.commands._group import Subcommands, names
 
 _STOPPED = 130
 _GARBAGE = 50_000  # objects between looks for garbage: the many that modules make at the start are none
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 app = typer.Typer(
     name="pkmcal",
@@ -48,6 +49,7 @@ def _root(
 def main() -> None:
     """Run the program and end the process."""
     gc.set_threshold(_GARBAGE)
+    os.environ.update(dict.fromkeys(_THREADS, "1"))  # before there is any linear algebra: sums do not depend on it
     _stop_on_signals()
     sys.exit(run(sys.argv[1:]))
 
@@ -91,7 +93,7 @@ def run(arguments: list[str]) -> int:
 
 def _failed(error: Exception, arguments: list[str]) -> int:
     """Tell an error; its exit code."""
-    from pkmcal_cli.base.errors import BadInput, Location, OutputError, PkmcalError, numbers_fail
+    from pkmcal_cli.base.errors import BadInput, Location, OutputError, PkmcalError, numbers_fail, too_large
 
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
@@ -102,6 +104,8 @@ def _failed(error: Exception, arguments: list[str]) -> int:
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
         error = numbers_fail()
+    if isinstance(error, MemoryError):
+        error = too_large()
     if isinstance(error, PkmcalError):
         if os.environ.get("PKMCAL_DEBUG"):
             _tell("".join(traceback.format_exception(error)))
@@ -111,9 +115,6 @@ def _failed(error: Exception, arguments: list[str]) -> int:
 
             _tell("\n".join(of_error(error)))
         return error.exit_code
-    if isinstance(error, MemoryError):
-        _tell("error[memory]: not enough memory\nhelp: use fewer rows or positions at once")
-        return PkmcalError.exit_code
     return _usage_or_internal(error, arguments)
 
 

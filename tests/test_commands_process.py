@@ -223,7 +223,7 @@ def test_too_little_memory_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("pkmcal_cli.workflow.check.run_check", full)
     done = run("check", TRIGLIDE)
-    assert done.code == 70 and "not enough memory" in done.err
+    assert done.code == 3 and "not enough memory" in done.err
 
 
 def imported(*arguments: str, of: tuple[str, ...]) -> str:

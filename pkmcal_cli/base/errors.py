@@ -164,6 +164,11 @@ def numbers_fail() -> BadInput:
     return BadInput.single("the computation fails with these numbers", None, hint, "numbers")
 
 
+def too_large() -> BadInput:
+    """The error of an input that needs more memory than there is."""
+    return BadInput.single("not enough memory", None, "use fewer rows or positions at once", "memory")
+
+
 class OutputError(PkmcalError):
     """A result cannot be written (exit code 4)."""
 

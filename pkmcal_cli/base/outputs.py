@@ -192,7 +192,7 @@ def _move_all(parts: Sequence[tuple[Path, Path]], force: bool) -> None:
 
 def _remove(temporary: Path) -> None:
     """A temporary file goes; where that fails the result, which is in place or not, stays as it is."""
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, MemoryError):
         temporary.unlink()
 
 
@@ -241,7 +241,7 @@ def _sync(file: IO[str]) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    with contextlib.suppress(OSError):  # some file systems cannot
+    with contextlib.suppress(OSError, MemoryError):  # some file systems cannot, and results are in place
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(descriptor)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pkmcal_cli import __version__
 from pkmcal_cli.base.errors import BadInput, FaultList, did_you_mean
 from pkmcal_cli.language.fingerprint import Fingerprint, read_fingerprint
 from pkmcal_cli.loading.data_information import DATA
@@ -174,7 +175,18 @@ def _unknown_keys(
     for key in node.value:
         if key not in known:
             what = f"unknown key `{key}`" + (f" in `{path[-1]}`" if path else "")
-            faults.add(tree.fault("unknown-key", what, (*path, key), did_you_mean(key, known), at_key=True))
+            remedy = _other_release(tree.root) or did_you_mean(key, known)
+            faults.add(tree.fault("unknown-key", what, (*path, key), remedy, at_key=True))
+
+
+def _other_release(root: SourceNode) -> str | None:
+    """What to do with a file that another release has written; None for one of this release, or of nobody."""
+    provenance = root.child("provenance") if isinstance(root.value, dict) else None
+    program = provenance.child("program") if provenance is not None and isinstance(provenance.value, dict) else None
+    own = f"pkmcal {__version__}"
+    if program is None or not isinstance(program.value, str) or program.value == own:
+        return None
+    return f"the file was written by {program.value[:40]}, this is {own}: use that release, or calibrate again"
 
 
 def _entry_value(

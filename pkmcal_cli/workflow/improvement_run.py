@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.errors import BadInput, Location, OutputError
 from pkmcal_cli.language.fingerprint import Fingerprint, fingerprint_of
 from pkmcal_cli.language.machine_yaml import read_machine
 from pkmcal_cli.report.improvement import ImprovementReport
@@ -52,8 +52,14 @@ def improvement_run(
 
 
 def fingerprint_of_improved(overlay: str, inputs: Mapping[str, str]) -> Fingerprint:
-    """Of the improved machine, as every command will read it. Raises BadInput where its base is no longer the same."""
-    improved = read_machine(overlay)
+    """Of the improved machine, as every command will read it. Raises BadInput where its base is not the same."""
+    try:
+        improved = read_machine(overlay)
+    except BadInput as error:
+        own = [f.what for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay]
+        if own:  # what was just written, which is no input
+            raise OutputError(f"cannot be written: {own[0]}", overlay) from error
+        raise
     for name, digest in improved.files[1:]:
         if digest not in inputs.values():
             what = "this file has changed since it was read, so the improved machine would differ"

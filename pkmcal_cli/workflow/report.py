@@ -107,6 +107,16 @@ def run_report(request: ReportRequest) -> int:
     return _written(request, results, inputs, to)
 
 
+def _copy(folder: str, name: str) -> str:
+    """A kept copy of an input. Raises BadInput for a file elsewhere: a folder may come from anybody."""
+    path = os.path.join(folder, name)
+    if os.path.commonpath([os.path.realpath(folder), os.path.realpath(path)]) != os.path.realpath(folder):
+        what = f"the record of this run names a file outside its folder, `{name}`"
+        hint = "give the folder as `--run` made it"
+        raise BadInput.single(what, Location(os.path.join(folder, RECORD)), hint, "file")
+    return path
+
+
 def _of_run(request: ReportRequest) -> ReportRequest:
     """The same for a run that was kept: its copies of the files, its options; a further table is that after correction.
 
@@ -120,7 +130,7 @@ def _of_run(request: ReportRequest) -> ReportRequest:
     record = plain_map(os.path.join(folder, RECORD), "the record of a run", "command:")
     asked, files = record.get("asked"), record.get("inputs")
     try:
-        copies = {name: os.path.join(folder, kept["file"]) for name, kept in files.items()}  # type: ignore[union-attr]
+        copies = {name: _copy(folder, kept["file"]) for name, kept in files.items()}  # type: ignore[union-attr]
         own = {k: asked[k] for k in ("select", "loss", "prior", "alpha", "seed") if k in asked}  # type: ignore[operator, index]
         return replace(
             request,

@@ -71,7 +71,7 @@ def keep_run(folder: str | None, inputs: Mapping[str, str], run: Run, to: Report
         kept = _copied(part, inputs)
         for file, text in {RESULT: json.dumps(run.result, indent=2, ensure_ascii=False) + "\n", **run.files}.items():
             (part / file).write_text(text, encoding="utf-8", newline="\n")
-        results = {file: sha256(part / file) for file in (RESULT, *run.files)}
+        results = {file: _checksum(part / file) for file in (RESULT, *run.files)}
         (part / RECORD).write_text(_record(run, inputs, kept, results), encoding="utf-8", newline="\n")
         target = _moved(part, Path(folder), name)
     except OSError as error:
@@ -88,12 +88,18 @@ def _copied(part: Path, inputs: Mapping[str, str]) -> dict[str, str]:
         target = part / copy_of(name, inputs)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(name, target)
-        if sha256(target) != inputs[name]:
+        if _checksum(target) != inputs[name]:
             raise OutputError("this input has changed while the command ran; no run was kept", name, "run it again")
         if os.path.isfile(beside(name)):  # that a table is simulated must not be lost
             shutil.copyfile(beside(name), beside(target))
         kept[name] = str(target.relative_to(part))
     return kept
+
+
+def _checksum(copy: Path) -> str:
+    """Of what was just written. Raises OSError, which is an error of the output and not of an input."""
+    with open(copy, "rb") as file:
+        return sha256(file)
 
 
 def copy_of(name: str, inputs: Iterable[str]) -> str:

@@ -23,7 +23,8 @@ from pkmcal_cli.base.workers import Workers
 from pkmcal_cli.report.console import Reporter
 
 Result = TypeVar("Result")
-_FORM = "pkmcal/state/1"
+_FORMS = "pkmcal/state/"
+_FORM = f"{_FORMS}1"
 _EVERY = 1.0  # s
 _OTHER = "name another file, or delete this one to begin anew"
 
@@ -82,13 +83,16 @@ def _parsed(file: str) -> dict[str, Any]:
     """The content of a state. Raises BadInput for anything else."""
     with open_input(file) as opened:
         content = opened.read()
+    what = "this file is no state of a work"
     try:
         record = json.loads(content)
+        if record["form"] != _FORM and str(record["form"]).startswith(_FORMS):
+            what = f"this state has the form `{str(record['form'])[:40]}`; this release of pkmcal knows `{_FORM}`"
         if record["form"] == _FORM and all(number.isdigit() for number in record["results"]) and dict(record["asked"]):
             return dict(record)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         pass
-    raise BadInput.single("this file is no state of a work", Location(file), _OTHER, "state")
+    raise BadInput.single(what, Location(file), _OTHER, "state")
 
 
 def all_done(

@@ -17,9 +17,10 @@ from pathlib import Path
 from tests.hostile.engine_mutants import ENGINE
 from tests.hostile.inference_mutants import INFERENCE
 from tests.hostile.mutant_kinds import Mutant
+from tests.hostile.reader_mutants import READER
 
 ROOT = Path(__file__).resolve().parents[2]
-MUTANTS: tuple[Mutant, ...] = (*ENGINE, *INFERENCE)
+MUTANTS: tuple[Mutant, ...] = (*ENGINE, *INFERENCE, *READER)
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "reference", "*.svg")
 
 

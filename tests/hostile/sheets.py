@@ -98,6 +98,14 @@ def marked_cell(sheet: Sheet, rng: random.Random) -> None:
     sheet.rows[row][place] = rng.choice(forms)
 
 
+def other_mark(sheet: Sheet, rng: random.Random) -> None:
+    """One number has the decimal mark of another country."""
+    marked = [(row, k) for row in sheet.rows for k, cell in enumerate(row) if sheet.decimal in cell]
+    if marked:
+        row, k = rng.choice(marked)
+        row[k] = row[k].replace(sheet.decimal, "," if sheet.decimal == "." else ".")
+
+
 def moved_cells(sheet: Sheet, rng: random.Random) -> None:
     """Cells of one row are exchanged, lost or doubled; the others may move along."""
     row, place = _place(sheet, rng)
@@ -194,15 +202,20 @@ def other_unit(sheet: Sheet, rng: random.Random) -> None:
             sheet.header[k] = rng.choice((f"{bare} [{text}]", f"{bare}[{text}]", f"{bare} [ {text} ]", bare))
 
 
+def decimal_commas(sheet: Sheet, rng: random.Random) -> None:
+    """As a spreadsheet writes where the decimal mark is a comma; now and then with commas between the cells too."""
+    sheet.decimal = ","
+    sheet.rows = [[c.replace(".", ",") for c in cells] for cells in sheet.rows]
+    sheet.separator = rng.choice(";\t|" if rng.random() < 0.9 else ",")
+
+
 def other_writing(sheet: Sheet, rng: random.Random) -> None:
     """Another separator, decimal mark, line end or encoding; lines before the header; separators behind the rows."""
     kind = rng.randrange(8)
     if kind == 0:
         sheet.separator = rng.choice(",;\t|")
     elif kind == 1 and sheet.decimal == ".":
-        sheet.decimal = ","
-        sheet.rows = [[c.replace(".", ",") for c in cells] for cells in sheet.rows]
-        sheet.separator = rng.choice(";\t|" if rng.random() < 0.9 else ",")
+        decimal_commas(sheet, rng)
     elif kind == 2:
         sheet.end = rng.choice(("\r\n", "\r", "\n\n", "\r\r\n", "\n\r"))
     elif kind == 3:
@@ -226,11 +239,13 @@ def other_bytes(sheet: Sheet, rng: random.Random) -> None:
     sheet.raw.append(lambda data: data[: int(len(data) * where)] + put + data[int(len(data) * where) + cut :])
 
 
-MUTATIONS = (odd_cell, typed_cell, marked_cell, moved_cells, moved_rows, moved_columns, renamed_column, other_unit,
-             other_writing, other_bytes)  # fmt: skip
+MUTATIONS = (odd_cell, typed_cell, marked_cell, other_mark, moved_cells, moved_rows, moved_columns, renamed_column,
+             other_unit, other_writing, other_bytes)  # fmt: skip
 
 
 def mutate(sheet: Sheet, rng: random.Random) -> None:
-    """One to three mutations, one after the other."""
+    """One to three mutations, one after the other; of a fifth of the sheets, written with decimal commas."""
+    if rng.random() < 0.2:
+        decimal_commas(sheet, rng)
     for _ in range(rng.choice((1, 1, 1, 2, 2, 3))):
         rng.choice(MUTATIONS)(sheet, rng)
