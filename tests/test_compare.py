@@ -231,6 +231,12 @@ def test_machine_files_on_the_same_rows() -> None:
     assert same["better"] is None and same["change"]["value"] == 0
 
 
+def test_shipped_machines_are_called_by_their_names() -> None:
+    done = compared("triglide", "triglide-nonredundant", str(MACHINES / "triglide.csv"))
+    assert done.code == 0 and done.json["count"] > 0
+    assert [Path(m).stem for m in done.json["machines"]] == ["triglide", "triglide-nonredundant"]
+
+
 def test_pairs_are_resampled_together() -> None:
     """An error that both share says nothing; a small one that one has more in every row does."""
     shared = np.random.default_rng(1).normal(size=80) ** 2

@@ -11,8 +11,8 @@ kind parameters|machines|history: `parameters`; `machines` and `history`: see be
 verdict no change|changed|nothing in common|one is better|no difference|intact|changed since: `no change` or
     `changed`, by the test of all; `nothing in common`: there is none; of machine files `one is better` or `no
     difference`; of runs `intact` or `changed since`
-named~[] text: what has changed: parameters by their own tests, where one change explains all those that do so
-    alone; else those of which one alone explains the change
+named~[] text: what has changed: parameters by their own tests (if one change explains everything, only those that
+    do so alone); else those of which one alone explains the change
 files~[].file text: what is compared
 files[].created text?: date, or null
 files[].status text: how the fit ended
