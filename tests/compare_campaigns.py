@@ -16,7 +16,17 @@ from pathlib import Path
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.calibration.comparison import Alone, Changes, Omnibus, alone, changes, chosen_by_all, common, omnibus
+from pkmcal_cli.calibration.comparison import (
+    Alone,
+    Changes,
+    Omnibus,
+    alone,
+    changed,
+    changes,
+    chosen_by_all,
+    common,
+    omnibus,
+)
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.frame_start import with_frames
@@ -165,11 +175,7 @@ CHANGED = """| machine | pairs | lost | alarms at 5 % | named | only that | by i
 
 def named(c: Compared) -> tuple[str, ...]:
     """What `compare` names at 5 %."""
-    if not c.test.p_value < 0.05:
-        return ()
-    own = tuple(n for n, p in zip(c.changes.names, c.changes.holm, strict=True) if p < 0.05)
-    explains = c.alone is not None and not c.alone.p_left < 0.01
-    return own or ((c.alone.name, *c.alone.rivals) if explains and c.alone is not None else ())
+    return changed(c.changes, c.alone, c.test, 0.05)
 
 
 def null_line(subject: Subject, count: int) -> tuple[str, list[float]]:
@@ -211,7 +217,7 @@ def table(null: int, changed: int) -> str:
     five, one = (100 * float(np.mean(np.array(p_values) < alpha)) for alpha in (0.05, 0.01))
     lines += [f"| all | {len(p_values)} | {five:.1f} % | {one:.1f} % | | |", "", CHANGED]
     for subject in SUBJECTS:
-        lines.append(changed_line(subject, changed if subject.machine == "scissors" else changed // 4))
+        lines.append(changed_line(subject, changed // 4 if subject.machine == "triglide" else changed))
     return "\n".join(lines) + "\n"
 
 

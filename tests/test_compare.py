@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.comparison import changes, common, holm, omnibus
+from pkmcal_cli.calibration.comparison import Alone, Changes, Omnibus, alone, changed, changes, common, holm, omnibus
 from pkmcal_cli.calibration.paired_errors import paired
 from pkmcal_cli.loading.data_information import DataInformation
 from tests.campaign_tables import MM, true_values, write_table
@@ -79,6 +79,39 @@ def test_changes_are_those_of_least_squares() -> None:
     assert found.values[:3] == pytest.approx(alone[1] - alone[0], abs=0.02)  # its weak prior is 4
     assert found.determined.tolist() == [True, True, True, False] and np.isnan(found.holm[3])
     assert found.holm[1] < 1e-6 and found.holm[0] > 0.05 < found.holm[2]
+
+
+def test_a_single_change_that_some_fit_held_is_named() -> None:
+    """What was held and has changed is put down to others, by their own tests; the shortest explanation is named."""
+    one, other = np.array([0.0, 1.0, 0.5, 0.0]), np.array([1.5, 1.0, 0.5, 0.0])  # a has changed, b and c have not
+    data = [linear(3, one, 60, 0, 0.05), linear(3, other, 60, 1, 0.05)]
+    c = common(data, [dict.fromkeys("abcd", 0.0)] * 2, [set(), set()])
+    test, contrasts = omnibus(c)
+    found, single = changes(c, ("b", "c"), (0.0, 1.0), test.freedom), alone(c, contrasts, test, (0.0, 1.0))
+    assert single is not None and single.name == "a" and single.explains and single.sufficient == ("a",)
+    assert (found.holm < 0.05).any()  # put down to what was free
+    assert changed(found, single, test, 0.05) == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("p", "holms", "sufficient", "p_left", "names"),
+    [
+        (0.2, (1e-9, 1.0), ("a",), 0.5, ()),  # no alarm, no names
+        (1e-9, (1e-9, 1e-3), ("a",), 1e-6, ("a", "b")),  # one alone is not enough
+        (1e-9, (1e-9, 1e-3), ("a", "c"), 0.5, ("a",)),
+        (1e-9, (1.0, 1e-3), ("a", "c"), 0.5, ("c", "d")),
+        (1e-9, (1.0, 1.0), ("c",), 0.5, ("c", "d")),
+        (1e-9, (1.0, 1.0), (), 1e-6, ()),
+    ],
+)
+def test_what_is_named(
+    p: float, holms: tuple[float, float], sufficient: tuple[str, ...], p_left: float, names: tuple[str, ...]
+) -> None:
+    tests, nothing = np.array(holms), np.zeros((2, 2))
+    found = Changes(names=("a", "b"), values=np.zeros(2), covariance=nothing, null=nothing,
+                    determined=np.ones(2, dtype=bool), p_values=tests, holm=tests)  # fmt: skip
+    single = Alone("c", 1.0, 0.1, p_left, ("d",), sufficient)
+    assert changed(found, single, Omnibus(5.0, 5, 50.0, p), 0.05) == names
 
 
 def test_holm() -> None:
@@ -196,6 +229,12 @@ def test_machine_files_on_the_same_rows() -> None:
     assert found["better"] == BIGLIDE and found["change"]["low"] > 0
     same = compared(BIGLIDE, BIGLIDE, "a.csv").json
     assert same["better"] is None and same["change"]["value"] == 0
+
+
+def test_shipped_machines_are_called_by_their_names() -> None:
+    done = compared("triglide", "triglide-nonredundant", str(MACHINES / "triglide.csv"))
+    assert done.code == 0 and done.json["count"] > 0
+    assert [Path(m).stem for m in done.json["machines"]] == ["triglide", "triglide-nonredundant"]
 
 
 def test_pairs_are_resampled_together() -> None:

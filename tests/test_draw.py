@@ -105,6 +105,17 @@ def test_a_beam_is_drawn_as_it_bends() -> None:
     assert 1e-6 < sag < 1e-3
 
 
+def test_a_telescope_is_drawn_in_one() -> None:
+    """From the base to the platform, across the drive: lower beam, the way it has slid, upper beam."""
+    shape = shape_of(str(MACHINES / "hexapod7.yaml"))
+    with figure_of(machine_picture(shape, titles("m.yaml", "", []), scale=1.0)) as (figure, _):
+        slid = lines(figure, "joint")
+    places = shape.actual.places
+    from_above = [1e3 * np.array([places[f"m{i}"][:2], places[f"n{i}"][:2]]) for i in range(1, 8)]
+    for ends in from_above:
+        assert any(np.allclose(ends, drawn, atol=1e-3) for drawn in slid)
+
+
 def test_the_picture_shows_displacements_as_large_as_it_says() -> None:
     shape = shape_of(TRIGLIDE, l3=1e-4)
     with figure_of(machine_picture(shape, titles("m.yaml", "", []), scale=200.0)) as (figure, texts):

@@ -18,8 +18,10 @@ from hypothesis import strategies as st
 from pkmcal_cli.base.errors import BadInput, OutputError
 from pkmcal_cli.base.files import sha256
 from pkmcal_cli.base.outputs import check_target, write_text
+from pkmcal_cli.base.shipped import missing_hint
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import open_writer
+from tests.command import TRIGLIDE, run
 from tests.csv_tables import read_table, write_table
 
 
@@ -184,3 +186,21 @@ def test_a_pipe_whose_reader_has_gone() -> None:
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 4
+
+
+def test_a_file_that_is_not_there_is_guessed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a slip of its name, of its own kind first; what is shipped is named where nothing lies beside it."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("portal.yaml", "portals.csv"):
+        (tmp_path / name).write_text("space: planar\n")
+    assert missing_hint("portl.yaml") == "did you mean `portal.yaml`?"
+    assert missing_hint("portal.csv") == "did you mean `portals.csv`?"
+    assert "brings one of this name" in (missing_hint("somewhere/triglide.csv") or "")
+    assert missing_hint("triglid") == "did you mean `triglide`, which is shipped?"
+    assert missing_hint("quite-another.yaml") is None
+
+
+def test_a_table_in_the_place_of_a_machine_is_told(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("q1 [mm],x [mm]\n1,2\n")
+    done = run("calibrate", str(tmp_path / "t.csv"), TRIGLIDE)
+    assert done.code == 3 and "name the machine file first, then tables" in done.err

@@ -12,7 +12,7 @@ import yaml
 from pkmcal_cli.base import errors
 from pkmcal_cli.base.annotations import annotation
 from pkmcal_cli.commands._group import names
-from tests.command import GRID, ROOT, TRIGLIDE, TRIGLIDE_DATA, clean, run
+from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
 from tests.csv_tables import read_table
 from tests.test_improve_few_rows import few  # noqa: F401  (a fixture)
 
@@ -58,6 +58,15 @@ def test_the_change_is_that_of_the_tool_point_at_the_same_set_values(tmp_path: P
     assert none["kept"] and none["value"] == pytest.approx(0, abs=1e-3)  # um: the fit ends where it began
 
 
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [("heldout 0.002 mm", "0.008552 mm, above the limit of 0.002 mm"), ("chi2 3", "144.4, above the limit of 3 ")],
+)
+def test_a_missed_limit_is_told_in_its_own_unit(limit: str, told: str) -> None:
+    done = run("calibrate", SCISSORS, SHOPFLOOR, "-q", "--fail-above", limit)
+    assert done.code == 1 and told in done.err
+
+
 def test_a_limit_that_cannot_be_judged_is_missed() -> None:
     code, (gate,), told = judged("heldout 1 m", arguments=(*QUICK, "--holdout", "none"))
     assert code == 1 and gate["value"] is None and not gate["kept"] and "heldout (not requested)" in told
@@ -94,7 +103,7 @@ def test_what_is_no_limit_is_refused_before_the_work(limit: str, told: str) -> N
 def test_a_largest_rms_is_a_limit_of_held_out_rows_or_else_of_fitted_ones() -> None:
     for more, rows in (((), "held-out"), (("--holdout", "none"), "fitted")):
         done = clean(run("calibrate", *QUICK, *more, "--max-rms", "0.001 mm"))
-        assert done.code == 1 and f"position rms of {rows} rows: 14." in done.err
+        assert done.code == 1 and f"position rms of {rows} rows: 0.014" in done.err
         assert done.json["gates"][0]["what"] == f"position rms of {rows} rows"
 
 

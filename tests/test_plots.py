@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
 from pkmcal_cli.calibration.fit import Fit
@@ -22,8 +23,9 @@ from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
 from pkmcal_cli.pictures.error_map import Places, error_map, places_of
 from pkmcal_cli.pictures.parameter_picture import parameter_picture
 from pkmcal_cli.pictures.parts import composed, number, rounded, shown_unit, size_text
-from pkmcal_cli.pictures.picture import Picture
+from pkmcal_cli.pictures.picture import LOOKS, Picture
 from pkmcal_cli.pictures.residual_picture import residual_parts
+from pkmcal_cli.pictures.scatter import Cloud, scatter_part
 from pkmcal_cli.pictures.titles import plain, shortened, titles
 from pkmcal_cli.report.parameters import ParameterRow
 from pkmcal_cli.units.file_units import FileUnits
@@ -190,6 +192,21 @@ def test_any_numbers_are_dots(values: list[float], logarithmic: bool) -> None:
             found = lines(figure, f"dot-{k}")
             assert (found == []) if np.isnan(v) else found[0][0, 0] == pytest.approx(v)
         assert not any("mathdefault" in t.text or "$" in t.text for t in texts)
+
+
+def test_every_marker_is_seen() -> None:
+    """Markers are drawn without edges, so one that is nothing but lines would not be there."""
+    assert {marker for _, marker in LOOKS} <= set(Line2D.filled_markers)
+    assert len({colour for colour, _ in LOOKS}) == len({marker for _, marker in LOOKS}) == len(LOOKS)
+
+
+def test_places_in_a_line_have_room_for_ticks() -> None:
+    """All at one height, but for rounding: the plane xz is no line."""
+    at = np.column_stack([grid(4), np.full(16, 0.5) + 1e-7 * RNG.normal(size=16)])
+    picture = composed("p", TITLES, "-", [scatter_part([Cloud("u", at, np.ones(16), MM)], ("x", "y", "z"), MM)])
+    with figure_of(picture) as (figure, _):
+        heights = [ax.get_window_extent().height / figure.dpi for ax in figure.axes[:2]]
+    assert min(heights) > 0.6  # inches
 
 
 def test_numbers_are_plain() -> None:

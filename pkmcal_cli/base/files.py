@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from pkmcal_cli.base.errors import BadInput, Location, did_you_mean
-from pkmcal_cli.base.shipped import shipped_hint
+from pkmcal_cli.base.errors import BadInput, Location
+from pkmcal_cli.base.shipped import missing_hint
 
 STREAM = "-"
 _STDIN = "<stdin>"
@@ -75,11 +75,7 @@ def open_input(source: Path | str) -> Iterator[BinaryIO]:
 def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:
     hint = None
     if isinstance(error, FileNotFoundError):
-        path = Path(source)
-        with contextlib.suppress(OSError):
-            near = did_you_mean(path.name, (p.name for p in path.parent.iterdir()), otherwise="")
-            hint = near or None
-        hint = hint or shipped_hint(str(source))
+        hint = missing_hint(str(source))
         return BadInput.single("the file does not exist", Location(str(source), 1), hint, "file")
     if isinstance(error, IsADirectoryError):
         hint = "give a file in this folder"

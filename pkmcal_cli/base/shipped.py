@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from importlib.resources import files
 from pathlib import Path
@@ -50,13 +51,20 @@ def machine_file(text: str) -> str:
     return str(shipped_file(f"{text}.yaml"))
 
 
-def shipped_hint(name: str) -> str | None:
-    """Where a file that is not there is shipped, as `machines/NAME` in the documentation; whose name is meant."""
-    try:
-        file = shipped_folder() / Path(name).name
-    except BadInput:
-        return None
-    if os.path.isfile(file):
-        return f"pkmcal brings one of this name: `{file}`"
-    near_name = nearest(name, shipped_machines()) if name and not Path(name).suffix else None
-    return None if near_name is None else f"did you mean `{near_name}`, which is shipped?"
+def missing_hint(name: str) -> str | None:
+    """Which file may be meant by one that is not there.
+
+    A shipped one, as `machines/NAME` in the documentation; one of its kind that lies beside it; a shipped machine.
+    """
+    path = Path(name)
+    with contextlib.suppress(BadInput):
+        if os.path.isfile(file := shipped_folder() / path.name):
+            return f"pkmcal brings one of this name: `{file}`"
+    with contextlib.suppress(OSError, ValueError):
+        alike = [p.name for p in path.parent.iterdir() if path.suffix in ("", p.suffix)]
+        if (near_name := nearest(path.name, alike)) is not None:
+            return f"did you mean `{near_name}`?"
+    with contextlib.suppress(BadInput):
+        if name and not path.suffix and (near_name := nearest(name, shipped_machines())) is not None:
+            return f"did you mean `{near_name}`, which is shipped?"
+    return None

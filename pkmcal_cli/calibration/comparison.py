@@ -27,6 +27,7 @@ _WORTH = 0.5  # in noise per half range: a contrast that is worth a test
 _FREE, _CHANGE = 10.0, 4.0  # half ranges: prior standard deviations of what may be anything, and of a change
 _KNOWN = 1.0  # half ranges to which a change is known that all sets determine
 _RIVAL = 3.84  # of chi-square: so much worse another single parameter may explain a change (95 %)
+_LEFT = 0.01  # p value of what is left, below which one parameter does not explain a change
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +201,7 @@ def holm(p_values: Array) -> Array:
 class Alone:
     """One parameter whose change alone explains most: change and standard uncertainty, SI; p value of what is left.
 
-    rivals: others that do so nearly as well.
+    rivals: others that do so nearly as well; sufficient: all whose change alone leaves no more than noise.
     """
 
     name: str
@@ -208,6 +209,12 @@ class Alone:
     std: float
     p_left: float
     rivals: tuple[str, ...]
+    sufficient: tuple[str, ...] = ()
+
+    @property
+    def explains(self) -> bool:
+        """Whether it leaves no more than noise, as far as can be told."""
+        return not self.p_left < _LEFT
 
 
 def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) -> Alone | None:
@@ -219,12 +226,31 @@ def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) ->
         return None
     explained = np.where(good, pulled**2 / np.where(good, size, 1.0), 0.0)
     best = int(np.argmax(explained))
-    left, scale = max(test.statistic * test.dof - explained[best], 0.0), c.scale[best]
-    p_left = float(fdtrc(test.dof - 1, min(test.freedom, 1e9), left / (test.dof - 1))) if test.dof > 1 else float("nan")
+    left, scale = np.maximum(test.statistic * test.dof - explained, 0.0), c.scale[best]
+    p_values = np.full(len(left), np.nan)
+    if test.dof > 1:
+        p_values = fdtrc(test.dof - 1, min(test.freedom, 1e9), left / (test.dof - 1))
     near = [k for k in np.argsort(-explained) if k != best and explained[k] > explained[best] - _RIVAL]
     rivals = tuple(c.names[k] for k in near if good[k])
     value, std = float(pulled[best] / size[best] * scale), float(scale / np.sqrt(size[best]))
-    return Alone(c.names[best], value, std, p_left, rivals)
+    enough = good & ~(p_values < _LEFT)
+    sufficient = tuple(name for name, is_enough in zip(c.names, enough, strict=True) if is_enough)
+    return Alone(c.names[best], value, std, float(p_values[best]), rivals, sufficient)
+
+
+def changed(found: Changes, single: Alone | None, test: Omnibus, alpha: float) -> tuple[str, ...]:
+    """Names of what has changed, at a level: none unless the test of all alarms.
+
+    Parameters by their own tests (Holm). Where a single change explains everything, those of them that do not so alone
+    are left out: each is then a share of a longer explanation, in which what was held, or hardly seen, stood still.
+    Where none is left, the single parameter and its rivals.
+    """
+    if not test.p_value < alpha:
+        return ()
+    own = tuple(name for name, p in zip(found.names, found.holm, strict=True) if p < alpha)
+    if single is None or not single.explains:
+        return own
+    return tuple(name for name in own if name in single.sufficient) or (single.name, *single.rivals)
 
 
 def chosen_by_all(c: Common, chosen: Sequence[Sequence[str]]) -> tuple[str, ...]:

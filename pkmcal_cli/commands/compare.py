@@ -12,7 +12,7 @@ from pkmcal_cli.commands._options import FailAbove, Force, Json, Plot, Quiet, St
 def compare(
     things: Annotated[
         list[str],
-        typer.Argument(metavar="A B ...", help="Parameter files or runs; two machine files and a table; a run folder."),
+        typer.Argument(metavar="A B ...", help="Parameter files or runs; two machines and a table; a run folder."),
     ],
     machine: Annotated[
         str | None, typer.Option("--machine", metavar="M.yaml", help="Machine whose tool point is predicted.")
@@ -32,6 +32,8 @@ def compare(
         pkmcal compare machines/triglide.yaml machines/triglide-nonredundant.yaml machines/triglide.csv --json
     """
     options = locals()
+    from pkmcal_cli.base.shipped import machine_file
     from pkmcal_cli.workflow.compare import ComparisonRequest, run_comparison
 
+    options |= {"things": [machine_file(t) for t in things], "machine": machine and machine_file(machine)}
     raise typer.Exit(run_comparison(as_request(ComparisonRequest, options)))

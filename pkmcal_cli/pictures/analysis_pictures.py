@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.observability_indices import Observability
 from pkmcal_cli.diagnosis.experiment_design import Plan
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
-from pkmcal_cli.pictures.parts import Part, composed, shown_unit
+from pkmcal_cli.pictures.parts import Part, composed, shown_unit, three_digits
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.pictures.scatter import Cloud, planes, scatter_part
 from pkmcal_cli.pictures.titles import Titles
@@ -81,7 +81,7 @@ def observability_picture(result: Observability, model: Model, titles: Titles) -
     values = [float(s) for s in result.directions.singular_values]
     if values:
         least = max(values) * 1e-12
-        spectrum = [Dot(name=str(k + 1), value=s if s > least else math.nan, text=f"{s:.3g}" if s > least else "0")
+        spectrum = [Dot(name=str(k + 1), value=s if s > least else math.nan, text=three_digits(s) if s > least else "0")
                     for k, s in enumerate(values)]  # fmt: skip
         parts.append(dot_part(spectrum, Scale(label="singular values, whitened (logarithmic)", logarithmic=True)))
     lost = sum(result.directions.undetermined())

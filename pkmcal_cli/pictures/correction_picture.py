@@ -13,7 +13,7 @@ from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.error_map import Places, errors_in_words, map_part
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
-from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER, Picture
+from pkmcal_cli.pictures.picture import LOOKS, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles
 from pkmcal_cli.units.unit_text import Unit
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 _SHOWN = 3000  # rows
-_LOOKS = ((AFTER, "o"), (BEFORE, "s"), (OTHER, "^"), ("#CC79A7", "v"), ("#56B4E9", "D"), (FITTED, "x"))
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ def correction_picture(
     moved = _moved(model, result)
     for turns in (False, True):
         alike = [m for m in moved if m.turns == turns]
-        parts += [_moved_part(alike[k : k + len(_LOOKS)]) for k in range(0, len(alike), len(_LOOKS))]
+        parts += [_moved_part(alike[k : k + len(LOOKS)]) for k in range(0, len(alike), len(LOOKS))]
     count = len(result.correction.good)
     errors = errors_in_words(places) + " " if places else ""
     return composed("correction", titles, f"{errors}Changes of set values of {count} targets.", parts)
@@ -88,7 +87,7 @@ def _moved_part(moved: Sequence[_Moved]) -> Part:
 
         ax = figure.add_subplot()
         ax.axhline(0, color=NOISE, lw=0.8)
-        for (colour, marker), one in zip(_LOOKS, moved, strict=False):
+        for (colour, marker), one in zip(LOOKS, moved, strict=False):
             rows = thinned(len(one.by), _SHOWN)
             dots(ax, rows + 1, one.by[rows] / unit.scale, colour, marker, one.name)
         ax.set_xlabel("target")

@@ -13,7 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals, waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
-from pkmcal_cli.pictures.parts import Part, composed, number, plain_log, size_text
+from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text, three_digits
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, plain
@@ -203,7 +203,7 @@ def waterfall_part(diagnosis: Diagnosis) -> Part:
             ax.plot([1.0, size], [k, k], color="0.85", lw=1, zorder=1)
             colour, marker = (AFTER, "s") if fitted else (BEFORE, "o")
             ax.plot(size, k, marker=marker, ms=7, color=colour, ls="none", gid=f"step-{k}")
-            ax.annotate(number(float(f"{size:.3g}")), (size, k), xytext=(7, 0), textcoords="offset points", va="center",
+            ax.annotate(three_digits(size), (size, k), xytext=(7, 0), textcoords="offset points", va="center",
                         fontsize=8, bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
         ax.set_yticks(range(len(names)), names)
         ax.grid(axis="y", visible=False)

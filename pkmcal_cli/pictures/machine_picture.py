@@ -144,6 +144,10 @@ class _Drawing:
                 ax.plot(*outline.T, zorder=2, **style)
             else:
                 ax.fill(*outline.T, facecolor=_FACES["body"], edgecolor=FITTED, lw=0.9, zorder=3, gid="body")
+        for joint in self.shape.machine.joints.values():  # telescopes: the ends that slide are apart
+            if all(name in shape.places for name in joint.between):
+                ends = self._on_page(np.array([shape.places[name] for name in joint.between]))
+                ax.plot(*ends.T, zorder=2, gid="joint", **(style if reference else {"color": FITTED, "lw": 0.9}))
         for name, course in shape.members.items():
             line = style if reference else self._strength(name)
             ax.plot(*self._on_page(course).T, zorder=2 if reference else 4, gid=f"member-{name}", **line)

@@ -69,7 +69,7 @@ def size_text(value: float, dimension: str = "length") -> str:
     unit = shown_unit(dimension, abs(value))
     while abs(value) >= 999.5 * unit.scale and unit.text in _COARSER:
         unit = parse_unit(_COARSER[unit.text])
-    return f"{number(float(f'{value / unit.scale:.3g}'))} {unit.text}"
+    return f"{three_digits(value / unit.scale)} {unit.text}"
 
 
 def plain_log(ax: Axes, axis: str = "x") -> None:
@@ -89,6 +89,11 @@ def number(value: float) -> str:
     """A number as people write it: 0.001, 20, 5000; powers of ten only where it is longer than nine figures."""
     text = f"{value:.12f}".rstrip("0").rstrip(".") if 1e-7 <= abs(value) < 1e9 else f"{value:g}"
     return text or "0"
+
+
+def three_digits(value: float) -> str:
+    """A number rounded to three digits, as people write it."""
+    return number(float(f"{value:.3g}"))
 
 
 def thinned(count: int, most: int) -> Array:

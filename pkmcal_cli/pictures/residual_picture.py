@@ -15,7 +15,7 @@ from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.pictures.error_map import errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parameter_picture import parameter_part
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
-from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER, Picture
+from pkmcal_cli.pictures.picture import AFTER, BEFORE, LOOKS, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles, plain
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 _COLUMNS, _ROW = 4, 2.3  # panels side by side, inches of a row of them
 _SHOWN = 2000  # rows
-_LOOKS = ((AFTER, "o"), (BEFORE, "s"), (OTHER, "^"), ("#CC79A7", "v"), ("#56B4E9", "D"), (FITTED, "x"))
 
 
 @dataclass(frozen=True)
@@ -96,9 +95,9 @@ def _by_drive(problem: Problem, what: str, series: Sequence[_Series], dimension:
         for k, (ax, a) in enumerate(zip(axes, drives, strict=False)):
             own = parse_unit(problem.model.actuators[a].unit)
             x = drive_readings(problem)[:, a] / own.scale
-            for (colour, marker), one in zip(_LOOKS, series, strict=False):
+            for (colour, marker), one in zip(LOOKS, series, strict=False):
                 dots(ax, x[rows], one.values[rows] / unit.scale, colour, marker, plain(one.name))
-            for one in series[len(_LOOKS) :]:
+            for one in series[len(LOOKS) :]:
                 dots(ax, x[rows], one.values[rows] / unit.scale, NOISE, ".")
             ax.axhline(0, color=NOISE, lw=0.8)
             ax.set_xlabel(f"{problem.model.actuators[a].name} [{own.text}]")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _SHOWN = 5000  # points
 _HEIGHT, _LOW = 3.6, 2.2  # inches
 _LABEL = 22  # letters of a line that the lowest part is high enough for
-_FLAT = 0.3  # height by width below which the lower part will do
+_FLAT = 0.3  # height by width below which the lower part will do, and no plane is drawn flatter
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,15 @@ def _draw_plane(ax: Axes, clouds: Sequence[Cloud], pair: tuple[int, int], length
             unit = cloud.of.scale if cloud.of is not None else 1.0
             ax.scatter(x, y, s=size * 2, c=cloud.values[rows] / unit, cmap="cividis", zorder=3, **limits)
     ax.margins(0.08)
+    _room(ax)
+
+
+def _room(ax: Axes) -> None:
+    """Height for positions that all lie on one line: ticks need some."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    least = _FLAT * (right - left)
+    if high - low < least:
+        ax.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
 def _limits(clouds: Sequence[Cloud]) -> dict[str, Any]:

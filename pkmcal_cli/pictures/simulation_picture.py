@@ -11,7 +11,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
-from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, OTHER, Picture
+from pkmcal_cli.pictures.picture import LOOKS, Picture
 from pkmcal_cli.pictures.scatter import Cloud, planes, scatter_part
 from pkmcal_cli.pictures.titles import Titles, plain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 _SHOWN = 3000  # rows
-_LOOKS = ((AFTER, "o"), (BEFORE, "s"), (OTHER, "^"), ("#CC79A7", "v"), ("#56B4E9", "D"), (FITTED, "x"))
-_PER_PANEL = len(_LOOKS)
+_PER_PANEL = len(LOOKS)
 _HEIGHT = 2.3  # inches, of a panel over the rows
 
 
@@ -108,7 +107,7 @@ def _panel(what: str, series: Sequence[_Series], unit: str) -> Part:
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()
-        for (colour, marker), one in zip(_LOOKS, series, strict=False):
+        for (colour, marker), one in zip(LOOKS, series, strict=False):
             rows = thinned(len(one.values), _SHOWN)
             dots(ax, rows + 1, (one.values[rows] - shown.offset) / shown.scale, colour, marker, plain(one.name))
         ax.set_xlabel("row")

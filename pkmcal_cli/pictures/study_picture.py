@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pkmcal_cli.calibration.study_figures import TOOL, CaseFigures, Mean
-from pkmcal_cli.pictures.parts import Part, composed, plain_log
+from pkmcal_cli.pictures.parts import Part, composed, plain_log, three_digits
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, OTHER, Picture
 from pkmcal_cli.pictures.titles import Titles, plain, shortened
 from pkmcal_cli.report.study import StudyReport
@@ -50,7 +50,7 @@ def study_picture(report: StudyReport, titles: Titles) -> Picture:
 
     last = [c for c in report.cases if c.points == report.study.counts[-1]]
     scale = report.tool_unit
-    texts = [f"{c.machine} {c.tool.value / scale.scale:.3g} {scale.text}" for c in last]
+    texts = [f"{c.machine} {three_digits(c.tool.value / scale.scale)} {scale.text}" for c in last]
     alt = f"Mean errors against the number of points; {TOOL} with {report.study.counts[-1]}: {'; '.join(texts)}."
     return composed("study", titles, alt, [part(some) for some in rows])
 

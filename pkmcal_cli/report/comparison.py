@@ -10,14 +10,13 @@ from typing import Any
 from scipy.special import ndtr
 
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.comparison import Alone, Changes, Common, Omnibus
+from pkmcal_cli.calibration.comparison import Alone, Changes, Common, Omnibus, changed
 from pkmcal_cli.loading.known_parameters import KnownParameters
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 12  # names told one by one
-_LEFT = 0.01  # p value of what is left, below which one parameter does not explain a change
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,8 @@ class Compared:
     unit: str
 
     def named(self, alpha: float) -> tuple[str, ...]:
-        """Parameters whose own tests say that they have changed, once the test of all says that something has."""
-        if not self.test.p_value < alpha:
-            return ()
-        both = zip(self.changes.names, self.changes.holm, strict=True)
-        return tuple(name for name, p in both if p < alpha)
+        """What has changed: parameters by their own tests, or by which one alone explains everything."""
+        return changed(self.changes, self.alone, self.test, alpha)
 
     @property
     def trend(self) -> bool:
@@ -76,15 +72,8 @@ class ComparisonReport:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """What has changed: parameters by their own tests; where none tells, those of which one alone explains it."""
-        names = self.compared.named(self.alpha)
-        one = self.compared.alone
-        if not names and not self.unchanged and one is not None and self._explains(one):
-            return (one.name, *one.rivals)
-        return names
-
-    def _explains(self, one: Alone) -> bool:
-        return not one.p_left < _LEFT
+        """What has changed: parameters by their own tests, or by which one alone explains everything."""
+        return self.compared.named(self.alpha)
 
     def verdict(self) -> str:
         """The verdict in a sentence."""
@@ -114,13 +103,13 @@ class ComparisonReport:
         self._show_apart(to)
 
     def _show_alone(self, to: Reporter) -> None:
-        one, names = self.compared.alone, self.compared.named(self.alpha)
+        one, names = self.compared.alone, self.named
         if self.unchanged or not self.compared.test.dof or one is None or (names and one.name not in names):
             return
         unit = self.unit(one.name)
         size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)
         per = f" per {self.compared.unit}" if self.compared.trend else ""
-        if not self._explains(one):
+        if not one.explains:
             left = f"p {one.p_left:.2g} of what is left"
             to.say(f"no single parameter explains it; most of it: {one.name} by {size}{per} ({left})")
             return
@@ -132,16 +121,25 @@ class ComparisonReport:
         return next(k.parameters[name].unit for k in self.known if name in k.parameters)
 
     def _parameter_rows(self) -> list[tuple[str, ...]]:
-        changes, rows, named = self.compared.changes, list[tuple[str, ...]](), self.compared.named(self.alpha)
+        changes, rows = self.compared.changes, list[tuple[str, ...]]()
         for k, name in enumerate(changes.names):
             unit = self.unit(name)
             values = [f"{unit.from_si(f.parameters[name].value):.8g}" for f in self.known]
             size = uncertain(float(changes.values[k]) / unit.scale, float(changes.std[k]) / unit.scale, unit.text)
             known = bool(changes.determined[k])
             p = f"{changes.holm[k]:.2g}" if known else "-"
-            remark = "" if known else "not determined by all"
-            rows.append((name, *values, size, p, "CHANGED" if name in named else remark))
+            rows.append((name, *values, size, p, self._remark(k)))
         return rows
+
+    def _remark(self, k: int) -> str:
+        """What the tests say of a parameter."""
+        changes, one, name = self.compared.changes, self.compared.alone, self.compared.changes.names[k]
+        by_itself = not self.unchanged and changes.holm[k] < self.alpha
+        if name in self.named:
+            return "CHANGED" if by_itself else "explains the change"
+        if by_itself and one is not None:
+            return f"not needed: {one.name} alone explains all"
+        return "" if changes.determined[k] else "not determined by all"
 
     def _effect_row(self, effect: Effect) -> tuple[str, ...]:
         sizes, scale = [effect.sizes.get(i) for i in range(len(self.known))], effect.unit.scale
@@ -207,7 +205,7 @@ class ComparisonReport:
             "std": one.std / unit.scale,
             "unit": unit.text,
             "p_value_left": finite(one.p_left),
-            "explains": not self.unchanged and self._explains(one),
+            "explains": not self.unchanged and one.explains,
             "rivals": list(one.rivals),
         }
 
@@ -224,7 +222,7 @@ class ComparisonReport:
             "determined": bool(changes.determined[k]),
             "p_value": finite(float(changes.p_values[k])),
             "p_value_holm": finite(float(changes.holm[k])),
-            "changed": name in self.compared.named(self.alpha),
+            "changed": name in self.named,
         }
 
     def _tool_json(self) -> dict[str, Any] | None:

@@ -46,7 +46,7 @@ def readable(value: float, unit: Unit, like: float | None = None) -> str:
     small = {"length": ("um", 1e-4), "angle": ("urad", 1e-3)}.get(unit.dimension.name)
     if small is not None and 0 < abs(value if like is None else like) < small[1]:
         unit = parse_unit(small[0])
-    return f"{unit.from_si(value):.4g} {unit.text}"
+    return f"{unit.from_si(value):.4g}{'' if unit.text == '1' else f' {unit.text}'}"
 
 
 _LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "urad/rad": "mrad/rad", "N": "kN"}

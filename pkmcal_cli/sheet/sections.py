@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping
 
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
@@ -203,7 +204,7 @@ def provenance(results: Results) -> Section | None:
     head = results.head
     rows = [("program", str(head["program"])), ("date", str(head["created"]))]
     rows += [(name, str(head[name])) for name in ("python", "numpy", "scipy")]
-    rows += [("arguments", " ".join(str(a) for a in head["arguments"]))]
+    rows += [("arguments", shlex.join(str(a) for a in head["arguments"]))]
     blocks: list[Block] = [Table("", ("", ""), tuple(rows), left=2)]
     files = tuple((name, digest) for name, digest in head["inputs"].items())
     blocks.append(Table("Files that were read", ("file", "sha256"), files, left=2))

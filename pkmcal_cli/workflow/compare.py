@@ -120,7 +120,7 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
     if request.plot is not None:
         named = titles(", ".join(os.path.basename(m) for m in machines), "comparison", tables)
         both = (report.errors.first, report.errors.second)
-        picture = machines_picture(report.machines, both, report.unit, report.kind, named)
+        picture = machines_picture(_short(machines), both, report.unit, report.kind, named)
         write_plot(picture, request.plot, request.things, to, force=request.force)
     rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.errors.second, report.unit, report.kind)
     gates, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
@@ -128,6 +128,12 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
         verdict = "one is better" if report.errors.better else "no difference"
         emit_json(enveloped("compare", verdict, report.json() | {"gates": gates}, _origin(request.things)))
     return int(missed)
+
+
+def _short(machines: Sequence[str]) -> tuple[str, str]:
+    """Names of two machine files for a picture: without folders where they differ without."""
+    first, second = (os.path.basename(m) for m in machines)
+    return (first, second) if first != second else (machines[0], machines[1])
 
 
 def _origin(files: Sequence[str]) -> dict[str, Any]:
@@ -155,7 +161,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
         to.warn(text)
     report.show(to)
     if request.plot is not None:
-        named = titles("calibrations", "comparison", files)
+        machine = next((k.fingerprint.of for k in known if k.fingerprint is not None), "") or "calibrations"
+        named = titles(machine, "comparison", files)
         write_plot(comparison_picture(report, named), request.plot, files, to, force=request.force)
     gates, missed = _judge(limits, {"change": _largest(change)}, files[-1], to)
     if request.as_json:

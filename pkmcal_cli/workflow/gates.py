@@ -15,7 +15,7 @@ from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.report.number_format import finite, readable
+from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.units.dimensions import LENGTH, NUMBER, Dimension
 from pkmcal_cli.units.file_units import DIMENSIONS
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -82,8 +82,9 @@ class Judged:
 
     def fault(self, where: Location | None = None) -> Fault:
         """That it is missed, and where."""
-        value, limit = self.figure.value, self.gate.unit.format(self.gate.limit)
-        shown = readable(value, self.figure.unit) if math.isfinite(value) else "unknown"
+        value, unit = self.figure.value, self.gate.unit
+        limit = unit.format(self.gate.limit)
+        shown = unit.format(value, 4) if math.isfinite(value) else "unknown"
         return Fault("above", f"{self.figure.what}: {shown}, above the limit of {limit} ({self.gate.option})", where)
 
     def json(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ import yaml
 
 from pkmcal_cli.base.errors import BadInput, FaultList, Location
 from pkmcal_cli.base.files import AtHand, input_name, is_stream
-from pkmcal_cli.base.shipped import shipped_hint
+from pkmcal_cli.base.shipped import missing_hint
 from pkmcal_cli.yaml_source.tree import Scalar, SourceNode, size_of
 
 MAX_BYTES = 8 * 1024 * 1024
@@ -79,7 +79,7 @@ def _read_bytes(file: str) -> bytes:
                 data = stream.read(MAX_BYTES + 1)
     except OSError as error:
         reason = error.strerror or str(error)
-        hint = shipped_hint(file) if isinstance(error, FileNotFoundError) else None
+        hint = missing_hint(file) if isinstance(error, FileNotFoundError) else None
         raise _refused(file, "file", f"the file cannot be read: {reason}", hint) from None
     except ValueError as error:
         raise _refused(file, "file", f"the file cannot be read: {error}") from None
@@ -168,7 +168,8 @@ class _Builder:
         if root is None or root.value is None:
             raise _refused(self.file, "yaml", "the file is empty", f"start with `{self.start}`")
         if not isinstance(root.value, dict):
-            hint = f"start with, for example, `{self.start}`"
+            table = self.file.lower().endswith((".csv", ".tsv"))
+            hint = "name the machine file first, then tables" if table else f"start with, for example, `{self.start}`"
             raise self.fault("yaml", f"{self.kind} must be a map (`key: value`)", root.where, hint)
         return root
 

@@ -11,7 +11,8 @@ kind parameters|machines|history: `parameters`; `machines` and `history`: see be
 verdict no change|changed|nothing in common|one is better|no difference|intact|changed since: `no change` or
     `changed`, by the test of all; `nothing in common`: there is none; of machine files `one is better` or `no
     difference`; of runs `intact` or `changed since`
-named~[] text: what has changed: parameters by their own tests; else those of which one alone explains the change
+named~[] text: what has changed: parameters by their own tests (if one change explains everything, only those that
+    do so alone); else those of which one alone explains the change
 files~[].file text: what is compared
 files[].created text?: date, or null
 files[].status text: how the fit ended
@@ -36,7 +37,7 @@ parameters[].unit text:
 parameters[].determined flag: whether all data sets determine it (to half its range)
 parameters[].p_value number?: of no change; null if not determined
 parameters[].p_value_holm number?: corrected by Holm
-parameters[].changed flag: whether that is below `alpha`, and the test of all too
+parameters[].changed flag: whether it is among `named`
 effects~[].name text: a number of an effect
 effects[].values?[] number?: its value in each file, in `unit`; null where it lacks
 effects[].stds[] number?:
