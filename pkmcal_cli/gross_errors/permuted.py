@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from pkmcal_cli.gross_errors.plausibility import BETTER, GROSS, Hint, evidence, rms
 from pkmcal_cli.gross_errors.sample import Sample
@@ -27,14 +26,15 @@ def permuted_rows(sample: Sample, place: Callable[[int], str]) -> tuple[Hint, ..
     """
     if sample.frames or len(sample.rows) < len(sample.whole):
         return ()
-    used = np.nonzero(np.isfinite(sample.seen(sample.readings, sample.predicted)).any(axis=0) & (sample.prior_rms > 0))[
-        0
-    ]
+    read = np.isfinite(sample.seen(sample.readings, sample.predicted)).any(axis=0)
+    used = np.nonzero(read & (sample.prior_rms > 0))[0]
     readings, predicted = (v[:, used] / sample.prior_rms[used] for v in (sample.readings, sample.predicted))
     rows = np.nonzero(np.isfinite(readings + predicted).all(axis=1))[0]
     if len(used) < _CHANNELS or len(rows) < _FEWEST:
         return ()
     cost = ((readings[rows][None] - predicted[rows][:, None]) ** 2).sum(axis=2)  # of row i with the readings of row j
+    from scipy.optimize import linear_sum_assignment  # dear to import, and only where something is grossly wrong
+
     source = linear_sum_assignment(cost)[1]
     still, best = np.diag(cost), cost[np.arange(len(rows)), source]
     moved = np.nonzero((source != np.arange(len(rows))) & (still > _OFF**2) & (best < BETTER**2 * still))[0]
