@@ -66,6 +66,7 @@ _NIST = "NIST StRD regressions through the fit itself, from both starts: four di
 CHECKS: Mapping[str, Check] = {
     "fuzz": Check("mutated inputs: no traceback, no number but a plain second reader's", "fuzz 5000 10000", 3),
     "file operations": Check(_DISK, "file_operations"),
+    "file operations, a part": Check("the same of three commands", "file_operations new schema simulate"),
     "attacks": Check(_ATTACK, "attacks"),
     "unit slips": Check("units that engineers confuse are warned of", "unit_slips", most=True),
     "slips": Check("slips by hand in machines and tables get the message that is expected", "slips.texts", most=True),
