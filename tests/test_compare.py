@@ -157,6 +157,19 @@ def test_a_changed_strut_is_named() -> None:
     assert found["tool_point"]["rms"] > 3 * found["tool_point"]["rms_by_chance"] > 0
 
 
+def test_a_changed_strut_that_no_fit_identified_is_named() -> None:
+    """Parameters that were free take up its change; the table says that they need not have changed."""
+    held = ("--select", "auto,-l3,-y8")
+    one, two = calibrated("one", table("a", 1), *held), calibrated("two", table("b", 2, l3=0.4 * MM), *held)
+    done = compared(one, two)
+    named = done.json["named"]
+    assert done.code == 1 and "l3" in named and done.json["alone"]["explains"]
+    by_itself = {p["name"] for p in done.json["parameters"] if (p["p_value_holm"] or 1) < 0.05}
+    assert by_itself and not by_itself & set(named)
+    assert done.err.count("alone explains all") == len(by_itself)
+    assert not any(p["changed"] for p in done.json["parameters"])
+
+
 def test_campaigns_of_unchanged_machines() -> None:
     """A small part of docs/verify-and-compare.md: more than 4 alarms in 25 come by chance in 0.7 % of such runs."""
     found = [null_pair(SUBJECTS[0], seed).test.p_value < 0.05 for seed in range(25)]

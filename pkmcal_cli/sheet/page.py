@@ -10,13 +10,10 @@ from typing import TYPE_CHECKING
 from pkmcal_cli.sheet.content import Sheet
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
-
     from pkmcal_cli.pictures.picture import Picture
 
 _TEMPLATE = "page.html.jinja"
 _REFERENCE = re.compile(r'(href="#|url\(#)([^")]+)')
-_KEY = re.compile(r"`([^`]+)`")
 _ID = re.compile(r' id="([^"]+)"')
 
 
@@ -32,16 +29,8 @@ def html(sheet: Sheet) -> str:
         return _inline(picture, f"f{drawn}-")
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    environment.filters["marked"] = _marked
     text = files(__package__).joinpath(_TEMPLATE).read_text(encoding="utf-8")
     return environment.from_string(text).render(sheet=sheet, svg=svg)
-
-
-def _marked(text: str) -> Markup:
-    """A text for the page; what stands between backticks, as the terminal has it, in letters of equal width."""
-    from markupsafe import Markup
-
-    return Markup(_KEY.sub(r'<span class="key">\1</span>', escape(text)))
 
 
 def _inline(picture: Picture, prefix: str) -> str:
