@@ -104,7 +104,7 @@ def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, Any
     )
     assert found is not None and 10 < float(found[1]) < 30 and float(found[2]) < 2.5
     judged, share = result["lines"][:2]
-    assert "U = 1 um (k = 2), 20 % of the tolerance: a point passes up to 4 um, fails beyond 6 um." in share
+    assert "U = 1 um (k = 2), 20 % of the tolerance: a point passes up to 4 um, fails beyond 6 um; the machine" in share
     worst = re.search(r"as calibrated, its causes not corrected, largest at scissors-shopfloor.csv:(\d+)", judged)
     assert worst is not None and 2 <= int(worst[1]) <= 81 and "As built (nominal dimensions): 155 um" in judged
     assert {(c["effect"], c["at"]) for c in result["causes"]} == {("thermal_strut", "all"), ("backlash", "q3")}

@@ -104,7 +104,8 @@ def _share(results: Results, judged: Judged) -> str:
     return (
         f"ISO 14253-1, {count(len(points.rows), 'point')} of {which}: {sums}. "
         f"Instrument: U = {u:.2g} {unit.text} (k = 2), {share:.2g} % of the tolerance: a point passes up to "
-        f"{unit.from_si(limit) - u:.3g} {unit.text}, fails beyond {unit.from_si(limit) + u:.3g} {unit.text}."
+        f"{unit.from_si(limit) - u:.3g} {unit.text}, fails beyond {unit.from_si(limit) + u:.3g} {unit.text}; "
+        "the machine passes if every point does."
     )
 
 
