@@ -164,7 +164,6 @@ def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
     assert "\x1b[2K" in shown.partition("\x1b[?25h")[2], "the line is erased before the result"
     piped = process(*arguments, FORCE_COLOR="1").err
     assert "rotation" not in piped and "\x1b[?25" not in piped and "\x1b[2K" not in piped
-    assert _on_a_terminal(*arguments, "-q") == ""
 
 
 def test_a_search_that_is_stopped_leaves_a_clean_terminal() -> None:
