@@ -118,7 +118,7 @@ def test_a_limit_on_the_command_line_decides() -> None:
     assert run("calibrate", *arguments, "20 um").code == 0
     done = run("calibrate", *arguments, "0.001 mm")
     assert done.code == 1
-    what = "position rms of fitted rows: 14.65 um, above the limit of 0.001 mm (--max-rms)"
+    what = "position rms of fitted rows: 0.01465 mm, above the limit of 0.001 mm (--max-rms)"
     assert done.err == f"{TRIGLIDE_DATA}: error[above]: {what}\n"
     Path("d.csv").write_text("motor_a_deg,motor_b_deg,motor_c_deg,motor_d_deg\n1,2,3,4\n")
     none = run("calibrate", HANGPRINTER, "d.csv", "--max-rms", "1 mm")
