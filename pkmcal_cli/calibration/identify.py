@@ -133,7 +133,7 @@ def _identified(
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
     several = problem.method == "exact" and problem.model.overdetermined  # else each step is in the one that there is
     way = _descent(task, kept, evaluation, failed, compare=not several)
-    if not way.holds and iterations >= STEPS:  # assemblies change on the way; with few steps nobody will use its end
+    if not way.holds:  # assemblies change on the way
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed
     fit = _finished(way.kept, selected, first, last=way.end, status=_STATUS[stopped], count=steps, failed=lost)
