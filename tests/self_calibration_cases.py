@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.plausible import USABLE
 from tests.command import run
 from tests.self_calibration_lines import MM, Case, machine_text, measured, truth
 
@@ -272,7 +273,7 @@ def summary(case: Case, seeds: range) -> Summary:
     every = [calibrated(case, seed) for seed in seeds]
     scores = np.concatenate([c.scores(case) for c in every])
     std = np.array([s for c in every for n, (_, s) in c.found.items() if n in c.anchors(case)])
-    done = sum(c.status == "converged" for c in every)
+    done = sum(c.status in USABLE for c in every)
     return Summary(done, scores, np.array([c.chi2_per_dof for c in every]), std)
 
 
