@@ -137,7 +137,7 @@ def test_every_command_takes_the_file_that_calibrate_writes(
     for command in ("sensitivity", "observability"):
         assert run(command, file, "-p", "p.yaml").code == 0
     again = run("calibrate", file, data, "-p", "p.yaml", "--holdout", "none", "--json", "-o", "q.yaml")
-    assert again.code == 0 and again.json["status"] == "converged"
+    assert again.code == 0 and again.json["status"] == ("incomplete" if machine == "hangprinter" else "converged")
 
 
 def test_a_file_of_another_machine_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
