@@ -82,6 +82,18 @@ def test_nothing_is_known_of_other_rows_values_or_effects(search: Search, counte
         same(scores, score_all(fresh(changed), changed.open))
 
 
+def test_more_columns_are_computed_and_what_is_projected_out_counts(search: Search, counted: list[Problem]) -> None:
+    search = fresh(search)
+    score_all(search, search.open[:3])
+    more = score_all(search, search.open[:6])
+    assert len(counted) == 2
+    same(more, score_all(fresh(search), search.open[:6]))
+    (effect,) = search.accepted
+    fitted, free = score_all(search, ()), score_all(replace(search, accepted=()), [effect])
+    assert fitted.linear.names == free.linear.names and free.linear.projected == search.declared
+    assert fitted.linear.projected == (*search.declared, *effect.parameters)
+
+
 def test_held_out_gains_belong_to_one_fit(search: Search) -> None:
     search = fresh(search)
     (effect,) = search.accepted
