@@ -264,7 +264,7 @@ def test_the_anchors_of_the_router_are_found_by_its_own_belts(folder: Path) -> N
     lines = ["TL [rev],TR [rev],BL [rev],BR [rev]", *(",".join(f"{v:.15g}" for v in row) for row in turns)]
     table = folder / "table.csv"
     table.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    done = run("calibrate", folder / "router.yaml", table, "--holdout", "none", "--json", "--accept")
+    done = run("calibrate", folder / "router.yaml", table, "--holdout", "none", "--json")
     assert done.code == 0, done.err
     assert "computed, not measured" in done.err, "no noise at all, and nothing says that it is simulated"
     assert "rotation about z, shift along x, shift along y" in done.err

@@ -133,7 +133,7 @@ def test_which_rows_touch(tmp_path: Path) -> None:
     bed = table(tmp_path, "bed", "q1,q2", *DRIVES)
     options = ("--select", "h,t", "--holdout", "none", "--json")
     assert counts(ok("calibrate", machine, bed, *options)) == {"touch": 6}
-    assert counts(ok("calibrate", machine, bed, tracker, *options)) == {"position": 6, "touch": 6}
+    assert counts(ok("calibrate", machine, bed, tracker, *options, "--accept")) == {"position": 6, "touch": 6}
     some = [f"{row},{'' if k % 2 else 0}" for k, row in enumerate(TRACKED)]
     both = table(tmp_path, "both", "q1,q2,tracker.x,tracker.y,probe", *some)
     assert counts(ok("calibrate", machine, both, *options, "--accept")) == {"position": 6, "touch": 3}
@@ -214,7 +214,8 @@ def test_repeated_touches_tell_the_noise_and_are_no_copies(tmp_path: Path) -> No
     tracked = [f"{row}.{k}23{k},0" for k, row in enumerate(TRACKED)]
     touches = [f"{row},,,0" for row in DRIVES]
     same = table(tmp_path, "same", "q1,q2,tracker.x,tracker.y,probe", *tracked, *touches, *touches)
-    assert counts(ok("calibrate", both, same, "--select", "h", "--holdout", "none", "--json"))["touch"] == 18
+    options = ("--select", "h", "--holdout", "none", "--json", "--accept")
+    assert counts(ok("calibrate", both, same, *options))["touch"] == 18
 
 
 def test_diagnosis_of_touches(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
-from pkmcal_cli.workflow.computed_reasons import computed_reasons
+from pkmcal_cli.workflow.computed_readings import computed_readings
 from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
@@ -170,7 +170,10 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
     gross = () if hints else gross_row_reasons(s.problem, robust_fit, place)
-    mistakes = (*hints, *gross, *computed_reasons(s.problem, robust_fit, s.measured))
+    computed = computed_readings(s.problem, robust_fit, s.measured)
+    for text in computed.exact:
+        to.warn(f"warning: {text}")
+    mistakes = (*hints, *gross, *computed.commanded)
     return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, mistakes))
 
 
