@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -54,6 +55,11 @@ class Agreement:
         return ", ".join(parts)
 
 
+def _fitted(observe: Observer, steps: int, _: float) -> None:
+    """Tell how far the fit is."""
+    observe(Stage("fit", steps))
+
+
 def identify_from(
     problem: Problem,
     selected: tuple[str, ...],
@@ -75,8 +81,7 @@ def identify_from(
     first: Fit | None = None
     failure: RowsFailed | None = None
     try:
-        told = lambda n, _: observe(Stage("fit", n))  # noqa: E731
-        first = identify(problem, selected, start, steps, progress=told, states=states)
+        first = identify(problem, selected, start, steps, progress=partial(_fitted, observe), states=states)
         first = _centred(problem, selected, start, first)
         if first.before.prediction.slack:
             first = _by_taut_ropes(problem, selected, start, first)

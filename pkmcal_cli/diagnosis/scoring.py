@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,7 +171,7 @@ def score_without(search: Search, removed: Sequence[Hypothesis], hypotheses: Seq
 
 def _scored(search: Search, linear: Linear, hypotheses: Sequence[Hypothesis]) -> Scored:
     key = ("scored", *hypotheses)
-    compute = lambda: scored(linear, search.problem, hypotheses)  # noqa: E731
+    compute = partial(scored, linear, search.problem, hypotheses)
     return search.known.once((linear, search.problem), key, compute, linear.columns.nbytes)
 
 

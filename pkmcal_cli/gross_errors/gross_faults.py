@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,41 +66,59 @@ def gross_faults(
     sessions (N,): number of the session of each row, among `names`; place: words for a row; states: of the rows,
     at these values. What is wrong in one session alone is looked for there.
     """
-    whole = _suspected(problem, values, parameters, sessions, place, states)
+    table = _Table(problem, values, tuple(parameters), sessions=sessions, place=place, states=states)
+    whole = _suspected(table)
     numbers = np.unique(sessions)
     if len(numbers) < 2:
-        return whole or _from_a_row(problem, values, parameters, sessions, place, states)
-    messages = []
+        return whole or _from_a_row(table)
+    messages: list[Hint] = []
     for number in numbers:
-        rows = np.nonzero(sessions == number)[0]
-        part, own = problem.take(rows), None if states is None else states.take(rows)
-        reason = _suspected(part, values, parameters, sessions[rows], _Places(place, rows), own)
         words = f"in session `{names[number]}` " if len(names) else ""
-        for h in reason:
-            messages.append(replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)))
+        messages += _in_part(table, np.nonzero(sessions == number)[0], words)
     same = {(h.kind, h.names) for h in messages} <= {(h.kind, h.names) for h in whole}
     return whole if same else tuple(messages)
 
 
-def _from_a_row(
-    problem: Problem,
-    values: Array,
-    parameters: Sequence[str],
-    sessions: IntArray,
-    place: Callable[[int], str],
-    states: WarmStart | None,
-) -> tuple[Hint, ...]:
+@dataclass(frozen=True)
+class _Table:
+    """N rows at parameter values (P,); of each row its session (N,), its place in words, and its state there."""
+
+    problem: Problem
+    values: Array
+    parameters: tuple[str, ...]
+    sessions: IntArray
+    place: Callable[[int], str]
+    states: WarmStart | None
+
+    @cached_property
+    def sample(self) -> Sample:
+        """Rows spread over it, with what errors of the parameters cause."""
+        return Sample.of(self.problem, self.values, self.parameters, self.states)
+
+    def take(self, rows: IntArray) -> _Table:
+        """Some rows (n,)."""
+        states = None if self.states is None else self.states.take(rows)
+        place = _Places(self.place, rows)
+        problem, sessions = self.problem.take(rows), self.sessions[rows]
+        return replace(self, problem=problem, sessions=sessions, place=place, states=states)
+
+
+def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:
+    """Suspicions by some rows (n,) alone, which `words` tell."""
+    found = _suspected(table.take(rows))
+    return [replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)) for h in found]
+
+
+def _from_a_row(table: _Table) -> tuple[Hint, ...]:
     """Suspicions by the rows from one on, or up to one: a cable, a unit or a setting was changed on the way."""
-    first = change_row(Sample.of(problem, values, tuple(parameters), states))
+    first = change_row(table.sample)
     if first is None:
         return ()
-    out: list[Hint] = []
-    for rows, words in ((np.arange(first, len(problem)), "from"), (np.arange(first), "up to")):
-        own = None if states is None else states.take(rows)
-        found = _suspected(problem.take(rows), values, parameters, sessions[rows], _Places(place, rows), own)
-        where = f"from {place(int(rows[0]))} on" if words == "from" else f"up to {place(int(rows[-1]))}"
-        out += [replace(h, message=f"{where}: {h.message}", rows=tuple(int(rows[k]) for k in h.rows)) for h in found]
-    return tuple(out)
+    later, earlier = np.arange(first, len(table.problem)), np.arange(first)
+    return (
+        *_in_part(table, later, f"from {table.place(first)} on: "),
+        *_in_part(table, earlier, f"up to {table.place(first - 1)}: "),
+    )
 
 
 @dataclass(frozen=True)
@@ -113,20 +132,13 @@ class _Places:
         return self.place(int(self.rows[row]))
 
 
-def _suspected(
-    problem: Problem,
-    values: Array,
-    parameters: Sequence[str],
-    sessions: IntArray,
-    place: Callable[[int], str],
-    states: WarmStart | None,
-) -> tuple[Hint, ...]:
+def _suspected(table: _Table) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
-    sample = Sample.of(problem, values, tuple(parameters), states)
+    sample, problem, values, place = table.sample, table.problem, table.values, table.place
     steady = _steady(sample)
     if not sample.gross:
         return (*steady, *repeated_readings(sample, place))
-    reasons = [_channels(sample, True), _rows(sample, sessions, place)]
+    reasons = [_channels(sample, True), _rows(sample, table.sessions, place)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
     if reasons[0].before > EXPLAINED and not reasons[1].complete:  # no less than what an explanation may leave

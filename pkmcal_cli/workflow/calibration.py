@@ -35,7 +35,7 @@ from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
-_STEPS_IN_DOUBT = 15
+_STEPS_IN_DOUBT = 15  # of a fit that a hint has made implausible already
 
 
 @dataclass(frozen=True, kw_only=True)

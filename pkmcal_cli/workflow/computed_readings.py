@@ -46,26 +46,31 @@ def computed_readings(problem: Problem, calibration: Calibration, measured: Meas
     nominal = whitened_residual(problem, evaluate(problem, problem.model.nominal, ()))
     before = np.nansum(np.where(problem.measured, nominal, 0.0) ** 2, axis=0)
     count = (problem.measured & np.isfinite(nominal)).sum(axis=0)
-    varies = np.nan_to_num(np.nanmax(problem.readings, axis=0) - np.nanmin(problem.readings, axis=0)) > 0
+    highest, lowest = (np.where(problem.measured, problem.readings, s * np.inf) for s in (-1, 1))
+    varies = highest.max(axis=0) > lowest.min(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         times = np.where(count > 0, np.sqrt(count / before), 0.0)
     every = bool((times[varies & (count > 0)] > _NEAR).all())
     commanded = small & varies & (times > _NEAR) & (every | (times < _EXACT))
+    model = (" from the nominal machine", "set values instead of measurements, or a wrong unit")
+    fitted = ("", "computed, not measured, or sigma in the wrong unit")
     return Computed(
-        _words(problem, commanded, before, count, "set values instead of measurements, or a wrong unit"),
-        _words(problem, small & ~commanded, squares, freedom, "computed, not measured, or sigma in the wrong unit"),
+        _words(problem, commanded, before, count, *model),
+        _words(problem, small & ~commanded, squares, freedom, *fitted),
     )
 
 
-def _words(problem: Problem, own: NDArray[np.bool_], squares: Array, count: Array, why: str) -> tuple[str, ...]:
+def _words(
+    problem: Problem, own: NDArray[np.bool_], squares: Array, count: Array, origin: str, why: str
+) -> tuple[str, ...]:
+    """Own channels (C,), how small their squares (C,) are for their count (C,), and what that means; () for none."""
     names = [c.name for c, each in zip(problem.model.channels, own, strict=True) if each]
     if not names:
         return ()
     factor = float(np.sqrt(count[own].sum() / max(squares[own].sum(), 1e-300)))
     size = f"{factor:.2g} times" if factor < 1e6 else "a million times"
     what = ", ".join(f"`{name}`" for name in names)
-    before = " from the nominal machine" if why.startswith("set") else ""
-    return (f"deviations of {what}{before} are {size} smaller than the stated noise: {why}",)
+    return (f"deviations of {what}{origin} are {size} smaller than the stated noise: {why}",)
 
 
 def _by_channel(problem: Problem, calibration: Calibration) -> tuple[Array, Array]:
