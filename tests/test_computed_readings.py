@@ -36,3 +36,14 @@ def test_set_values_are_no_readings(tmp_path: Path) -> None:
     done = calibrated(tmp_path, NOMINAL, 4)
     assert done.code == 1 and done.json["status"] == "implausible"
     assert "set values instead of measurements" in done.err
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_channel_that_was_not_read_is_no_matter(tmp_path: Path) -> None:
+    calibrated(tmp_path, OFF, 6)
+    head, *rows = (tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()
+    at = [cell.split(" ")[0] for cell in head.split(",")].index("y")
+    cells = [[cell if k != at else "" for k, cell in enumerate(row.split(","))] for row in rows]
+    (tmp_path / "x.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n", encoding="utf-8")
+    done = clean(run("calibrate", TRIGLIDE, tmp_path / "x.csv", "--holdout", "none", "--json", "--select", "l1,yb1r"))
+    assert "deviations of `x` are" in done.err and "`y` are" not in done.err
