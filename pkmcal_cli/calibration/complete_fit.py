@@ -28,7 +28,7 @@ from pkmcal_cli.calibration.intervals import (
 )
 from pkmcal_cli.calibration.prior import joined, prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit
+from pkmcal_cli.calibration.robust import Loss, RobustFit, identify_robustly, plain_fit, without_weight
 from pkmcal_cli.calibration.selected_shapes import with_free_shapes
 from pkmcal_cli.calibration.starts import Agreement, identify_from
 from pkmcal_cli.calibration.steady_ropes import steady_fit
@@ -98,20 +98,31 @@ def calibrated(
     tell: Callable[[str], None] | None = None,
     observe: Observer = unobserved,
     steps: int = STEPS,
+    gross: tuple[int, ...] = (),
 ) -> Calibration:
     """Calibrate from values (P,), with `states` of the rows there; session (N,): number of the session of each row.
 
     The problem in what is found is without the rows that nothing predicts. `tell` announces what takes longer;
-    `observe` is told the steps; steps: that the fit from the start may take. Raises RowsFailed.
+    `observe` is told the steps; steps: that the fit from the start may take; gross: rows beyond all noise, without
+    which a robust loss begins. Raises RowsFailed.
     """
     problem = with_prior(problem, selected, options.prior)
     count, seed = options.starts, options.seed
+    gross = () if options.loss == "squares" else gross
     first, agreement = identify_from(
-        problem, selected, start, count, seed, tell, states=states, observe=observe, workers=options.workers,
+        without_weight(problem, gross),
+        selected,
+        start,
+        count,
+        seed,
+        tell,
+        states=states,
+        observe=observe,
+        workers=options.workers,
         steps=steps,
     )
     first = steady_fit(problem.without(first.failed), first)
-    robust = _with_loss(problem.without(first.failed), first, options)
+    robust = _with_loss(problem.without(first.failed), first, options, begun=bool(gross))
     held = held_parameters(problem, selected, () if datum is None else datum.held)
     robust, budget = _with_ranges(robust, start, held)
     intervals = _intervals(robust, budget, options, session, observe)
@@ -158,11 +169,11 @@ def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Probl
     return replace(problem, prior=ranges if problem.prior is None else joined(problem.prior, ranges))
 
 
-def _with_loss(problem: Problem, first: Fit, options: FitOptions) -> RobustFit:
-    """The fit by least squares, or from there with another loss."""
+def _with_loss(problem: Problem, first: Fit, options: FitOptions, begun: bool = False) -> RobustFit:
+    """The fit by least squares, or from there with another loss; begun: whether gross rows are without weight in it."""
     if options.loss == "squares" or first.status != "converged":
         return plain_fit(problem, first)
-    return identify_robustly(problem, first, options.loss)  # type: ignore[arg-type]
+    return identify_robustly(problem, first, options.loss, begun)  # type: ignore[arg-type]
 
 
 def _intervals(

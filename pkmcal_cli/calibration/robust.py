@@ -8,6 +8,7 @@ absolute deviation.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -83,11 +84,24 @@ def weights_of(loss: Loss, deviation: Array) -> Array:
     return np.maximum((1 - (np.minimum(size, _TUKEY) / _TUKEY) ** 2) ** 2, _LEAST)
 
 
-def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
-    """Identify with a robust loss, from a fit by least squares."""
+def without_weight(problem: Problem, rows: Collection[int]) -> Problem:
+    """The problem in which some rows hardly count."""
+    if not rows:
+        return problem
+    weight = np.ones_like(problem.readings)
+    weight[list(rows)] = _LEAST
+    return replace(problem, weight=weight)
+
+
+def identify_robustly(problem: Problem, first: Fit, loss: Loss, begun: bool = False) -> RobustFit:
+    """Identify with a robust loss, from a fit by least squares.
+
+    begun: whether gross rows had no weight in it. Then Tukey's loss begins there (MM-estimation, Yohai 1987), since
+    Huber's solution may follow such a row.
+    """
     fit, weighted, selected, failed = first, problem, first.selected, dict(first.failed)
     scale = np.ones(problem.readings.shape[1])
-    for stage in ("huber", "tukey") if loss == "tukey" else ("huber",):
+    for stage in ("huber", "tukey") if loss == "tukey" and not begun else (loss,):
         weight = np.ones_like(problem.readings)
         for _ in range(_ROUNDS):
             white, scale = _deviations(problem, fit)

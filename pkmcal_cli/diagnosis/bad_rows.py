@@ -14,6 +14,7 @@ from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 
 _KINSHIP = 0.9  # share of what rows are off by that an effect explains if it is the cause
+_CREDIBLE = 50.0  # ranges that an effect may be large if it is the cause; a wrong cell is far more likely
 _SUSPECT = 0.05  # chance that any row is as far off, at which one is told
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
@@ -27,8 +28,8 @@ def without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
     whole = score_all(replace(search, fit=fit), search.candidates.hypotheses)
     off = whole.linear.chi2 - fit.chi2
     values = int(search.problem.measured[list(rows)].sum())
-    few = [s.statistic for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any rows
-    if max(few, default=0.0) > _KINSHIP * off:
+    few = [s for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any rows
+    if max((s.statistic for s in few if s.size <= _CREDIBLE), default=0.0) > _KINSHIP * off:
         return search
     failed = {**search.failed, **fit.failed}
     return replace(search, problem=search.problem.without((*rows, *fit.failed)), fit=fit, bad_rows=rows, failed=failed)
@@ -43,7 +44,7 @@ def restored(search: Search) -> Search:
     for row in search.bad_rows:
         again = score_all(replace(search, problem=with_rows(search.problem, [row])), ())
         scores = row_scores(again.linear, again.linear.on, scale)
-        if again.linear.on[row].any() and scores.p_value[row] > _ORDINARY:
+        if scores.count[row] and scores.p_value[row] > _ORDINARY:  # what the good ones cannot judge stays out
             good.append(row)
     if not good:
         return search

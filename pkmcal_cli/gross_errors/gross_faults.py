@@ -134,11 +134,18 @@ class _Places:
 
 def _suspected(table: _Table) -> tuple[Hint, ...]:
     """Suspicions by all rows of a table."""
-    sample, problem, values, place = table.sample, table.problem, table.values, table.place
+    sample, place = table.sample, table.place
     steady = _steady(sample)
     if not sample.gross:
         return (*steady, *repeated_readings(sample, place))
-    reasons = [_channels(sample, True), _rows(sample, table.sessions, place)]
+    chosen = () if sample.few_rows_off else _chosen([r for r in _reasons(table) if r.hints])
+    return (*(chosen or permuted_rows(sample, place) or repeated_readings(sample, place)), *steady)
+
+
+def _reasons(table: _Table) -> list[_Reason]:
+    """Explanations of a table that is grossly off: by its channels, by shifted rows, by its drives."""
+    sample, problem, values = table.sample, table.problem, table.values
+    reasons = [_channels(sample, True), _rows(sample, table.sessions, table.place)]
     if not reasons[0].hints:
         reasons.append(_channels(sample, False))  # a wrong unit of an angle is lost when whole turns are taken off
     if reasons[0].before > EXPLAINED and not reasons[1].complete:  # no less than what an explanation may leave
@@ -147,8 +154,7 @@ def _suspected(table: _Table) -> tuple[Hint, ...]:
         if unplaced and not any(r.complete and not _of_drives(problem, r) for r in reasons):
             hints, before = explain_by_prediction(sample.part, values, sample.seen)
             reasons += [_Reason((h,), before, h.after) for h in hints]
-    chosen = _chosen([r for r in reasons if r.hints])
-    return (*(chosen or permuted_rows(sample, place) or repeated_readings(sample, place)), *steady)
+    return reasons
 
 
 def _of_drives(problem: Problem, reason: _Reason) -> bool:

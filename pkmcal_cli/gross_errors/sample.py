@@ -18,6 +18,7 @@ from pkmcal_cli.prediction import WarmStart
 IntArray = NDArray[np.intp]
 _ROWS = 200  # a sample of a long table shows a gross mistake as well
 _HALF = 0.5
+_FEW, _FEWEST = 0.1, 6  # share of rows, at least one, of as many or more
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,17 @@ class Sample:
         residual = self.seen(self.readings, self.predicted) - self.predicted
         large = [rms(r) > GROSS * u for r, u in zip(residual.T, self.prior_rms, strict=True) if np.isfinite(r).any()]
         return any(large) or not self.evaluation.prediction.solved.all()
+
+    @cached_property
+    def few_rows_off(self) -> bool:
+        """Whether a few rows alone are grossly off: what the others do not show is no mistake of a column."""
+        residual = self.seen(self.readings, self.predicted) - self.predicted
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.abs(np.where(self.prior_rms > 0, residual / self.prior_rms, 0.0))
+        known = np.isfinite(relative).any(axis=1) | ~self.evaluation.prediction.solved
+        each = np.where(np.isfinite(relative), relative, 0.0).max(axis=1, initial=0.0)
+        each = np.where(self.evaluation.prediction.solved, each, np.inf)[known]
+        return self.gross and len(each) >= _FEWEST and int((each > GROSS).sum()) <= max(1, int(_FEW * len(each)))
 
     @property
     def readings(self) -> Array:

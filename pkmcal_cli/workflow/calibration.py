@@ -30,7 +30,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
 from pkmcal_cli.workflow.computed_readings import computed_readings
-from pkmcal_cli.workflow.gross_row_reasons import gross_row_reasons
+from pkmcal_cli.workflow.gross_row_reasons import in_words, rows_beyond_noise
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
@@ -157,23 +157,26 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
         to.warn(text)
     s = _determined(s, states, to)
-    options = s.request.fit_options
+    options, place = s.request.fit_options, partial(place_of, s.measured)
+    gross = () if hints else rows_beyond_noise(s.problem, s.selected, s.start.values, states)
+    if gross and options.loss == "squares":
+        hints = (*hints, in_words(gross, place))
+        to.warn(f"warning: {hints[-1]}")
     if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
     steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe, steps)
-        fit, place = robust_fit.robust.fit, partial(place_of, s.measured)
+        robust_fit = _fit(s, states, options, to, observe, steps, gross)
+        fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
             held = held_out(s.problem, s.measured, fit, s.request.holdout, s.request.fit_options, observe)
         else:
             held = validated(s.loaded, s.problem, fit, s.apart)
-    gross = () if hints else gross_row_reasons(s.problem, robust_fit, place)
     computed = computed_readings(s.problem, robust_fit, s.measured)
     for text in computed.exact:
         to.warn(f"warning: {text}")
-    mistakes = (*hints, *gross, *computed.commanded)
+    mistakes = (*hints, *computed.commanded)
     return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, mistakes))
 
 
@@ -221,7 +224,13 @@ def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurem
 
 
 def _fit(
-    s: CalibrationSetting, states: WarmStart, options: FitOptions, to: Listener, observe: Observer, steps: int
+    s: CalibrationSetting,
+    states: WarmStart,
+    options: FitOptions,
+    to: Listener,
+    observe: Observer,
+    steps: int,
+    gross: tuple[int, ...],
 ) -> Calibration:
     try:
         calibration = calibrated(
@@ -235,6 +244,7 @@ def _fit(
             tell=to.say,
             observe=observe,
             steps=steps,
+            gross=gross,
         )
     except RowsFailed as failure:
         raise unsolved(s.measured, failure.evaluation.prediction) from None
