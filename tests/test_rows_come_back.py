@@ -27,7 +27,7 @@ from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.command import MACHINES, clean, run
 from tests.support import overlay
 from tests.test_identify import noisy
-from tests.test_spoilt_tables import out_of_reach, spoilt
+from tests.test_spoilt_tables import Csv, out_of_reach, spoilt
 
 TABLE = MACHINES / "five-bar.csv"
 WRONG = 20  # the row whose drive is 192 degrees off
@@ -173,3 +173,23 @@ def test_the_diagnosis_of_the_others_is_what_it_would_be(tmp_path: Path) -> None
     done = clean(run("diagnose", *spoilt(TABLE, out_of_reach, tmp_path), "--json"))
     found = json.loads(done.out)
     assert (found["verdict"], found["n_failed"]) == ("clean", 1)
+
+
+def test_a_row_that_nothing_brings_back_is_compared_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Comparing its drives with all poses costs as much as a hundred good rows."""
+    from pkmcal_cli.prediction import solving
+
+    asked: list[int] = []
+    compared = solving.common_pose
+    monkeypatch.setattr(solving, "common_pose", lambda model, some: asked.append(len(some)) or compared(model, some))
+
+    def ten_times(csv: Csv) -> Csv:
+        short, drive = csv.of_rows(csv.rows[:12]), csv.drives[1]
+        return short.with_cell(5, drive, repr(10 * float(short.rows[5][drive])))
+
+    machine, table = spoilt(MACHINES / "hexapod7.csv", ten_times, tmp_path)
+    loaded = load_machine(machine)
+    problem = problem_of(loaded.model, load_measurements(loaded, (table,)))
+    fit = identify(problem, select(loaded.model, "auto"))
+    assert fit.status == "converged" and len(fit.failed) == 1
+    assert sum(asked) == 1

@@ -16,18 +16,11 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import (
-    Evaluation,
-    chi_square,
-    evaluate,
-    linearise,
-    lost_rows,
-    reasons,
-    residuals,
-)
+from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, linearise, lost_rows, reasons, residuals
 from pkmcal_cli.calibration.step import Scaled, advance
 from pkmcal_cli.prediction import WarmStart
 
+_HOPELESS = 0.5  # sizes of the machine by which drives disagree: no error of geometry is as large
 _LEAD = 30  # steps of a fit of those rows that can be predicted
 _SPOILT = 100.0  # times chi-square per degree of freedom by which rows out of reach at the start may spoil a fit
 _NEARLY = 1e4  # the same of a reading that a fit without it nearly explains: it may lie where that extrapolates far
@@ -94,7 +87,8 @@ def _unspoilt(
 
 def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None) -> Fit:
     """The fit with those rows that failed on the way, but are nearly explained where it ended, unless they spoil it."""
-    end = _nearest(problem, Scaled.of(problem, fit.selected), evaluate(problem, fit.values, fit.selected))
+    again = evaluate(problem, fit.values, fit.selected, fit.last.start.hopeless(_HOPELESS))
+    end = _nearest(problem, Scaled.of(problem, fit.selected), again)
     noise = np.where(problem.measured, problem.sigma, 1.0)
     most = max(fit.chi2_per_dof, 1.0)
     far = ~((end.residual / noise) ** 2 <= _NEARLY * most)  # (N, C), and where there is no prediction
@@ -241,7 +235,8 @@ def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
             lead, damping, status = advance(part, scale, lead, linearise(part, lead), damping)
             if status:
                 break
-        further = _nearest(problem, scale, evaluate(problem, lead.values, scale.names))
+        again = evaluate(problem, lead.values, scale.names, evaluation.start.hopeless(_HOPELESS))
+        further = _nearest(problem, scale, again)
         if len(lost_rows(problem, further)) >= len(lost_rows(problem, evaluation)):
             break
         evaluation = further

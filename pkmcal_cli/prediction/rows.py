@@ -124,6 +124,17 @@ class WarmStart:
         """The same where no row is known to be out of reach: those without a solution are looked for again."""
         return replace(self, misfit=np.where(self.status == RowStatus.SOLVED, self.misfit, 0.0))
 
+    def hopeless(self, misfit: float) -> WarmStart | None:
+        """What is known of rows whose drives disagree by more, in sizes of the machine; nothing of the others.
+
+        No values of the parameters bring such a row back, and to look for one is dear. None where there is none.
+        """
+        lost = (self.status != RowStatus.SOLVED) & (self.misfit > misfit)
+        if not lost.any():
+            return None
+        status = np.where(lost, self.status, RowStatus.NOT_CONVERGED)
+        return replace(self, status=status, misfit=np.where(lost, self.misfit, 0.0))
+
     def put(self, rows: NDArray[np.intp], other: WarmStart) -> WarmStart:
         """These with some rows taken from `other`."""
         status, misfit = self.status.copy(), self.misfit.copy()
