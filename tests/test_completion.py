@@ -11,6 +11,7 @@ import pytest
 from pkmcal_cli.loading.names import names_in
 from tests.command import MACHINES, ROOT, TRIGLIDE, process, run
 
+PLACES = ("q1", "q2", "q3", "tracker")
 OVERLAY = str(MACHINES / "triglide-nonredundant.yaml")
 
 
@@ -39,6 +40,9 @@ def test_commands_and_options(tmp_path: Path) -> None:
         (f"pkmcal observability {TRIGLIDE} --offset q", ["q1=", "q2=", "q3="]),
         (f"pkmcal plan {TRIGLIDE} --aim backlash@q", ["backlash@q1", "backlash@q2", "backlash@q3"]),
         (f"pkmcal improve {TRIGLIDE} x.csv --only drift@t", ["drift@tracker"]),
+        (f"pkmcal improve {TRIGLIDE} x.csv --only drift@tracker,windu", [f"drift@tracker,windup@{p}" for p in PLACES]),
+        (f"pkmcal plan {TRIGLIDE} --aim windu", [f"windup@{p}" for p in PLACES]),
+        (f"pkmcal improve {TRIGLIDE} x.csv --only nosuch", []),
         ("pkmcal calibrate nowhere.yaml x.csv --select x", []),
         (f"pkmcal calibrate {MACHINES} x.csv --select x", []),
     ],

@@ -17,12 +17,15 @@ def parameters(ctx: typer.Context, args: list[str], incomplete: str) -> list[str
 
 def aims(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
     """What points can be chosen for: parameters, `uncertainty`, effects at drives and sensors."""
-    return _in_list(incomplete, ["uncertainty", *_names(ctx, "parameters")], _places(ctx))
+    places = _places(ctx)
+    names = ["uncertainty", *_names(ctx, "parameters"), *_effects(incomplete, places)]
+    return _in_list(incomplete, names, places)
 
 
-def places(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
-    """Drives and sensors after `@`."""
-    return _in_list(incomplete, [], _places(ctx))
+def effects(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
+    """Effects at drives and sensors."""
+    places = _places(ctx)
+    return _in_list(incomplete, _effects(incomplete, places), places)
 
 
 def drives(ctx: typer.Context, args: list[str], incomplete: str) -> list[str]:
@@ -43,6 +46,16 @@ def _in_list(incomplete: str, names: list[str], after_at: list[str]) -> list[str
     choices = [f"{effect}@{place}" for place in after_at] if at else names
     taken = {part.removeprefix("-") for part in done.split(",")}
     return [f"{done}{comma}{minus}{name}" for name in choices if name not in taken]
+
+
+def _effects(incomplete: str, places: list[str]) -> list[str]:
+    """Effects of the catalogue that begin like the last entry, at each place; none where it is empty: all are many."""
+    last = incomplete.rpartition(",")[2].removeprefix("-")
+    if not last or "@" in last or not places:
+        return []
+    from pkmcal_cli.effects import catalogue
+
+    return [f"{keyword}@{place}" for keyword in catalogue() if keyword.startswith(last) for place in places]
 
 
 def _places(ctx: typer.Context) -> list[str]:

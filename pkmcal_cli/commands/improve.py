@@ -33,7 +33,7 @@ Only = Annotated[
         "--only",
         metavar="EFFECTS",
         help="Look for these alone, e.g. zero@all,scale@upper; takes few rows.",
-        autocompletion=_completion.places,
+        autocompletion=_completion.effects,
     ),
 ]
 
