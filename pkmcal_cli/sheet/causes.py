@@ -13,6 +13,11 @@ from pkmcal_cli.sheet.results import Results
 
 _CORRELATED = 0.5  # from which on a correlation is worth a line
 _MOST = 5
+_BASIS = (
+    "Held-out rms of a cause: of single readings (each coordinate by itself), predicted from the other blocks of the "
+    "table with and without this cause. Position errors above are distances, so that they are larger. "
+    "\"Times larger than the stated noise\": root of chi-square per degree of freedom, all readings together."
+)
 
 
 def causes(results: Results) -> Section | None:
@@ -24,6 +29,8 @@ def causes(results: Results) -> Section | None:
     recorder = Recorder()
     report.show_causes(recorder)
     blocks += recorder.blocks
+    if report.diagnosis.findings:
+        blocks.append(Text(_BASIS, "note"))
     for finding in report.diagnosis.findings:
         blocks += [Text(line) for line in report.sentence(finding).splitlines()]
     alone = [f.hypothesis.name for f in report.diagnosis.findings if not f.ambiguous]
