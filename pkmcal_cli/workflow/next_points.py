@@ -37,7 +37,7 @@ from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
-_POOL = 400
+_POOL = 2000
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
 _NOISY = 1.5  # times the stated noise, from which on it is worth a word
@@ -163,8 +163,7 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budge
     assert goal.limit is not None
     std = float(campaign.std[campaign.selected.index(name)]) if name in campaign.selected else math.nan
     std = math.inf if math.isnan(std) else std
-    planned = _design_std(campaign, name)
-    wider = std / planned if math.isfinite(std) and math.isfinite(planned) else max(campaign.noise, 1.0)
+    wider = _wider(campaign, name, std, goal.limit)
     left = budget - len(campaign.problem) if std > goal.limit else 0
     size, own_seed = max(_POOL, 2 * left), seed + len(campaign.problem)
     pool, ways = candidate_points(loaded, campaign.problem, campaign.values, size, own_seed)
@@ -186,11 +185,16 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budge
     )  # fmt: skip
 
 
-def _design_std(campaign: _Campaign, name: str) -> float:
-    """What the rows promise at the stated noise, SI; inf where the parameter is not determined."""
+def _wider(campaign: _Campaign, name: str, std: float, limit: float) -> float:
+    """By what uncertainties exceed those of a design: the noise that was seen.
+
+    What few rows leave to ranges, further ones do not; only where the design would do and the fit does not, its excess.
+    """
     observed = observability(campaign.problem, campaign.values, campaign.selected)
     k = observed.selected.index(name)
-    return math.inf if observed.directions.undetermined()[k] else float(observed.std[k])
+    planned = math.inf if observed.directions.undetermined()[k] else float(observed.std[k])
+    enough = campaign.noise * planned <= limit < std
+    return std / planned if enough and math.isfinite(std) else campaign.noise
 
 
 def _far(readings: Array, campaign: _Campaign) -> NDArray[np.intp]:
