@@ -20,7 +20,8 @@ WORK = [
     "correct", "report", "compare", "study", "effects", "schema",
 ]  # fmt: skip
 """Commands in the order of work."""
-LONG = ("diagnose", "improve")
+LONG = ("diagnose", "improve", "report 1", "plan 0", "study 1")
+"""Commands, and single examples, that take long."""
 
 
 def help_of(command: str) -> str:
@@ -100,8 +101,8 @@ def test_help_shows_every_way_to_call_it(command: str) -> None:
 def cases() -> list[object]:
     """Examples by command; those of searches take long."""
     return [
-        pytest.param(command, line, marks=[pytest.mark.slow] if command in LONG else [], id=f"{command} {k}")
-        for command in COMMANDS for k, line in enumerate(examples_of(command))
+        pytest.param(command, line, marks=[pytest.mark.slow] if {command, name} & set(LONG) else [], id=name)
+        for command in COMMANDS for k, line in enumerate(examples_of(command)) for name in [f"{command} {k}"]
     ]  # fmt: skip
 
 

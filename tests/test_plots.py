@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.drawn import collisions, figure_of, lines
+from tests.in_ci import in_ci
 from tests.test_pictures import shop
 
 MM = parse_unit("mm")
@@ -180,9 +182,21 @@ def test_parameters_are_drawn_in_shares_of_their_ranges() -> None:
     assert collisions(picture) == []
 
 
-@pytest.mark.parametrize("logarithmic", [False, True])
-@pytest.mark.parametrize("values", [[], [np.nan], [1.0], [1e-9, 1e9], [0.5, 0.5], list(np.geomspace(1e-3, 10, 80))])
-def test_any_numbers_are_dots(values: list[float], logarithmic: bool) -> None:
+NUMBERS = {
+    "no": [], "unknown": [np.nan], "one": [1.0], "far apart": [1e-9, 1e9], "equal": [0.5, 0.5],
+    "many": list(np.geomspace(1e-3, 10, 80)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "logarithmic"),
+    in_ci(
+        ["no-False", "unknown-True", "one-False", "far apart-False", "far apart-True", "equal-True", "many-True"],
+        product(NUMBERS, [False, True]),
+    ),
+)
+def test_any_numbers_are_dots(kind: str, logarithmic: bool) -> None:
+    values = NUMBERS[kind]
     names = [f"a_very_long_name_of_something@somewhere.{k}" for k in range(len(values))]
     dots = [Dot(name=n, value=v, text=f"{v:g}") for n, v in zip(names, values, strict=True)]
     picture = composed("d", TITLES, "", [dot_part(dots, Scale(label="size", logarithmic=logarithmic, line=1.0))])
@@ -240,6 +254,7 @@ def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
 
 
 # --- commands ------------------------------------------------------------------------------
+QUICK = ("--holdout", "none", "--select", "l1,l2")
 GRIDDED = ("--grid", "x=300:600:4,y=200:350:3")
 COMMANDS = {
     "simulate": ("simulate", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
@@ -248,7 +263,7 @@ COMMANDS = {
     "along": ("sensitivity", TRIGLIDE, *GRIDDED, "--channel", "x"),
     "observability": ("observability", TRIGLIDE, *GRIDDED),
     "plan": ("plan", str(MACHINES / "triglide-nonredundant.yaml"), *GRIDDED, "--aim", "uncertainty", "--points", "2"),
-    "calibrate": ("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none", "--select", "l1,l2"),
+    "calibrate": ("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK),
     "correct": ("correct", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
     "compare": ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
 }
@@ -283,7 +298,7 @@ def test_a_picture_replaces_no_input_and_no_other_result(tmp_path: Path, monkeyp
 
 def test_a_map_of_uncertainties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none", "-o", "p.yaml", "-q").code == 0
+    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK, "-o", "p.yaml", "-q").code == 0
     done = run("simulate", TRIGLIDE, *GRIDDED, "-p", "p.yaml", "--uncertainty", "-o", "t.csv", "--plot", "u.svg")
     drawn = Path("u.svg").read_text(encoding="utf-8")
     assert done.code == 0 and "standard uncertainty<" in drawn and "of the position [um]<" in drawn
