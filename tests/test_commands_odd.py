@@ -225,7 +225,7 @@ def test_any_offset(offset: str) -> None:
     looked_at(done, True)
 
 
-@settings(ODD, max_examples=6)
+@settings(ODD, max_examples=3)
 @given(st.one_of(NUMBER, TEXT))
 def test_any_holdout_and_limit(text: str) -> None:
     Path("t.csv").write_text(TABLES["measured"])

@@ -184,6 +184,7 @@ def test_a_plan_of_which_half_cannot_be_reached_is_none(lost: int, code: int) ->
     assert code or f"{lost} of 24 rows are not used" in done.err
 
 
+@pytest.mark.slow
 def test_one_seed_one_plan() -> None:
     options = ("plan", SCISSORS, *GRID, "--aim", "backlash@q1", "-o", "-", "--seed")
     first, again, other = (run(*options, s).out for s in ("1", "1", "2"))

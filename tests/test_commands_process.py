@@ -35,7 +35,7 @@ def python(code: str, **more: str) -> Done:
 
 
 def test_simulate_pipes_into_calibrate(tmp_path: Path) -> None:
-    made = process("simulate", TRIGLIDE, "--grid", GRID, "--noise", "declared")
+    made = run("simulate", TRIGLIDE, "--grid", GRID, "--noise", "declared")
     assert made.code == 0 and "rows simulated" in made.err and "rows simulated" not in made.out
     done = process("calibrate", TRIGLIDE, "-", "-o", tmp_path / "p.yaml", "--json", stdin=made.out)
     assert done.code == 0 and json.loads(done.out)["n_rows"] == 12
@@ -54,17 +54,17 @@ def test_a_real_pipe(tmp_path: Path) -> None:
 def test_machines_and_parameters_come_from_pipes_too() -> None:
     machine = Path(TRIGLIDE).read_text()
     assert process("check", "-", "-q", stdin=machine).code == 0
-    wrong = process("check", "-", "-q", stdin=machine.replace("spaec", "space").replace("space:", "spaec:"))
+    wrong = run("check", "-", "-q", stdin=machine.replace("spaec", "space").replace("space:", "spaec:"))
     assert wrong.code == 1 and wrong.err.startswith("<stdin>:")
-    twice = process("simulate", "-", "-", stdin=machine)
+    twice = run("simulate", "-", "-", stdin=machine)
     assert twice.code == 2 and "only one input can be `-`" in twice.err
-    values = process("simulate", TRIGLIDE, "--grid", GRID, "-p", "-", "-q", stdin="parameters: {l1: 301}")
+    values = run("simulate", TRIGLIDE, "--grid", GRID, "-p", "-", "-q", stdin="parameters: {l1: 301}")
     assert values.code == 0
 
 
 def test_nobody_is_asked_anything() -> None:
     """With an empty stdin, or none at all, every command ends."""
-    assert process("calibrate", TRIGLIDE, "-").code == 3
+    assert run("calibrate", TRIGLIDE, "-", stdin="").code == 3
     done = subprocess.run(
         [*PROGRAM, "calibrate", TRIGLIDE, "-"], stdin=subprocess.DEVNULL, capture_output=True, text=True, cwd=ROOT,
         env=environment(), timeout=60, check=False,
@@ -146,10 +146,10 @@ def test_colours_only_on_a_terminal_and_not_with_no_color() -> None:
 
 def test_progress_only_on_a_terminal() -> None:
     """Only where the work takes more than a second."""
-    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:400,y=200:350:500")
+    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:400,y=200:350:200")
     shown = _on_a_terminal(*arguments)
-    assert "row " in shown and " of 200000" in shown and "200000 rows simulated" in shown
-    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n200000 rows simulated\n"
+    assert "row " in shown and " of 80000" in shown and "80000 rows simulated" in shown
+    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n80000 rows simulated\n"
     assert _on_a_terminal(*arguments, "-q") == ""
 
 

@@ -55,6 +55,7 @@ def test_a_circle_of_the_scissors(tmp_path: Path) -> None:
     assert after[1].mean() < before[1].mean() / 100
 
 
+@pytest.mark.slow
 def test_the_stated_uncertainty_is_that_of_the_truth(tmp_path: Path) -> None:
     """Eight calibrations with other noise: errors of the true tool point over their standard uncertainty are near 1."""
     case: Case = four_legs()

@@ -85,6 +85,7 @@ def test_the_order_of_rows_does_not_matter() -> None:
     same(changed(), changed(order))
 
 
+@pytest.mark.slow
 def test_the_zero_of_time_does_not_matter() -> None:
     same(changed(), changed(time=backlash_campaign().conditions.time + 86400.0))
 

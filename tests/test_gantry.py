@@ -55,6 +55,7 @@ def test_weight_of_the_carriage_bends_the_beam_with_x() -> None:
     assert sag[1] > 1.5 * sag[2] > 1.5 * 5 * sag[0] > 0
 
 
+@pytest.mark.slow
 def test_one_beam_is_enough_and_more_pieces_say_the_same() -> None:
     """Quadratic strains: one element a span is good to 1e-4 of the deflection, four to 1e-7."""
     one, four = (against_frame(2, errors=True, pieces=n)[0] for n in (1, 4))

@@ -160,7 +160,7 @@ def campaign(folder: Path, entry: str) -> tuple[Path, Path]:
     "entry",
     [
         "straight@rail.y: {n2: 60 um, n3: -40 um, n4: 30 um}",
-        "guide_angle@rail.y: {g: 600 urad}",
+        pytest.param("guide_angle@rail.y: {g: 600 urad}", marks=pytest.mark.slow),
     ],
 )
 def test_a_diagnosis_names_what_is_wrong_with_the_guide(tmp_path: Path, entry: str) -> None:

@@ -88,7 +88,7 @@ def test_steps_done_are_kept_when_a_later_one_breaks_off(
 
     monkeypatch.setattr(loop, "_with", breaking)
     target = tmp_path / "better.yaml"
-    done = run("improve", SCISSORS, SHOPFLOOR, "-o", target)
+    done = run("improve", SCISSORS, SHOPFLOOR, "--only", "backlash@q3,thermal_strut@all", "-o", target)
     assert "added: thermal_strut@all.a" in done.err and "improved by thermal_strut@all\n" in done.err
     assert "thermal_strut@all" in target.read_text(encoding="utf-8")
     assert run("check", target, SHOPFLOOR).code == 0

@@ -115,11 +115,11 @@ def test_rms_and_noise_are_told() -> None:
     [
         (grid(1, 0.0), 1e-5, 1e-6, 1e-6),  # one row
         (grid(30), 1e-5, 1e-6, 1e-6),  # more rows than arrows
-        (grid() * [1, 0], 1e-5, 1e-6, 1e-6),  # on a line
+        pytest.param(grid() * [1, 0], 1e-5, 1e-6, 1e-6, marks=pytest.mark.slow),  # on a line
         (grid(), 0.0, 0.0, 1e-6),  # no error at all
         (grid(), 0.3, 1e-9, np.nan),  # errors larger than the machine, and none
         (grid(), 1e-9, 1e-3, 1e-3),  # worse than before; noise larger than the errors
-        (grid() * 100 + 1e4, 1e-5, 1e-6, 1e-6),  # a large machine far away
+        pytest.param(grid() * 100 + 1e4, 1e-5, 1e-6, 1e-6, marks=pytest.mark.slow),  # a large machine far away
     ],
 )
 def test_odd_errors_are_drawn(at: np.ndarray, before: float, after: float, sigma: float) -> None:  # type: ignore[type-arg]
@@ -269,7 +269,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", in_ci([name for name in COMMANDS if name != "plan"], COMMANDS))
 def test_every_command_draws_beside_its_result(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     line = COMMANDS[name]

@@ -74,6 +74,7 @@ def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
     assert np.sort(score)[-3] < 1.5
 
 
+@pytest.mark.slow
 def test_nine_known_positions_predict_the_other_thirty_two() -> None:
     """6.1 mm; eight positions do so within 20 %, whichever they are."""
     known, rms, good = real.withheld(0)

@@ -20,7 +20,7 @@ def hold(counts: Counts) -> None:
     assert inside.min() > 0.95 - 4.9 * np.sqrt(0.95 * 0.05 / n)
 
 
-@pytest.mark.parametrize("tier", in_ci(["linear"], ["linear", "bootstrap"]))
+@pytest.mark.parametrize("tier", in_ci([], ["linear", "bootstrap"]))
 def test_sixty_campaigns_of_the_scissors(tier: str) -> None:
     counts = measure("scissors", tier, 60)
     hold(counts)

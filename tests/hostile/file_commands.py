@@ -104,7 +104,6 @@ COMMANDS: dict[str, Writing] = {
     "correct --as beckhoff": Writing(
         command=f"correct {_TABLE} -p {{i}}/t.params.yaml --as beckhoff -o {{o}}/c.csv",
         groups=(("c.q1.csv", "c.q2.csv", "c.q3.csv"),),
-        fast=True,
     ),
     "correct --as csv": Writing(
         command=f"correct {_TABLE} -p {{i}}/t.params.yaml --as csv -o {{o}}/c.csv",

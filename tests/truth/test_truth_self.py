@@ -189,6 +189,7 @@ def grid(x: tuple[float, float, int], y: tuple[float, float, int]) -> list[list[
     return [[a, b] for a in np.linspace(*x) for b in np.linspace(*y)]
 
 
+@pytest.mark.slow
 def test_condition_numbers_of_the_paper_triglide() -> None:
     machine, poses = triglide(2), grid((0, 0.95, 3), (0.16, 0.39, 77))
     ranges = dict.fromkeys(("l1", "l2", "xb1r", "yb1r", "xb2r", "yb2r"), 0.0001)
