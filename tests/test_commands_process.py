@@ -153,9 +153,13 @@ def test_progress_only_on_a_terminal() -> None:
     assert _on_a_terminal(*arguments, "-q") == ""
 
 
-def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
+def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
     """The rotation and the step in it; how long the rest takes, once a rotation is over; the line is taken away."""
-    arguments = ("improve", SCISSORS, SHOPFLOOR, "--only", "backlash@q3,thermal_strut@all")
+    worn, table = tmp_path / "worn.yaml", str(tmp_path / "table.csv")
+    worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
+    grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
+    assert run("simulate", worn, *grid).code == 0
+    arguments = ("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
     shown = _on_a_terminal(*arguments)
     assert "all rows, " in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
     assert re.search(r"rotation 5 of 5.* about \d+ s left", shown)

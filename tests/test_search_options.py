@@ -28,8 +28,8 @@ TRUE = PLAY.values["b"]
 
 
 @cache
-def case() -> Ready:
-    return ready(campaign("scissors", [PLAY], SEED))
+def case(rows: int = 80) -> Ready:
+    return ready(campaign("scissors", [PLAY], SEED, rows=rows))
 
 
 def few(there: Ready) -> Ready:
@@ -40,14 +40,14 @@ def few(there: Ready) -> Ready:
     return replace(there, candidates=replace(there.candidates, hypotheses=kept))
 
 
-def spoilt(share: float) -> tuple[Ready, set[int]]:
+def spoilt(share: float, rows: int = 80) -> tuple[Ready, set[int]]:
     """The same table with gross errors of 20 to 300 standard uncertainties in a share of the rows."""
-    there, rng = case(), np.random.default_rng(1)
+    there, rng = case(rows), np.random.default_rng(1)
     readings = there.problem.readings.copy()
-    rows = rng.permutation(len(readings))[: int(share * len(readings))]
-    size = np.geomspace(20, 300, len(rows)) * rng.choice([-1, 1], len(rows))
-    readings[rows] += there.problem.sigma[rows] * size[:, None]
-    return replace(there, problem=replace(there.problem, readings=readings)), {int(r) for r in rows}
+    bad = rng.permutation(len(readings))[: int(share * len(readings))]
+    size = np.geomspace(20, 300, len(bad)) * rng.choice([-1, 1], len(bad))
+    readings[bad] += there.problem.sigma[bad] * size[:, None]
+    return replace(there, problem=replace(there.problem, readings=readings)), {int(r) for r in bad}
 
 
 def diagnosed(there: Ready, loss: Loss = "squares") -> Diagnosis:
@@ -84,7 +84,7 @@ def test_scores_with_a_prior_are_those_of_fits_with_it() -> None:
     With noise a hundred times as large the data hardly count beside the ranges, so that a prior left out of either
     would show; backlash acts in proportion to its size, and parameters nearly do.
     """
-    there = few(case())
+    there = case()
     noisy = replace(there.problem, sigma=100 * there.problem.sigma)
     known = replace(there, problem=with_prior(noisy, there.selected, "ranges"))
     search = replace(diagnosed(known).search, accepted=(), bad_rows=())
@@ -137,7 +137,7 @@ def test_weighted_squares_of_normal_noise_are_as_large_as_without_weights(loss: 
 
 
 def test_the_loop_bears_them_too() -> None:
-    there = few(spoilt(0.12)[0])
+    there = few(spoilt(0.12, 48)[0])
     start, k = moved(there)
     candidates = replace(there.candidates, start=start)
     found = improve(candidates, there.problem, there.selected, None, ALPHA, SEED, loss="tukey")
