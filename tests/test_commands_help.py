@@ -20,7 +20,9 @@ WORK = [
     "correct", "report", "compare", "study", "effects", "schema",
 ]  # fmt: skip
 """Commands in the order of work."""
-LONG = ("diagnose", "improve", "report 1", "plan 0", "study 1")
+LONG = (
+    "diagnose", "improve", "report 1", "plan 0", "plan 2", "study 0", "study 1", "calibrate 1", "compare 1", "draw 1",
+)  # fmt: skip
 """Commands, and single examples, that take long."""
 
 

@@ -23,7 +23,10 @@ COMMANDS = (
 )
 
 
-LONG = ("ropes", "force-column", "all-fixed", "limits", "huge drive", "drives far", "unicode")
+LONG = (
+    "ropes", "force-column", "force-constant", "all-fixed", "no-parameters", "limits",
+    "huge drive", "drives far", "far", "unicode",
+)  # fmt: skip
 """Machines and tables whose fits take long."""
 
 
@@ -225,6 +228,7 @@ def test_any_offset(offset: str) -> None:
     looked_at(done, True)
 
 
+@pytest.mark.slow
 @settings(ODD, max_examples=3)
 @given(st.one_of(NUMBER, TEXT))
 def test_any_holdout_and_limit(text: str) -> None:

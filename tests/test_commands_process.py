@@ -170,6 +170,7 @@ def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else(tmp_path: Pa
     assert "rotation" not in piped and "\x1b[?25" not in piped and "\x1b[2K" not in piped
 
 
+@pytest.mark.slow
 def test_a_search_that_is_stopped_leaves_a_clean_terminal() -> None:
     ours, theirs = pty.openpty()
     with subprocess.Popen(
@@ -266,6 +267,9 @@ print(*sorted(name for name in loaded if name.startswith("pkmcal_cli")))
     assert len(modules) <= (30 if arguments == ("--help",) else 215), len(modules)
 
 
-@pytest.mark.parametrize("arguments", [("calibrate", TRIGLIDE, TRIGLIDE_DATA), ("observability", TRIGLIDE)])
+@pytest.mark.parametrize(
+    "arguments",
+    [("calibrate", TRIGLIDE, TRIGLIDE_DATA), pytest.param(("observability", TRIGLIDE), marks=pytest.mark.slow)],
+)
 def test_no_command_needs_scipys_statistics_or_optimisers(arguments: tuple[str, ...]) -> None:
     assert imported(*arguments, of=("scipy.stats", "scipy.optimize", "pandas")) == "[]"

@@ -30,7 +30,7 @@ from tests.truth.campaigns import Scenario, campaign, unit
 
 # --- noise ---------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("factor", "machine"), in_ci(["4.0-triglide", "2.0-scissors"], product([2.0, 4.0], ["triglide", "scissors"]))
+    ("factor", "machine"), in_ci(["4.0-triglide"], product([2.0, 4.0], ["triglide", "scissors"]))
 )
 def test_noise_far_above_its_statement_is_no_effect(machine: str, factor: float) -> None:
     """Nothing planted, sigma stated far too small: sigma is found out to 15 %, and nothing is named."""
@@ -57,7 +57,7 @@ def test_shapes_of_pose_are_free_of_noise() -> None:
 
 
 # --- few rows ------------------------------------------------------------------------------
-@pytest.mark.parametrize("rows", in_ci(["10", "20"], [10, 15, 20, 25]))
+@pytest.mark.parametrize("rows", in_ci(["15"], [10, 15, 20, 25]))
 def test_few_rows_of_noise_name_nothing(rows: int) -> None:
     """Noise five times its statement in a short table."""
     for seed in (1, 2, 3):

@@ -27,7 +27,6 @@ LONG = (
     "machines/gantry.csv",
     "hangprinter_2022-04-12.csv --select",
     "stretched.yaml --grid",
-    '--aim "ya2 15 um"',
 )
 """Parts of commands that take long, whose work is that of others of these pages."""
 SHOWN = [

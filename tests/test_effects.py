@@ -23,7 +23,7 @@ ROUNDING = 1e-11  # m or rad: of a predicted reading, by which differences are o
 TURNING = "ovality"  # the directions of the pass before are held in derivatives: second order
 
 
-@pytest.mark.parametrize("name", [*NAMES, *WRITTEN])
+@pytest.mark.parametrize("name", in_ci([*NAMES, *IN_CI], [*NAMES, *WRITTEN]))
 def test_at_null_every_effect_is_the_identity(name: str) -> None:
     c = case(name)
     bare = predict(c.model, c.values, c.rows)

@@ -33,6 +33,7 @@ def names(done: Done) -> set[str]:
     return {f"{e['effect']}@{e['at']}" for e in done.json["effects"]}
 
 
+@pytest.mark.slow
 def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     """150 mm; a calibration without it moves the anchors by more than 100 mm and leaves 28 mm."""
     machine, table = router(tmp_path, 0)

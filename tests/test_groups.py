@@ -92,6 +92,7 @@ def test_an_effect_with_values_of_its_own_at_every_drive_is_one_cause() -> None:
     assert {f.hypothesis.name for f in two} == {"backlash@q2", "backlash@q3"}
 
 
+@pytest.mark.slow
 def test_improve_writes_the_members_of_a_group_one_by_one(tmp_path: Path) -> None:
     """The improved machine is read again, and explains the table to its noise."""
     worn, table, better = tmp_path / "worn.yaml", tmp_path / "t.csv", tmp_path / "better.yaml"

@@ -99,7 +99,7 @@ FORCED = {
 }
 
 
-@pytest.mark.parametrize("kind", in_ci(["leg", "crank with spring", "ideal telescope"], FORCED))
+@pytest.mark.parametrize("kind", in_ci(["crank with spring", "ideal telescope"], FORCED))
 def test_every_kind_of_drive_in_force_control(kind: str) -> None:
     """Its force is a parameter. Where it held the mechanism, a drive that was redundant does so in its place."""
     space, old, new, force = FORCED[kind]

@@ -19,8 +19,8 @@ from tests.truth.look_alikes.leaning_delta import leaning_delta
 from tests.truth.look_alikes.shop_floor import drifting_drive
 
 SEEDS = 20
-QUICK = ("leaning-delta", "head", "drifting-drive")
-"""Scenarios whose diagnosis takes some seconds."""
+QUICK = ("leaning-delta",)
+"""Scenarios whose diagnosis CI looks at."""
 AGREE = {"bent-rail": 5e-3, "forgotten-belts": 1e-4}
 """Standard deviations of the readings: the beam's fine mesh extrapolated to 10 nm, digits of the belts' file; else the
 digits of the tables of closed forms."""
@@ -28,7 +28,9 @@ ROD_OFF = 3.0
 """Stated standard uncertainties."""
 
 
-@pytest.mark.parametrize("name", in_ci([name for name in SCENARIOS if name != "bent-rail"], SCENARIOS))
+@pytest.mark.parametrize(
+    "name", in_ci([name for name in SCENARIOS if name not in ("bent-rail", "forgotten-belts")], SCENARIOS)
+)
 def test_the_engine_predicts_what_is_simulated_once_all_is_declared(name: str) -> None:
     """So the true model can be told in the machine's language, and no failure is that of a wrong simulator."""
     draw = partial(drifting_drive, extra=0.0) if name == "drifting-drive" else SCENARIOS[name].draw

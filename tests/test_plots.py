@@ -243,7 +243,7 @@ def test_titles_hold_what_a_page_can() -> None:
 
 
 # --- diagnoses -----------------------------------------------------------------------------
-@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("whole", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
     found: Diagnosis = shop()
     drawn = [diagnosis_picture(found, TITLES, UNITS)] if whole else list(diagnosis_pictures(found, TITLES, UNITS))

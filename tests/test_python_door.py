@@ -165,6 +165,7 @@ def test_an_observer_hears_of_every_step() -> None:
     assert theirs["chi2_per_dof_before"] == ours["chi2_per_dof_before"]
 
 
+@pytest.mark.slow
 def test_improved_machines_need_no_file(tmp_path: Path) -> None:
     """The improved machine in memory and the one that was written give the same set values."""
 

@@ -75,7 +75,7 @@ def minimum(machine: RopeMachine, start: Array, rest: Array, gain: Array, stiffn
 GAINS = {"cables": np.array([0.025, 0.035, 0.035]), "weighted": np.array([0.025, 0.035, 0.035])}
 
 
-@pytest.mark.parametrize("name", in_ci(["cables", "weighted", "rolled"], ["cables", "weighted", "rolled", "spatial"]))
+@pytest.mark.parametrize("name", in_ci(["cables", "weighted"], ["cables", "weighted", "rolled", "spatial"]))
 def test_elastic_ropes_with_a_payload_some_of_them_slack(name: str) -> None:
     machine = MACHINES[name]
     built, rng = model(machine.text), np.random.default_rng(3)

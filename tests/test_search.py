@@ -54,6 +54,7 @@ def test_an_effect_that_others_make_needless_goes() -> None:
     assert names(kept.accepted) == {"straight@left.x", "backlash@q3"}
 
 
+@pytest.mark.slow
 def test_two_that_stand_for_two_others_are_exchanged_together() -> None:
     """Windup of two drives for their backlash: with one of them exchanged nothing is better."""
     case = planted(("backlash", "q3", 1.0), ("backlash", "q4", 1.0))

@@ -100,7 +100,8 @@ def test_scores_with_a_prior_are_those_of_fits_with_it() -> None:
 
 
 # --- loss ----------------------------------------------------------------------------------
-@pytest.mark.parametrize("loss", [pytest.param("huber", marks=pytest.mark.slow), "tukey"])
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", ["huber", "tukey"])
 def test_a_robust_loss_bears_gross_rows_that_hide_the_effect(loss: Loss) -> None:
     """Every eighth row is wrong by far: too many to be taken out one by one."""
     there, rows = spoilt(0.12)
@@ -175,6 +176,7 @@ def test_what_the_data_hardly_see_is_about_nominal_wherever_fits_begin() -> None
     assert np.abs(start - plain.values)[index].max() > 0.1 * model.ranges[index].min()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_from_a_calibrated_file_gives_the_same_names(tmp_path: Path) -> None:
     """What the data hardly see is held by its range about nominal, wherever fits begin: so the fit is the same."""
     params = tmp_path / "p.yaml"

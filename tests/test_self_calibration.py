@@ -62,6 +62,7 @@ def test_tables_are_put_between_their_markers() -> None:
 # the real machine -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("session", [real.SESSIONS[0], pytest.param(real.SESSIONS[1], marks=pytest.mark.slow)])
 def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
     """Within three standard uncertainties: twelve numbers, of which at most two may be above 1.5."""

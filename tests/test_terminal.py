@@ -49,6 +49,7 @@ def test_quiet_is_quiet() -> None:
         assert (code, text) == (0, ""), arguments
 
 
+@pytest.mark.slow
 def test_long_work_shows_step_and_remaining_time() -> None:
     options = ("--starts", "20", "--holdout", "none")
     ((code, text),) = on_terminal(100, ("calibrate", HANGPRINTER, HANGPRINTER_DATA, *options))

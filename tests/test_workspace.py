@@ -162,13 +162,21 @@ def test_a_circle_in_the_plane_and_other_units(monkeypatch: pytest.MonkeyPatch) 
     assert far.max() < 0.05 + 1e-9 and far.max() > 0.045 and len(q) == 50
 
 
-def test_a_workspace_that_nothing_reaches_is_an_error_where_it_is_needed() -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("sensitivity",),
+        ("plan", "--grid", "x=0:9:3", "--aim", "r"),
+        *(pytest.param((name,), marks=pytest.mark.slow) for name in ("observability", "plan")),
+    ],
+    ids=" ".join,
+)
+def test_a_workspace_that_nothing_reaches_is_an_error_where_it_is_needed(command: tuple[str, ...]) -> None:
     file = with_workspace("crank", "box: {y: [300, 400]}")
     shown = run("check", file)
     assert shown.code == 0 and "warning[workspace]: the reference configuration is outside the workspace" in shown.err
-    for command in (["sensitivity"], ["observability"], ["plan"], ["plan", "--grid", "x=0:9:3", "--aim", "r"]):
-        done = run(command[0], file, *command[1:])
-        assert done.code == 3 and "error[workspace]: the machine reaches no pose of its workspace" in done.err
+    done = run(command[0], file, *command[1:])
+    assert done.code == 3 and "error[workspace]: the machine reaches no pose of its workspace" in done.err
     assert run("simulate", file, "--grid", "x=0:9:3").code == 0  # grids are the user's
 
 
