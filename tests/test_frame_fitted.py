@@ -81,6 +81,7 @@ def test_a_grid_plate_that_stands_anywhere(tmp_path: Path) -> None:
             assert found[name]["value"] == pytest.approx(p["value"], abs=spread), name
 
 
+@pytest.mark.slow
 def test_a_camera_that_stands_anywhere(tmp_path: Path) -> None:
     """Real data in a turned frame: nothing says how the base is turned; refused, with the way out; then as before."""
     table = moved(HANGPRINTER_DATA, ("x_mm", "y_mm", "z_mm"), tmp_path / "turned.csv")

@@ -31,7 +31,14 @@ def held(name: str) -> tuple[str, ...]:
     return {"heavy": ("Ax",)}.get(name, CASES[name].datum)
 
 
-@pytest.mark.parametrize(("name", "other"), [(n, o) for n, others in OTHERS.items() for o in others], ids=str)
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        pytest.param(name, other, id=f"{name}-{other}", marks=[pytest.mark.slow] if k else [])
+        for name, others in OTHERS.items()
+        for k, other in enumerate(others)
+    ],
+)
 def test_the_choice_of_inputs_does_not_matter(name: str, other: dict[str, float]) -> None:
     """To first order: 5 % of a standard uncertainty are left for what a known error of the drawing bends."""
     assert disagreement(name, 0, other) < 0.05

@@ -28,6 +28,7 @@ def test_sixty_campaigns_of_the_scissors(tier: str) -> None:
     assert counts.missing == 0.0
 
 
+@pytest.mark.slow
 def test_a_sigma_three_times_too_small_widens_the_intervals() -> None:
     """Chi-square per degree of freedom is 9 (its mean of 40 campaigns scatters by 9 sqrt(2 / 151 / 40), four times
     that are allowed); the widened intervals cover as they should."""

@@ -88,7 +88,7 @@ def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
 def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> None:
     """z, rx and ry: its tip's x and y follow, as its legs have it."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [0, 15 deg]}")
-    _, q = proposed(file, "--aim", "r", points=16)
+    _, q = proposed(file, "--aim", "r")
     poses = np.array([fsolve(lambda p, row=row: head_poses(*p[:, None])[1][0] - row, START) for row in q * 1e-3])
     low, high = np.array([0.55, *np.radians([-15, 0])]), np.array([0.62, *np.radians([15, 15])])
     assert (poses > low - 1e-9).all() and (poses < high + 1e-9).all()
