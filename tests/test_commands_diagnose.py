@@ -199,6 +199,7 @@ def test_gaps_in_a_column_are_told(tmp_path: Path) -> None:
     assert "thermal_strut" in {n["effect"] for n in done.json["not_testable"]}
 
 
+@pytest.mark.slow
 def test_names_of_parts_do_not_matter(tmp_path: Path) -> None:
     """Rods and actuators called otherwise: the same effects under the new names."""
     other = tmp_path / "other.yaml"

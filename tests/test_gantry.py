@@ -39,7 +39,7 @@ def bridge(mass: float, own: float = 0.0, pieces: int = 1, far: str = "true", mo
     return BRIDGE.format(length=LENGTH, ei=EI, own=own_mass, mass=mass, pieces=pieces, far=far, more=more)
 
 
-@pytest.mark.parametrize(("errors", "seed"), in_ci(["False-0", "True-1"], product([False, True], [0, 1])))
+@pytest.mark.parametrize(("errors", "seed"), in_ci(["True-1"], product([False, True], [0, 1])))
 def test_readings_agree_to_a_millionth_of_the_deflection(seed: int, errors: bool) -> None:
     """Drives out of step, rails that are not parallel or square, the carriage's weight."""
     deviation, deflection = against_frame(seed, errors)
@@ -63,6 +63,7 @@ def test_one_beam_is_enough_and_more_pieces_say_the_same() -> None:
     assert four < 1e-7
 
 
+@pytest.mark.slow
 def test_bow_of_the_elastic_rail_moves_the_tool_as_the_frame_does() -> None:
     """An arc is the second Legendre polynomial over the limits, by -2/3 of its height. Without its slope to 1e-6."""
     readings = skewed_gantry(4)[0]

@@ -200,6 +200,7 @@ def test_faults_of_tables(name: str, new: str, row: int | None, what: str, tmp_p
     assert "m.csv:" in done.err
 
 
+@pytest.mark.slow
 def test_units_of_headings_are_taken(tmp_path: Path) -> None:
     """Micrometres and radians in the heading, millimetres and degrees in the machine file."""
     file = machine(tmp_path, EVERY)

@@ -197,6 +197,7 @@ def test_condition_numbers_of_the_paper_triglide() -> None:
     assert condition(machine, poses, {**ranges, "gamma": np.radians(1)}) == pytest.approx(3139, abs=0.5)
 
 
+@pytest.mark.slow
 def test_condition_number_of_the_paper_scissors() -> None:
     machine, poses = scissors(), grid((-0.203, 0.203, 10), (-0.2, 0.2, 8))
     names = ("g1", "g2", "xa1", "l3", "xa2", "ya1", "l4", "ya2", "ya4")
