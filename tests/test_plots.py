@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from functools import cache
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,6 @@ from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.drawn import collisions, figure_of, lines
-from tests.in_ci import in_ci
 from tests.test_pictures import shop
 
 MM = parse_unit("mm")
@@ -182,21 +180,14 @@ def test_parameters_are_drawn_in_shares_of_their_ranges() -> None:
     assert collisions(picture) == []
 
 
-NUMBERS = {
-    "no": [], "unknown": [np.nan], "one": [1.0], "far apart": [1e-9, 1e9], "equal": [0.5, 0.5],
-    "many": list(np.geomspace(1e-3, 10, 80)),
-}  # fmt: skip
+NUMBERS: list[list[float]] = [[], [np.nan], [1.0], [1e-9, 1e9], [0.5, 0.5], list(np.geomspace(1e-3, 10, 80))]
 
 
 @pytest.mark.parametrize(
-    ("kind", "logarithmic"),
-    in_ci(
-        ["no-False", "unknown-True", "one-False", "far apart-False", "far apart-True", "equal-True", "many-True"],
-        product(NUMBERS, [False, True]),
-    ),
+    ("values", "logarithmic"),
+    [pytest.param(v, r, marks=[] if r or len(v) == 2 else [pytest.mark.slow]) for v in NUMBERS for r in (False, True)],
 )
-def test_any_numbers_are_dots(kind: str, logarithmic: bool) -> None:
-    values = NUMBERS[kind]
+def test_any_numbers_are_dots(values: list[float], logarithmic: bool) -> None:
     names = [f"a_very_long_name_of_something@somewhere.{k}" for k in range(len(values))]
     dots = [Dot(name=n, value=v, text=f"{v:g}") for n, v in zip(names, values, strict=True)]
     picture = composed("d", TITLES, "", [dot_part(dots, Scale(label="size", logarithmic=logarithmic, line=1.0))])
@@ -269,7 +260,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("name", in_ci([name for name in COMMANDS if name != "plan"], COMMANDS))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "plan" else []) for n in COMMANDS])
 def test_every_command_draws_beside_its_result(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     line = COMMANDS[name]

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from tests.command import MACHINES, clean, column, run
-from tests.in_ci import in_ci
 
 EVERY = """
 parameters:
@@ -200,7 +199,6 @@ def test_faults_of_tables(name: str, new: str, row: int | None, what: str, tmp_p
     assert "m.csv:" in done.err
 
 
-@pytest.mark.slow
 def test_units_of_headings_are_taken(tmp_path: Path) -> None:
     """Micrometres and radians in the heading, millimetres and degrees in the machine file."""
     file = machine(tmp_path, EVERY)
@@ -267,7 +265,7 @@ def test_tables_of_two_sessions_are_checked(tmp_path: Path) -> None:
     assert clean(run("check", *two_sessions(tmp_path))).code == 0
 
 
-@pytest.mark.parametrize("command", in_ci(["simulate", "calibrate"], ["simulate", "observability", "calibrate"]))
+@pytest.mark.parametrize("command", ["simulate", pytest.param("observability", marks=pytest.mark.slow), "calibrate"])
 def test_parameters_of_sessions_are_used_again(command: str, tmp_path: Path) -> None:
     """The machine is calibrated; the next day's table has sessions of its own."""
     file, first, second = two_sessions(tmp_path)
