@@ -231,6 +231,7 @@ def test_too_few_rows(tmp_path: Path, rows: int) -> None:
     assert done.code == 3 and "too few measurements" in done.err and "8 rows or more" in done.err
 
 
+@pytest.mark.slow
 def test_a_sigma_that_is_far_too_large_is_told(tmp_path: Path) -> None:
     table = shopfloor(tmp_path, lambda _, row: row | {"sigma.x [mm]": "1", "sigma.y [mm]": "1"})
     assert "sigma 1 mm, which is too large" in clean(run("diagnose", SCISSORS, table)).err

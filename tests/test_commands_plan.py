@@ -158,6 +158,7 @@ def test_drives_that_move_one_by_one_have_a_place_to_begin(tmp_path: Path) -> No
     assert {(a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)} <= set(zip(*both, strict=True))
 
 
+@pytest.mark.slow
 def test_drives_begin_within_their_limits(tmp_path: Path) -> None:
     """The outermost readings of the plan are the limits: from outside these cannot be approached."""
     file, machine = tmp_path / "plan.csv", tmp_path / "m.yaml"

@@ -126,6 +126,7 @@ def test_holm() -> None:
     assert holm(np.array([0.01, 0.04, np.nan, 0.03])) == pytest.approx([0.03, 0.06, np.nan, 0.06], nan_ok=True)
 
 
+@pytest.mark.slow
 def test_selection_prior_and_what_is_held_do_not_matter() -> None:
     """The same rows, calibrated otherwise: the same test, to what is not linear."""
     a, b = table("a", 1), table("b", 2)

@@ -30,6 +30,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> str:
     return calibrated(folder, "first", "x8, y8, yb1r", table(folder, "a", 1, 0.5))
 
 
+@pytest.mark.slow
 def test_frame_and_datum_are_removed(first: str, tmp_path: Path) -> None:
     again = table(tmp_path, "b", 2, -2.5)
     tests = []
@@ -41,7 +42,6 @@ def test_frame_and_datum_are_removed(first: str, tmp_path: Path) -> None:
     assert tests[1]["degrees_of_freedom"] == tests[0]["degrees_of_freedom"] >= 3
 
 
-@pytest.mark.slow
 def test_a_changed_strut_is_seen_from_elsewhere(first: str, tmp_path: Path) -> None:
     second = table(tmp_path, "c", 3, -2.5, l2=0.2 * MM)
     done = run("compare", first, calibrated(tmp_path, "second", "x8, y8, yb1r", second), "--json", "-q")

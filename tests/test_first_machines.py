@@ -131,6 +131,7 @@ def test_bench_readings_do_not_hide_an_effect(seed: int, tmp_path: Path) -> None
     assert abs(found["parameters"][0]["value"]) == pytest.approx(200, abs=60) and found["confirmed"]
 
 
+@pytest.mark.slow
 def test_what_was_measured_on_a_bench_makes_effects_easier_to_detect(tmp_path: Path) -> None:
     sizes = []
     for name, bench in (("without", ""), ("with", BENCH)):

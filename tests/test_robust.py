@@ -82,7 +82,7 @@ def test_a_row_that_nothing_predicts_has_no_part_in_any_fit(loss: str, uncertain
     np.testing.assert_allclose(found.intervals.low_high, rest.intervals.low_high, rtol=1e-9)
 
 
-@pytest.mark.parametrize("channel", ["x", *(pytest.param(c, marks=pytest.mark.slow) for c in "yz"), "D"])
+@pytest.mark.parametrize("channel", in_ci(["D"], "xyzD"))
 def test_the_channel_that_is_wrong_is_named(channel: str) -> None:
     """Noise of the lines is common to all readings of a row: what is off is judged by what the others tell.
 

@@ -78,6 +78,7 @@ def test_ranges_as_prior_give_the_same_name_and_an_interval_that_holds_the_truth
     assert abs(value - TRUE) < 3 * std and std < 0.02 * TRUE
 
 
+@pytest.mark.slow
 def test_scores_with_a_prior_are_those_of_fits_with_it() -> None:
     """The linear test predicts what chi-square, of readings and prior together, falls by in a fit with the effect.
 

@@ -94,6 +94,7 @@ def test_without_redundancy_every_method_finds_the_same(tmp_path: Path) -> None:
         assert found[method][:, 1] == pytest.approx(found["exact"][:, 1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_rigid_model_of_a_strained_machine_is_worse_and_says_what_it_does_not_see(tmp_path: Path) -> None:
     """Paper, section 5.3: the redundant part belongs to no rigid model."""
     quick = ("--starts", "1", "--holdout", "none", "--json")

@@ -85,6 +85,7 @@ def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
     assert q[:, 0].min() >= -20 and q[:, 0].max() <= 30 and q[:, 2].min() >= 0 and q[:, 2].max() <= 50
 
 
+@pytest.mark.slow
 def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> None:
     """z, rx and ry: its tip's x and y follow, as its legs have it."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [0, 15 deg]}")
