@@ -9,6 +9,7 @@ import hashlib
 import io
 import pickle
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -23,12 +24,24 @@ _RESULTS: dict[str, Any] = {}
 
 
 class _Key(pickle.Pickler):
-    """Of all that a computation is given; functions by where they are written, as lambdas have no name; whole paths."""
+    """Of all that a computation is given; functions by where they are written, as lambdas have no name; whole paths.
+
+    Objects by their fields alone: what they have computed and kept meanwhile makes no other case of it.
+    """
 
     def persistent_id(self, given: object) -> object:
         if isinstance(given, FunctionType):
             return given.__module__, given.__qualname__, given.__code__.co_firstlineno
         return str(Path(given).resolve()) if isinstance(given, str) and given.endswith(".yaml") else None
+
+    def reducer_override(self, given: Any) -> Any:
+        if isinstance(given, type) or not is_dataclass(given):
+            return NotImplemented
+        return _as_fields, (type(given).__qualname__, [getattr(given, f.name) for f in fields(given)])
+
+
+def _as_fields(kind: str, values: list[Any]) -> tuple[str, list[Any]]:
+    return kind, values
 
 
 def _once(compute: Callable[..., Any]) -> Callable[..., Any]:

@@ -27,6 +27,8 @@ WRITTEN = {"elastic-guide": sliders(), "elastic-towers": TOWERS, "planar-kinds":
            "spatial-kinds": SPATIAL_KINDS, "planar-instruments": PLANAR_INSTRUMENTS,
            "spatial-instruments": SPATIAL_INSTRUMENTS}  # fmt: skip
 """Machines of the tests, by name."""
+IN_CI = ("triglide", "delta4", "hangprinter", "elastic-guide", "planar-kinds", "planar-instruments")
+"""Of all these, machines that have every effect of the catalogue between them, in the plane and in space."""
 _REACH = {"hangprinter": 0.012, "planar-kinds": 0.004}  # of the machine's size; the others are moved by 4 %
 _MOVES = {"spatial-kinds": (1e-3, -0.3, 5e-4, 0.01, -1e-3)}  # of drives, m or rad; its inverse positions are many
 _ERRORS = {"hangprinter": 0.003}  # of the ranges; the others' parameters are off by a third

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from pkmcal_cli.prediction import Method, Request, Rows, predict, solving
 from pkmcal_cli.prediction.common_pose import CommonPose
 from tests.benchmark.setting import ready
 from tests.command import MACHINES, run
+from tests.in_ci import in_ci
 from tests.test_spoilt_tables import far_off, spoilt
 from tests.truth.campaigns import Scenario, campaign
 from tests.truth.redundant import DEG
@@ -66,9 +68,13 @@ def poses() -> tuple[Array, Array]:
     return pose, np.linalg.norm(points - FEET, axis=2) - OFFSET
 
 
-@pytest.mark.parametrize("method", ["exact", "linear", "rigid"])
-@pytest.mark.parametrize("redundant", [1, 3])
-@pytest.mark.parametrize("wide", [0.1, 1.0, 20.0])
+@pytest.mark.parametrize(
+    ("wide", "redundant", "method"),
+    in_ci(
+        ["0.1-1-rigid", "1.0-3-linear", "20.0-1-exact", "20.0-3-exact"],
+        product([0.1, 1.0, 20.0], [1, 3], ["exact", "linear", "rigid"]),
+    ),
+)
 def test_ranges_do_not_excuse_another_assembly(wide: float, redundant: int, method: Method, tmp_path: Path) -> None:
     """All drives agree on one pose, however little is known of the machine: that one and no other is found."""
     pose, readings = poses()
@@ -78,8 +84,14 @@ def test_ranges_do_not_excuse_another_assembly(wide: float, redundant: int, meth
     assert np.abs(found.values - pose).max() < 1e-9
 
 
-@pytest.mark.parametrize("redundant", [1, 2, 3, 4])
-@pytest.mark.parametrize("stacked", [False, True], ids=["beside", "on the platform"])
+@pytest.mark.parametrize(
+    ("stacked", "redundant"),
+    in_ci(
+        ["beside-1", "beside-4", "on the platform-2"],
+        product([False, True], [1, 2, 3, 4]),
+        lambda value: ("beside", "on the platform")[value] if isinstance(value, bool) else str(value),
+    ),
+)
 def test_an_axis_that_the_tool_does_not_show(stacked: bool, redundant: int, tmp_path: Path) -> None:
     """A slide beside the platform, or one on it that carries the tool: four freedoms, of which a point shows three."""
     pose, readings = poses()

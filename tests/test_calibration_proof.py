@@ -22,12 +22,13 @@ from tests.campaigns import (
 )
 from tests.command import ROOT
 from tests.coverage_table import COUNT, MACHINES, SEED
+from tests.in_ci import in_ci
 from tests.truth.machines import PINNED
 
 # without noise --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*PINNED, "hexapod7"])
+@pytest.mark.parametrize("name", in_ci(PINNED, [*PINNED, "hexapod7"]))
 def test_planted_parameters_are_recovered(name: str) -> None:
     """To 1e-6 of the range, all of them: sigma is 1 pm, nothing is weak.
 
@@ -49,10 +50,8 @@ def quick(name: str) -> Coverage:
     return campaigns(by_engine(shipped(name)), 60, SEED)
 
 
-LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("delta4", "hangprinter")]
 
-
-@pytest.mark.parametrize("name", ["triglide", "biglide", *LONG])
+@pytest.mark.parametrize("name", in_ci(["biglide"], ["triglide", "biglide", "delta4", "hangprinter"]))
 def test_intervals_hold_the_true_values(name: str) -> None:
     """95 % of them, within four standard deviations of chance: 60 campaigns, parameters going together as they do.
 
@@ -66,7 +65,7 @@ def test_intervals_hold_the_true_values(name: str) -> None:
     assert (found.scores**2).mean() == pytest.approx(1, abs=4 * np.sqrt(2 / 60))
 
 
-@pytest.mark.parametrize("name", ["triglide", "biglide", "delta4", "hangprinter"])
+@pytest.mark.parametrize("name", in_ci(["hangprinter"], ["triglide", "biglide", "delta4", "hangprinter"]))
 def test_chi_square_of_noise_is_one(name: str) -> None:
     """Per degree of freedom, within four standard deviations; a combination held adds a quarter of s^2, below one.
 

@@ -191,7 +191,7 @@ def test_a_drive_drawn_outside_its_limits_is_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("q1 [mm],q2 [mm]", "q2 [mm],q1 [mm]", "`q1` and `q2` look swapped"),
+        pytest.param("q1 [mm],q2 [mm]", "q2 [mm],q1 [mm]", "`q1` and `q2` look swapped", marks=pytest.mark.slow),
         ("q1 [mm]", "q1 [m]", "`q1` looks 1000 times too large"),
     ],
 )

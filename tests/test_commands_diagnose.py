@@ -74,6 +74,7 @@ def test_hangprinter_radius_and_build_up(table: str) -> None:
             assert unit == "mm" and 75.4 < radius < 76.4 and 0.01 < std < 0.2
 
 
+@pytest.mark.slow
 def test_hangprinter_bad_row() -> None:
     """The row with index 17 of 2022-04-12, in line 19 of the file; at most one row more is suspected."""
     done = diagnosed(HANGPRINTER, SECOND)
@@ -117,6 +118,7 @@ def test_clean_tables_are_clean(name: str) -> None:
     assert done.json["effects"] == done.json["outliers"] == done.json["unknown"] == []
 
 
+@pytest.mark.slow
 def test_one_seed_one_result() -> None:
     first, again = (run("diagnose", SCISSORS, SHOPFLOOR, "--json", "--seed", 3) for _ in range(2))
     assert timeless(first.out) == timeless(again.out) and first.err == again.err
@@ -156,7 +158,8 @@ def test_commands_to_go_on_with_can_be_run() -> None:
     (line,) = (row for row in shown.splitlines() if "points that would show one: " in row)
     words = line.partition("pkmcal ")[2].replace("EFFECT", "clearance@rod5").split()
     assert clean(run(*words, "--points", "1")).code == 0
-    piped = run("diagnose", SCISSORS, "-", stdin=Path(SHOPFLOOR).read_text(encoding="utf-8")).err
+    short = "".join(Path(SHOPFLOOR).read_text(encoding="utf-8").splitlines(keepends=True)[:30])
+    piped = run("diagnose", SCISSORS, "-", stdin=short).err
     assert "MEAS.csv --aim EFFECT" in piped
 
 
@@ -191,11 +194,12 @@ def test_gaps_in_a_column_are_told(tmp_path: Path) -> None:
     def gaps(k: int, row: dict[str, str]) -> dict[str, str]:
         return row | ({"T [degC]": ""} if k % 7 == 0 else {})
 
-    done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, gaps), "--json"))
-    assert "column `T` is empty in 12 of 80 rows: effects that need it are not tested" in done.err
+    done = clean(run("diagnose", SCISSORS, shopfloor(tmp_path, gaps, 30), "--json"))
+    assert "column `T` is empty in 5 of 30 rows: effects that need it are not tested" in done.err
     assert "thermal_strut" in {n["effect"] for n in done.json["not_testable"]}
 
 
+@pytest.mark.slow
 def test_names_of_parts_do_not_matter(tmp_path: Path) -> None:
     """Rods and actuators called otherwise: the same effects under the new names."""
     other = tmp_path / "other.yaml"
@@ -227,6 +231,7 @@ def test_too_few_rows(tmp_path: Path, rows: int) -> None:
     assert done.code == 3 and "too few measurements" in done.err and "8 rows or more" in done.err
 
 
+@pytest.mark.slow
 def test_a_sigma_that_is_far_too_large_is_told(tmp_path: Path) -> None:
     table = shopfloor(tmp_path, lambda _, row: row | {"sigma.x [mm]": "1", "sigma.y [mm]": "1"})
     assert "sigma 1 mm, which is too large" in clean(run("diagnose", SCISSORS, table)).err

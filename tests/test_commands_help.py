@@ -20,7 +20,10 @@ WORK = [
     "correct", "report", "compare", "study", "effects", "schema",
 ]  # fmt: skip
 """Commands in the order of work."""
-LONG = ("diagnose", "improve")
+LONG = (
+    "diagnose", "improve", "report 1", "plan 0", "plan 2", "study 0", "study 1", "calibrate 1", "compare 1", "draw 1",
+)  # fmt: skip
+"""Commands, and single examples, that take long."""
 
 
 def help_of(command: str) -> str:
@@ -100,8 +103,8 @@ def test_help_shows_every_way_to_call_it(command: str) -> None:
 def cases() -> list[object]:
     """Examples by command; those of searches take long."""
     return [
-        pytest.param(command, line, marks=[pytest.mark.slow] if command in LONG else [], id=f"{command} {k}")
-        for command in COMMANDS for k, line in enumerate(examples_of(command))
+        pytest.param(command, line, marks=[pytest.mark.slow] if {command, name} & set(LONG) else [], id=name)
+        for command in COMMANDS for k, line in enumerate(examples_of(command)) for name in [f"{command} {k}"]
     ]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ import numpy as np
 import pytest
 
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, column, run
+from tests.in_ci import in_ci
 from tests.support import model
 
 GRID = ("--grid", "x=-200:200:5,y=-200:200:5")
 
 
+@cache
 def planned(*options: str) -> Done:
     return clean(run("plan", SCISSORS, *GRID, *options, "--json"))
 
@@ -65,14 +68,17 @@ def test_what_is_shown_is_readable() -> None:
 # --- further points ------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("aimed", "kind"),
-    [
-        ("backlash@q3", "see"),
-        ("straight@left.x", "see"),
-        ("separate:backlash@q2,backlash@q4", "separate"),
-        ("separate:scale@q1,straight@left.x", "separate"),
-        ("xa1,l3", "determine"),
-        ("uncertainty", "determine"),
-    ],
+    in_ci(
+        ["separate:backlash@q2,backlash@q4-separate", "xa1,l3-determine"],
+        [
+            ("backlash@q3", "see"),
+            ("straight@left.x", "see"),
+            ("separate:backlash@q2,backlash@q4", "separate"),
+            ("separate:scale@q1,straight@left.x", "separate"),
+            ("xa1,l3", "determine"),
+            ("uncertainty", "determine"),
+        ],
+    ),
 )
 def test_points_improve_their_figure_within_the_limits(aimed: str, kind: str) -> None:
     result = planned("--aim", aimed, "--points", "6").json
@@ -110,6 +116,7 @@ def test_rows_stay_joined_in_the_table_to_run(tmp_path: Path) -> None:
         np.testing.assert_allclose(read[1], read[0], rtol=0, atol=1e-5)  # mm; the plan has nine digits
 
 
+@pytest.mark.slow
 def test_chosen_points_are_better_than_more_of_the_same() -> None:
     """Six chosen points lower the smallest detectable size by more than six average ones."""
     aim = planned("--aim", "backlash@q3", "--points", "6").json["aim"]
@@ -151,6 +158,7 @@ def test_drives_that_move_one_by_one_have_a_place_to_begin(tmp_path: Path) -> No
     assert {(a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)} <= set(zip(*both, strict=True))
 
 
+@pytest.mark.slow
 def test_drives_begin_within_their_limits(tmp_path: Path) -> None:
     """The outermost readings of the plan are the limits: from outside these cannot be approached."""
     file, machine = tmp_path / "plan.csv", tmp_path / "m.yaml"
@@ -178,6 +186,7 @@ def test_a_plan_of_which_half_cannot_be_reached_is_none(lost: int, code: int) ->
     assert code or f"{lost} of 24 rows are not used" in done.err
 
 
+@pytest.mark.slow
 def test_one_seed_one_plan() -> None:
     options = ("plan", SCISSORS, *GRID, "--aim", "backlash@q1", "-o", "-", "--seed")
     first, again, other = (run(*options, s).out for s in ("1", "1", "2"))

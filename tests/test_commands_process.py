@@ -35,7 +35,7 @@ def python(code: str, **more: str) -> Done:
 
 
 def test_simulate_pipes_into_calibrate(tmp_path: Path) -> None:
-    made = process("simulate", TRIGLIDE, "--grid", GRID, "--noise", "declared")
+    made = run("simulate", TRIGLIDE, "--grid", GRID, "--noise", "declared")
     assert made.code == 0 and "rows simulated" in made.err and "rows simulated" not in made.out
     done = process("calibrate", TRIGLIDE, "-", "-o", tmp_path / "p.yaml", "--json", stdin=made.out)
     assert done.code == 0 and json.loads(done.out)["n_rows"] == 12
@@ -54,17 +54,17 @@ def test_a_real_pipe(tmp_path: Path) -> None:
 def test_machines_and_parameters_come_from_pipes_too() -> None:
     machine = Path(TRIGLIDE).read_text()
     assert process("check", "-", "-q", stdin=machine).code == 0
-    wrong = process("check", "-", "-q", stdin=machine.replace("spaec", "space").replace("space:", "spaec:"))
+    wrong = run("check", "-", "-q", stdin=machine.replace("spaec", "space").replace("space:", "spaec:"))
     assert wrong.code == 1 and wrong.err.startswith("<stdin>:")
-    twice = process("simulate", "-", "-", stdin=machine)
+    twice = run("simulate", "-", "-", stdin=machine)
     assert twice.code == 2 and "only one input can be `-`" in twice.err
-    values = process("simulate", TRIGLIDE, "--grid", GRID, "-p", "-", "-q", stdin="parameters: {l1: 301}")
+    values = run("simulate", TRIGLIDE, "--grid", GRID, "-p", "-", "-q", stdin="parameters: {l1: 301}")
     assert values.code == 0
 
 
 def test_nobody_is_asked_anything() -> None:
     """With an empty stdin, or none at all, every command ends."""
-    assert process("calibrate", TRIGLIDE, "-").code == 3
+    assert run("calibrate", TRIGLIDE, "-", stdin="").code == 3
     done = subprocess.run(
         [*PROGRAM, "calibrate", TRIGLIDE, "-"], stdin=subprocess.DEVNULL, capture_output=True, text=True, cwd=ROOT,
         env=environment(), timeout=60, check=False,
@@ -146,16 +146,20 @@ def test_colours_only_on_a_terminal_and_not_with_no_color() -> None:
 
 def test_progress_only_on_a_terminal() -> None:
     """Only where the work takes more than a second."""
-    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:400,y=200:350:500")
+    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:400,y=200:350:200")
     shown = _on_a_terminal(*arguments)
-    assert "row " in shown and " of 200000" in shown and "200000 rows simulated" in shown
-    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n200000 rows simulated\n"
+    assert "row " in shown and " of 80000" in shown and "80000 rows simulated" in shown
+    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n80000 rows simulated\n"
     assert _on_a_terminal(*arguments, "-q") == ""
 
 
-def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
+def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
     """The rotation and the step in it; how long the rest takes, once a rotation is over; the line is taken away."""
-    arguments = ("improve", SCISSORS, SHOPFLOOR, "--only", "backlash@q3,thermal_strut@all")
+    worn, table = tmp_path / "worn.yaml", str(tmp_path / "table.csv")
+    worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
+    grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
+    assert run("simulate", worn, *grid).code == 0
+    arguments = ("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
     shown = _on_a_terminal(*arguments)
     assert "all rows, " in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
     assert re.search(r"rotation 5 of 5.* about \d+ s left", shown)
@@ -166,6 +170,7 @@ def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else() -> None:
     assert "rotation" not in piped and "\x1b[?25" not in piped and "\x1b[2K" not in piped
 
 
+@pytest.mark.slow
 def test_a_search_that_is_stopped_leaves_a_clean_terminal() -> None:
     ours, theirs = pty.openpty()
     with subprocess.Popen(
@@ -262,6 +267,9 @@ print(*sorted(name for name in loaded if name.startswith("pkmcal_cli")))
     assert len(modules) <= (30 if arguments == ("--help",) else 215), len(modules)
 
 
-@pytest.mark.parametrize("arguments", [("calibrate", TRIGLIDE, TRIGLIDE_DATA), ("observability", TRIGLIDE)])
+@pytest.mark.parametrize(
+    "arguments",
+    [("calibrate", TRIGLIDE, TRIGLIDE_DATA), pytest.param(("observability", TRIGLIDE), marks=pytest.mark.slow)],
+)
 def test_no_command_needs_scipys_statistics_or_optimisers(arguments: tuple[str, ...]) -> None:
     assert imported(*arguments, of=("scipy.stats", "scipy.optimize", "pandas")) == "[]"

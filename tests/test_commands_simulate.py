@@ -21,7 +21,9 @@ from tests.command import (
     run,
     table,
 )
+from tests.in_ci import in_ci
 
+QUICK = ("triglide", "hangprinter", "delta4")
 POSES = "id,x,y\na,200,200\nb,300,250\nc,400,300\n"
 
 
@@ -91,7 +93,7 @@ def test_a_coordinate_that_does_not_move_freely_is_said_or_refused() -> None:
     assert refused.code == 2 and "no degree of freedom moves `rz` of tool point `platform`" in refused.err
 
 
-@pytest.mark.parametrize("machine", ["triglide", "scissors", "hangprinter", "hexapod7", "delta4", "biglide"])
+@pytest.mark.parametrize("machine", in_ci(QUICK, [*QUICK, "scissors", "hexapod7", "biglide"]))
 def test_the_table_is_one_that_calibrate_reads(machine: str) -> None:
     """Its columns have the headers that the machine gives them, with units."""
     file = MACHINES / f"{machine}.yaml"

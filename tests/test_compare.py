@@ -24,10 +24,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+_WRITTEN: dict[tuple[object, ...], str] = {}
+
+
 def calibrated(name: str, table: str, *options: str, machine: str = BIGLIDE) -> str:
-    """A parameter file."""
-    done = run("calibrate", machine, table, "-o", f"{name}.yaml", "-q", "--holdout", "none", *options)
-    assert done.code == 0, done.err
+    """A parameter file; the same rows, machine and options are calibrated once for all tests."""
+    asked = (machine, Path(machine).read_text(), table, Path(table).read_text(), options)
+    if asked not in _WRITTEN:
+        done = run("calibrate", machine, table, "-o", f"{name}.yaml", "-q", "--holdout", "none", *options)
+        assert done.code == 0, done.err
+        _WRITTEN[asked] = Path(f"{name}.yaml").read_text()
+    Path(f"{name}.yaml").write_text(_WRITTEN[asked])
     return f"{name}.yaml"
 
 
@@ -119,6 +126,7 @@ def test_holm() -> None:
     assert holm(np.array([0.01, 0.04, np.nan, 0.03])) == pytest.approx([0.03, 0.06, np.nan, 0.06], nan_ok=True)
 
 
+@pytest.mark.slow
 def test_selection_prior_and_what_is_held_do_not_matter() -> None:
     """The same rows, calibrated otherwise: the same test, to what is not linear."""
     a, b = table("a", 1), table("b", 2)
@@ -170,12 +178,14 @@ def test_a_changed_strut_that_no_fit_identified_is_named() -> None:
     assert not any(p["changed"] for p in done.json["parameters"])
 
 
+@pytest.mark.slow
 def test_campaigns_of_unchanged_machines() -> None:
     """A small part of docs/verify-and-compare.md: more than 4 alarms in 25 come by chance in 0.7 % of such runs."""
     found = [null_pair(SUBJECTS[0], seed).test.p_value < 0.05 for seed in range(25)]
     assert sum(found) <= 4
 
 
+@pytest.mark.slow
 def test_campaigns_of_changed_machines() -> None:
     found = [changed_pair(SUBJECTS[0], seed) for seed in range(8)]
     assert all(c.test.p_value < 0.05 for _, c in found)

@@ -11,6 +11,7 @@ import pytest
 
 from tests.command import Done, column, run
 from tests.correction_cases import csv_text, rms
+from tests.in_ci import in_ci
 from tests.support import MACHINES
 from tests.truth.campaigns import Planted, Scenario, campaign
 from tests.truth.dimensions import SCISSORS
@@ -70,8 +71,10 @@ def test_two_temperatures_and_both_sides_of_approach(tmp_path: Path) -> None:
     assert np.sqrt(np.mean([rms(o.error) ** 2 for o in found])) < 1.2 * floor < 0.4e-6
 
 
-@pytest.mark.parametrize(("name", "planted"), [("backlash", BACKLASH), ("growth", GROWTH)])
-@pytest.mark.parametrize("size", [0.3, 1.0])
+@pytest.mark.parametrize(
+    ("name", "planted"), [("backlash", BACKLASH), pytest.param("growth", GROWTH, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize("size", in_ci(["1.0"], [0.3, 1.0]))
 def test_an_effect_that_the_model_lacks_is_in_the_uncertainty(
     name: str, planted: Planted, size: float, tmp_path: Path
 ) -> None:

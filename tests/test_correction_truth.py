@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.correction_cases import Case, four_legs, least_energy, planar_leg, rms, scissors_nine, seven_legs
+from tests.in_ci import in_ci
 from tests.truth.pinned import Array
 
 
@@ -23,7 +24,7 @@ REDUNDANT = {
 """Machine, targets, and what nominal set values miss them by at least."""
 
 
-@pytest.mark.parametrize("name", REDUNDANT)
+@pytest.mark.parametrize("name", in_ci([name for name in REDUNDANT if name != "seven legs"], REDUNDANT))
 def test_the_tool_point_is_there_at_the_least_energy(name: str, tmp_path: Path) -> None:
     """Within 2 um, by micrometres of noise in the calibration; at most 2 % more strain energy than must be."""
     make, targets, missed = REDUNDANT[name]
@@ -54,6 +55,7 @@ def test_a_circle_of_the_scissors(tmp_path: Path) -> None:
     assert after[1].mean() < before[1].mean() / 100
 
 
+@pytest.mark.slow
 def test_the_stated_uncertainty_is_that_of_the_truth(tmp_path: Path) -> None:
     """Eight calibrations with other noise: errors of the true tool point over their standard uncertainty are near 1."""
     case: Case = four_legs()

@@ -174,6 +174,7 @@ def test_a_huge_effect_in_few_rows_is_told_in_little_memory(tmp_path: Path, rows
 
 
 # --- plan --power --------------------------------------------------------------------------
+@pytest.mark.slow
 def test_campaigns_of_a_plan_are_counted() -> None:
     """Of every kind, as many campaigns as asked for; the hardest place of it, with the size that the plan promises."""
     machine = MACHINES / "triglide-nonredundant.yaml"

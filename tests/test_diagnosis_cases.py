@@ -9,71 +9,69 @@ import pytest
 
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from tests.benchmark.setting import Setting, diagnosed
+from tests.in_ci import in_ci
 from tests.truth.campaigns import Campaign, Planted, Scenario, campaign, unit
 
 FOUND = """
 triglide              273418 straight@rail.y*5.45
-triglide              500905 pitch_curve@q1*6.11
-triglide-nonredundant 5989   thermal_screw@q2*0.485
-triglide-nonredundant 656977 backlash@q2*2.03
 triglide-nonredundant 826121 thermal_strut@rod2*0.795
-scissors              529656 pitch_curve@q2*1.32
 scissors              673475 backlash@q3*0.285
-scissors              889864 thermal_foot@left*0.0605
+scissors              889864 thermal_foot@left*0.0605 slow
 delta4                52945  frame@tracker*1.62
-delta4                248676 pitch_curve@q2*5.68
 triglide              684405 pitch_curve@q2*3.87 straight@rail.y*3.77
-scissors              248315 backlash@q2*0.304 windup@q1*0.189 thermal_strut@rod5*0.119
+triglide              500905 pitch_curve@q1*6.11 slow
+triglide-nonredundant 5989   thermal_screw@q2*0.485 slow
+triglide-nonredundant 656977 backlash@q2*2.03 slow
+scissors              529656 pitch_curve@q2*1.32 slow
+delta4                248676 pitch_curve@q2*5.68 slow
+scissors              248315 backlash@q2*0.304 windup@q1*0.189 thermal_strut@rod5*0.119 slow
+triglide              422374 drift@tracker*1.64 slow
+triglide              867208 pitch@q3*6.01 slow
+triglide-nonredundant 310351 resetup@s2*0.673 slow
+triglide-nonredundant 684078 unequal_backlash@q1*2.43 slow
+scissors              119419 pitch@q1*0.344 slow
+scissors              262680 drift@grid*0.107 slow
+scissors              713370 straight@right.x*0.467 slow
+delta4                496131 pitch@q3*3.21 slow
+delta4                540689 unequal_backlash@q2*2.68 slow
+triglide-nonredundant 718028 thermal_screw@q2*0.557 straight@rail.y*3.28 pitch@q1*2.12 slow
+delta4                582788 frame@tracker*6.63 pitch@q1*4.01 slow
 """
 """Machine, seed, effects as multiples of their usual size: each is named at its place, and nothing else."""
-MORE = """
-triglide              422374 drift@tracker*1.64
-triglide              867208 pitch@q3*6.01
-triglide-nonredundant 310351 resetup@s2*0.673
-triglide-nonredundant 684078 unequal_backlash@q1*2.43
-scissors              119419 pitch@q1*0.344
-scissors              262680 drift@grid*0.107
-scissors              713370 straight@right.x*0.467
-delta4                496131 pitch@q3*3.21
-delta4                540689 unequal_backlash@q2*2.68
-triglide-nonredundant 718028 thermal_screw@q2*0.557 straight@rail.y*3.28 pitch@q1*2.12
-delta4                582788 frame@tracker*6.63 pitch@q1*4.01
-"""
-"""More of these, for the slow run."""
 SETS = """
 triglide              754619 frame@tracker*1.87
-triglide-nonredundant 542324 meas_scale@tracker*1.37
+triglide-nonredundant 542324 meas_scale@tracker*1.37 slow
 scissors              679401 meas_scale@grid*0.17
-delta4                541198 carriage_angle@c3.ry*1.18
+delta4                541198 carriage_angle@c3.ry*1.18 slow
 """
 """Another effect does the same: a set that holds the truth is named."""
 OUTSIDE = """
 triglide              721393 oscillation_in_time@tracker*2.58
-triglide-nonredundant 767574 oscillation_in_time@tracker*4.6
+triglide-nonredundant 767574 oscillation_in_time@tracker*4.6 slow
 scissors              683578 oscillation_in_time@grid*2.6
-delta4                406545 oscillation_in_time@tracker*2.5
+delta4                406545 oscillation_in_time@tracker*2.5 slow
 """
 """Effects of time that are in no catalogue, in units of the noise."""
 NO_TEMPERATURE = """
 triglide              269166 thermal_strut@rod3*1.95
 scissors              220173 thermal_foot@right*0.13
-delta4                548172 thermal_strut@arm2a*1.3
+delta4                548172 thermal_strut@arm2a*1.3 slow
 """
 """Effects of a temperature that was not measured."""
 NOTHING = """
 triglide              277933 normal 1
-triglide-nonredundant 2      normal 1
-scissors              3      normal 1
+triglide-nonredundant 2      normal 1 slow
+scissors              3      normal 1 slow
 delta4                4      normal 1
 scissors              615205 normal 1.25
-delta4                660072 normal 1.25
+delta4                660072 normal 1.25 slow
 triglide              337222 t4     1
 """
 """Machine, seed, kind of noise and true over stated noise, nothing planted: nothing is reported."""
 BAD_ROWS = """
 triglide-nonredundant 37066
 scissors              1
-delta4                2
+delta4                2 slow
 """
 
 
@@ -106,17 +104,20 @@ class Line:
         return measured, diagnosed(measured, self.seed)
 
 
-def lines(text: str, *marks: pytest.MarkDecorator) -> list[object]:
-    """The lines of a table as cases."""
-    rows = [row.split() for row in text.strip().splitlines()]
-    return [pytest.param(Line(m, int(s), tuple(rest)), id="-".join([m, s, *rest]), marks=marks) for m, s, *rest in rows]
+def lines(text: str) -> list[object]:
+    """The lines of a table as cases; those that end with `slow` are."""
+    rows = [(row.removesuffix(" slow").split(), row.endswith(" slow")) for row in text.strip().splitlines()]
+    return [
+        pytest.param(Line(m, int(s), tuple(rest)), id="-".join([m, s, *rest]), marks=[pytest.mark.slow] if slow else [])
+        for (m, s, *rest), slow in rows
+    ]
 
 
 def named(d: Diagnosis) -> set[str]:
     return {f.hypothesis.name for f in d.findings}
 
 
-@pytest.mark.parametrize("line", lines(FOUND) + lines(MORE, pytest.mark.slow))
+@pytest.mark.parametrize("line", lines(FOUND))
 def test_effects_are_named_and_nothing_else(line: Line) -> None:
     _, d = line.diagnosis()
     assert named(d) == line.names
@@ -139,7 +140,7 @@ OF_DRIVES = [
     pytest.param("scissors", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": -20e-6}), marks=pytest.mark.slow),
     pytest.param("delta4", Planted("zero_drift", "q2", {"o1": 60e-6, "o2": 20e-6}), marks=pytest.mark.slow),
     pytest.param("triglide", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
-    ("triglide-nonredundant", Planted("zero", "q2[s2]", {"o": -40e-6})),
+    pytest.param("triglide-nonredundant", Planted("zero", "q2[s2]", {"o": -40e-6}), marks=pytest.mark.slow),
     pytest.param("scissors", Planted("zero", "q4[s2]", {"o": 10e-6}), marks=pytest.mark.slow),
     pytest.param("delta4", Planted("zero", "q1[s2]", {"o": 60e-6}), marks=pytest.mark.slow),
 ]
@@ -158,14 +159,10 @@ def test_a_zero_that_does_not_stay_is_found(machine: str, planted: Planted) -> N
         assert estimate == pytest.approx(value, abs=4 * std + 0.02 * abs(value)) and std < 0.1 * abs(value)
 
 
-BOWED = [
-    ("triglide", "rail.y"),
-    ("scissors", "left.x"),
-    *(pytest.param(*where, marks=pytest.mark.slow) for where in [("scissors", "right.x"), ("delta4", "rail1.x")]),
-]
+BOWED = [("triglide", "rail.y"), ("scissors", "left.x"), ("scissors", "right.x"), ("delta4", "rail1.x")]
 
 
-@pytest.mark.parametrize(("machine", "guide"), BOWED)
+@pytest.mark.parametrize(("machine", "guide"), in_ci(["triglide-rail.y"], BOWED))
 def test_a_bow_is_found_wherever_its_line_lies(machine: str, guide: str) -> None:
     """Ends in their places and the middle 90 um off: the mean is free, so the bow has its size."""
     bow = Planted("straight", guide, {"n2": -60e-6, "n0": 60e-6})
@@ -178,7 +175,7 @@ def test_a_bow_is_found_wherever_its_line_lies(machine: str, guide: str) -> None
     assert set(size) == {"n2", "n0"}, "the bow alone explains it: no other shape is needed"
 
 
-@pytest.mark.parametrize(("machine", "guide"), BOWED)
+@pytest.mark.parametrize(("machine", "guide"), in_ci(["scissors-left.x"], BOWED))
 def test_a_guide_off_its_place_is_not_called_crooked(machine: str, guide: str) -> None:
     """Nor is it any evidence, even where no parameter takes it up (left of the Scissors)."""
     off = Planted("straight", guide, {"n0": 60e-6})
@@ -228,6 +225,7 @@ def test_bad_rows_are_found_and_no_others(line: Line) -> None:
     assert d.verdict == "measurement_fault" and not d.findings and not d.unknown
 
 
+@pytest.mark.slow
 def test_the_same_table_gives_the_same_diagnosis() -> None:
     line = Line("scissors", 673475, ("backlash@q3*0.285",))
     first, again = line.diagnosis()[1], line.diagnosis()[1]

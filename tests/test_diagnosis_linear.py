@@ -164,6 +164,7 @@ def test_score_estimate_is_the_refit_estimate_to_first_order(name: str) -> None:
     assert before.chi2 - fit.chi2 == pytest.approx(score.statistic, rel=0.02)
 
 
+@pytest.mark.slow
 def test_p_values_of_noise_are_uniform() -> None:
     """For every kind of hypothesis, by Kolmogorov and Smirnov."""
     p = null_p_values()

@@ -85,9 +85,11 @@ def test_the_order_of_rows_does_not_matter() -> None:
     same(changed(), changed(order))
 
 
+@pytest.mark.slow
 def test_the_zero_of_time_does_not_matter() -> None:
     same(changed(), changed(time=backlash_campaign().conditions.time + 86400.0))
 
 
+@pytest.mark.slow
 def test_the_sense_of_directions_only_turns_backlash() -> None:
     same(changed(), changed(direction=-backlash_campaign().conditions.direction), sign=-1.0)

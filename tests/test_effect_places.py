@@ -14,8 +14,9 @@ from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, WarmStart, predict
 from tests.command import clean, run
-from tests.effect_cases import NAMES, WRITTEN, Case, case
+from tests.effect_cases import IN_CI, NAMES, WRITTEN, Case, case
 from tests.elastic_guide import sliders
+from tests.in_ci import in_ci
 from tests.support import SHIPPED, at, model
 
 MACHINES = (*dict.fromkeys((*NAMES, *SHIPPED)), *WRITTEN)
@@ -44,7 +45,7 @@ def seen(c: Case, tool: Model, values: Array, start: WarmStart | None = None) ->
     return np.hstack([found.values, place.values, found.forces * 1e-10]), found.start
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", in_ci([*IN_CI, "belt-router"], MACHINES))
 def test_every_offered_effect_changes_a_prediction(name: str) -> None:
     c, values = loaded(name)
     tool = tcp_model(c.model)

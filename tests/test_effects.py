@@ -13,8 +13,9 @@ from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inputs import lag
 from pkmcal_cli.units.file_units import parse_unit
 from tests.command import SCISSORS, run
-from tests.effect_cases import NAMES, WRITTEN, case
+from tests.effect_cases import IN_CI, NAMES, WRITTEN, case
 from tests.elastic_guide import sliders
+from tests.in_ci import in_ci
 from tests.support import at, model
 
 STEPS = {"hangprinter": 1e-4}  # of the plausible range; its ropes pull with 0.1 N and must not go slack
@@ -22,7 +23,7 @@ ROUNDING = 1e-11  # m or rad: of a predicted reading, by which differences are o
 TURNING = "ovality"  # the directions of the pass before are held in derivatives: second order
 
 
-@pytest.mark.parametrize("name", [*NAMES, *WRITTEN])
+@pytest.mark.parametrize("name", in_ci([*NAMES, *IN_CI], [*NAMES, *WRITTEN]))
 def test_at_null_every_effect_is_the_identity(name: str) -> None:
     c = case(name)
     bare = predict(c.model, c.values, c.rows)
@@ -32,7 +33,7 @@ def test_at_null_every_effect_is_the_identity(name: str) -> None:
     np.testing.assert_array_equal(bare.values, predict(without, c.values, c.rows).values)
 
 
-@pytest.mark.parametrize("name", [*NAMES, *WRITTEN])
+@pytest.mark.parametrize("name", in_ci(IN_CI, [*NAMES, *WRITTEN]))
 def test_signatures_are_derivatives(name: str) -> None:
     """Central differences of the converged model, at a strained pose; a lag has one side only."""
     c = case(name)
@@ -61,7 +62,7 @@ def test_signatures_are_derivatives(name: str) -> None:
     assert expected - felt <= silent
 
 
-@pytest.mark.parametrize("name", ["triglide", "delta4"])
+@pytest.mark.parametrize("name", in_ci(["triglide"], ["triglide", "delta4"]))
 def test_declared_effects_keep_all_derivatives_exact(name: str) -> None:
     """Of declared parameters, of effects and of drive readings, while effects are there, forces included."""
     c = case(name)

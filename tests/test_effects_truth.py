@@ -11,11 +11,10 @@ from pkmcal_cli.effects.effect import DURING
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import predict
 from tests.benchmark.setting import ready
+from tests.in_ci import in_ci
 from tests.truth.campaigns import MACHINES, Planted, Scenario, campaign, families, unit
 from tests.truth.families_true import across
 from tests.truth.shop_plans import PLANS
-
-LONG = {"delta4": pytest.mark.slow}
 
 EXACT = 2e-3  # of the effect: the simulator moves feet and turns carriages exactly, small angles and lengths here
 SHAPED = {"pitch_curve": 0.2, "straight": 0.05, "unequal_backlash": 0.01, "carriage_angle": 0.01}
@@ -42,7 +41,7 @@ def over_the_day(model: Model, length: float) -> Model:
     return model.with_options(tuple(replace(e, options=o) for e, o in zip(model.effects, options, strict=True)))
 
 
-@pytest.mark.parametrize("machine", [pytest.param(m, marks=LONG.get(m, ())) for m in MACHINES])
+@pytest.mark.parametrize("machine", in_ci(["triglide"], MACHINES))
 def test_effects_do_what_they_do_in_the_independent_simulator(machine: str) -> None:
     plain = Scenario(extra=0)
     still = campaign(machine, [], 3, rows=30, scenario=plain)

@@ -12,6 +12,7 @@ import pytest
 from pkmcal_cli.prediction import Request, Rows, predict
 from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 from tests import measured, structures
+from tests.in_ci import in_ci
 from tests.measured import REDUNDANT, against_force_control, against_truth, hangprinter, hangprinter_readings
 from tests.support import UM, at, errors_of, model, overlay, poses_of, truth
 from tests.truth.machines import PINNED, Hangprinter
@@ -57,7 +58,7 @@ def test_the_hexapods_legs_bend_under_their_weight() -> None:
     assert ((shift > 1e-12) & (shift < 1e-10)).all()
 
 
-@pytest.mark.parametrize("name", REDUNDANT)
+@pytest.mark.parametrize("name", in_ci([name for name in REDUNDANT if name != "hexapod7"], REDUNDANT))
 def test_linear_is_off_by_second_order(name: str) -> None:
     """Ten times the errors, a hundred times the deviation of the paper's one step; the next order adds to it."""
     large, small = (against_truth(name, size, loaded=False) for size in (1e-3, 1e-4))
@@ -70,7 +71,7 @@ def test_linear_is_exact_without_strain() -> None:
     assert against_truth("triglide-nonredundant", loaded=False).linear < 1e-8
 
 
-@pytest.mark.parametrize("name", REDUNDANT)
+@pytest.mark.parametrize("name", in_ci([name for name in REDUNDANT if name != "hexapod7"], REDUNDANT))
 def test_exact_does_not_depend_on_what_is_called_redundant(name: str) -> None:
     spread, choices = measured.spread_over_substructures(name)
     assert choices >= 3

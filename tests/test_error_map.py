@@ -47,6 +47,7 @@ def test_the_map_is_what_parameters_drawn_from_the_file_do(tmp_path: Path, monke
     assert table[:, -2:] == pytest.approx(moved.std(axis=2) * 1e6, rel=0.06)
 
 
+@pytest.mark.slow
 def test_errors_at_new_positions_are_as_large_as_the_map_says() -> None:
     """60 campaigns on the Scissors, 30 positions each: errors over uncertainties have the rms 1 within 8 %."""
     plan = by_engine(shipped("scissors"))

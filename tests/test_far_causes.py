@@ -33,6 +33,7 @@ def names(done: Done) -> set[str]:
     return {f"{e['effect']}@{e['at']}" for e in done.json["effects"]}
 
 
+@pytest.mark.slow
 def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     """150 mm; a calibration without it moves the anchors by more than 100 mm and leaves 28 mm."""
     machine, table = router(tmp_path, 0)
@@ -46,16 +47,16 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
     assert "Without it, parameters come out far off nominal: " in done.err
 
 
-def begun(folder: Path) -> Search:
+@pytest.fixture(scope="module")
+def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
     """The router's search before anything is found."""
-    machine, table = router(folder, 0)
+    machine, table = router(tmp_path_factory.mktemp("router"), 0)
     case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
     return Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
 
 
-def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(tmp_path: Path) -> None:
-    search = begun(tmp_path)
+def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(search: Search) -> None:
     found = with_far_causes(search)
     (zero,) = found.accepted
     k = found.problem.model.names.index("zero@all.o")
@@ -70,18 +71,15 @@ def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_far_cause_explains_most_of_what_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_far_cause_explains_most_of_what_is_left(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the share that is asked for: where it is more than any cause explains, none is named."""
-    search = begun(tmp_path)
     monkeypatch.setattr(far_causes, "_EXPLAINED", 1 - 1e-6)
     assert not with_far_causes(search).far_off
 
 
 def test_a_nominal_machine_that_predicts_nothing_has_no_far_cause(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    search: Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    search = begun(tmp_path)
-
     def lost(*_: object) -> None:
         raise RowsFailed(search.fit.after)
 

@@ -18,6 +18,7 @@ def numbers(text: str) -> list[list[float]]:
     return [[float(c or "nan") for c in line.split(",")[1:]] for line in text.splitlines()[1:]]
 
 
+@pytest.mark.slow
 def test_the_files_are_those_of_the_simulator() -> None:
     for name, text in files().items():
         stored = (FOLDER / name).read_text(encoding="utf-8")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.command import clean, column, run
+from tests.in_ci import in_ci
 
 ROUTER = """\
 units: {length: mm, angle: deg, force: N}
@@ -116,7 +117,7 @@ def test_no_scale_is_free_where_lengths_are_read(tmp_path: Path) -> None:
     assert abs(r["value"] - 250.07) < 4 * r["std"] < 0.05
 
 
-@pytest.mark.parametrize("seed", [1, 3, 6, 8])
+@pytest.mark.parametrize("seed", in_ci(["1"], [1, 3, 6, 8]))
 def test_bench_readings_do_not_hide_an_effect(seed: int, tmp_path: Path) -> None:
     """They stand in the first row and are none of it: not held out with it, and no memory of successive rows."""
     machine, faulty = tmp_path / "tripod.yaml", tmp_path / "faulty.yaml"
@@ -130,6 +131,7 @@ def test_bench_readings_do_not_hide_an_effect(seed: int, tmp_path: Path) -> None
     assert abs(found["parameters"][0]["value"]) == pytest.approx(200, abs=60) and found["confirmed"]
 
 
+@pytest.mark.slow
 def test_what_was_measured_on_a_bench_makes_effects_easier_to_detect(tmp_path: Path) -> None:
     sizes = []
     for name, bench in (("without", ""), ("with", BENCH)):

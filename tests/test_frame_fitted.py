@@ -81,6 +81,7 @@ def test_a_grid_plate_that_stands_anywhere(tmp_path: Path) -> None:
             assert found[name]["value"] == pytest.approx(p["value"], abs=spread), name
 
 
+@pytest.mark.slow
 def test_a_camera_that_stands_anywhere(tmp_path: Path) -> None:
     """Real data in a turned frame: nothing says how the base is turned; refused, with the way out; then as before."""
     table = moved(HANGPRINTER_DATA, ("x_mm", "y_mm", "z_mm"), tmp_path / "turned.csv")
@@ -136,6 +137,7 @@ def test_an_instrument_that_stands_anywhere_reads_large_numbers(tmp_path: Path) 
     assert wrong.code == 3 and "far outside the machine" in wrong.err and "far.csv:2" in wrong.err
 
 
+@pytest.mark.slow
 def test_a_level_that_stands_anywhere_has_a_turn_and_no_place(tmp_path: Path) -> None:
     machine, table = tmp_path / "m.yaml", tmp_path / "t.csv"
     level = "{at: platform, reads: [rx, ry], frame: fitted, sigma: 1 urad}"

@@ -14,7 +14,6 @@ from pkmcal_cli.base.annotations import annotation
 from pkmcal_cli.commands._group import names
 from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
 from tests.csv_tables import read_table
-from tests.test_improve_few_rows import few  # noqa: F401  (a fixture)
 
 PAGE = (ROOT / "docs" / "pipelines.md").read_text(encoding="utf-8")
 QUICK = (TRIGLIDE, TRIGLIDE_DATA, "-q", "--json")
@@ -105,18 +104,6 @@ def test_a_largest_rms_is_a_limit_of_held_out_rows_or_else_of_fitted_ones() -> N
         done = clean(run("calibrate", *QUICK, *more, "--max-rms", "0.001 mm"))
         assert done.code == 1 and f"position rms of {rows} rows: 0.014" in done.err
         assert done.json["gates"][0]["what"] == f"position rms of {rows} rows"
-
-
-def test_improve_takes_limits_of_the_rows_that_report(few: tuple[Path, Path], tmp_path: Path) -> None:  # noqa: F811
-    limits = ("--fail-above", "heldout 0.5 mm", "--fail-above", "std:Nowhere 1 mm")
-    assert clean(run("improve", *few, "--only", "scale@lTL", *limits)).code == 2
-    limits = ("--fail-above", "heldout 0.5 mm", "--fail-above", "heldout 1 um", "--format", "github")
-    done = clean(run("improve", *few, "--only", "scale@lTL", *limits, "--json", "-q"))
-    kept, missed = done.json["gates"]
-    assert done.code == 1 and done.json["failures"] == [] and kept["kept"] and not missed["kept"]
-    first = next(iter(done.json["after"].values()))
-    assert missed["value"] == pytest.approx(1e3 * first["rms"]), "of the report rows"
-    assert f"::error file={few[1]},title=above::" in done.err
 
 
 def commands_of(text: str) -> list[tuple[str, dict[str, str], str]]:

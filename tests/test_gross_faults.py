@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +19,11 @@ from pkmcal_cli.gross_errors.plausibility import Hint
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.prediction import Rows, predict
 from tests.campaigns import Plan, by_engine, shipped
-from tests.command import MACHINES, SCISSORS, TRIGLIDE, run
+from tests.command import MACHINES
+from tests.in_ci import in_ci
 from tests.support import model, overlay
 
-NAMED, LONG = ("triglide", "scissors", "delta4", "hexapod7"), "hexapod7"
+NAMED = ("triglide", "scissors", "delta4", "hexapod7")
 TABLES = sorted(MACHINES.glob("*.csv"))
 
 
@@ -88,6 +89,14 @@ MISTAKES = {
 }
 
 
+QUICK = [
+    *(f"triglide-{label}" for label in MISTAKES),
+    *(f"{name}-{label}" for name in ("scissors", "delta4") for label in MISTAKES if "drive" not in label),
+    "scissors-drive in m", "delta4-drives rotated", "delta4-drives swapped",
+]  # fmt: skip
+"""Every mistake on the Triglide, those of the readings on two more, those of the drives that are soon found there."""
+
+
 def measured(name: str, seed: int, size: float, rows: int = 40) -> tuple[Plan, Problem]:
     """A campaign of `rows` rows with errors of standard deviation `size` ranges, and noise."""
     plan, rng = shipped(name), np.random.default_rng(seed)
@@ -117,16 +126,16 @@ def named(plan: Plan, problem: Problem, mistake: Mistake) -> bool:
     return any(h.kind == mistake.kind and (not names or set(h.names) == names) for h in found)
 
 
-@pytest.mark.parametrize("label", MISTAKES)
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == LONG else []) for n in NAMED])
+@pytest.mark.parametrize(("name", "label"), in_ci(QUICK, product(NAMED, MISTAKES)))
 def test_every_mistake_is_named(name: str, label: str) -> None:
     """With errors of four standard deviations of the prior, to make it harder."""
     plan, problem = measured(name, 3, 2.0)
     assert named(plan, problem, MISTAKES[label])
 
 
-def test_honest_campaigns_raise_no_suspicion() -> None:
-    """200 campaigns with few or many rows, parameters off by half to ten times their range."""
+@pytest.mark.parametrize("step", in_ci(["5"], [5, 1]))
+def test_honest_campaigns_raise_no_suspicion(step: int) -> None:
+    """200 campaigns, or each fifth, with few or many rows, parameters off by half to ten times their range."""
     alarms, count = [], 0
     machines = {
         "triglide": 40,
@@ -137,16 +146,24 @@ def test_honest_campaigns_raise_no_suspicion() -> None:
         "hexapod7": 10,
     }
     for name, campaigns in machines.items():
-        for seed in range(campaigns):
+        for seed in range(0, campaigns, step):
             size, rows = (0.5, 2.0, 4.0, 10.0)[seed % 4], 5 + seed
             found = hints(measured(name, 100 + seed, size, rows)[1])
             count += 1
             alarms += [(name, seed, h.message) for h in found]
-    assert count == 200 and alarms == []
+    assert count == 200 // step and alarms == []
 
 
-@pytest.mark.parametrize("label", ["channels swapped", "channel turned", "drive turned", "drives swapped"])
-@pytest.mark.parametrize("name", ["scissors", "triglide-nonredundant"])
+OF_A_SESSION = ("channels swapped", "channel turned", "drive turned", "drives swapped")
+
+
+@pytest.mark.parametrize(
+    ("name", "label"),
+    in_ci(
+        [*(f"triglide-nonredundant-{label}" for label in OF_A_SESSION), "scissors-channels swapped"],
+        product(["scissors", "triglide-nonredundant"], OF_A_SESSION),
+    ),
+)
 def test_a_mistake_of_one_session_is_named_there(name: str, label: str) -> None:
     """The second half of the table is spoiled; hints of the whole would not be explained by it."""
     plan, problem = measured(name, 3, 0.5)
@@ -203,7 +220,13 @@ def read_by(text: str, seed: int, size: float = 0.5) -> Problem:
     return Problem(model=machine, rows=rows, readings=readings, measured=known, **noise)
 
 
-@pytest.mark.parametrize("label", ["drives rotated", "drive turned", "drive in m", "rows one late", "rows two late"])
+@pytest.mark.parametrize(
+    "label",
+    in_ci(
+        ["drives rotated", "rows one late", "rows two late"],
+        ["drives rotated", "drive turned", "drive in m", "rows one late", "rows two late"],
+    ),
+)
 def test_mistakes_that_one_distance_shows(label: str) -> None:
     """No pose was measured: the drives are predicted again with columns changed."""
     mistake = MISTAKES[label]
@@ -238,61 +261,3 @@ def test_instruments_that_stand_anywhere() -> None:
         assert message.startswith("`x`, `y`, `z` look mirrored (one axis reversed in sign, or two columns swapped)")
     assert fitted(times(2, 1e-3))[0].startswith("`z` looks 1000 times too small (is it in `m`, not `mm`, or")
     assert fitted(later(1))[0].startswith("the readings look shifted by one row")
-
-
-# --- in files ---------------------------------------------------------------------------------
-
-
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.mark.slow
-def test_rotated_drives_are_told_before_the_fit_ends_badly() -> None:
-    text = Path(TRIGLIDE).with_suffix(".csv").read_text()
-    Path("m.csv").write_text(text.replace("q1 [mm],q2 [mm],q3 [mm]", "q3 [mm],q1 [mm],q2 [mm]"))
-    done = run("calibrate", TRIGLIDE, "m.csv")
-    told, *_ = done.err.splitlines()
-    assert "out of reach" in done.err.partition(told)[2]
-    assert told.startswith("warning: `q1`, `q2` and `q3` look shifted by one column (`q1` has the readings of `q2`, ")
-    assert told.endswith("after correction") and "residual rms" in told
-    assert run("check", TRIGLIDE, "m.csv").code == 1
-
-
-def test_a_reading_that_was_left_out_is_told_with_its_lines() -> None:
-    head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()
-    cells = [line.split(",") for line in lines]
-    moved = [a[:5] + b[5:] for a, b in pairwise(cells[30:])]  # the 31st reading is missing
-    Path("m.csv").write_text("\n".join([head, *lines[:30], *(",".join(row) for row in moved)]))
-    told = run("check", SCISSORS, "m.csv").err
-    assert "the readings look shifted by one row from m.csv:33 (32) to m.csv:80 (79): `" in told
-    assert "when each row takes the readings of the row before" in told
-
-
-def test_copies_are_told_and_are_no_fault() -> None:
-    head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()
-    Path("m.csv").write_text("\n".join([head, *lines, f"again,{lines[6].partition(',')[2]}"]))
-    words = "1 row is an exact copy of another (m.csv:8 (7) and m.csv:82 (again))"
-    done = run("check", SCISSORS, "m.csv", "--json")
-    assert done.code == 0 and done.json["measurements"]["warnings"][0].startswith(words)
-    assert f"warning: {words}" in done.err and f"warning: {words}" in run("calibrate", SCISSORS, "m.csv").err
-
-
-def test_repetitions_that_agree_by_rounding_are_no_copies() -> None:
-    """Ten repetitions of eight poses, written to 1 um where sigma is 0.5 um: many agree."""
-    loaded = load_machine(SCISSORS)
-    plan, rng = shipped("scissors"), np.random.default_rng(2)
-    poses = np.repeat(np.arange(0, 80, 10), 10)
-    true = plan.take(poses).measured(plan.model.nominal, rng)
-    coarse = replace(true, readings=np.round(true.readings, 6))
-    Path("m.csv").write_text(csv_text(coarse))
-    data = load_measurements(loaded, ("m.csv",))
-    assert len(np.unique(coarse.readings, axis=0)) < len(poses)
-    assert copied_rows(problem_of(loaded.model, data), data) == ()
-
-
-def csv_text(problem: Problem) -> str:
-    names = [a.name for a in problem.model.actuators] + [c.name for c in problem.model.channels]
-    rows = np.hstack([problem.rows.readings, problem.readings]) * 1e3
-    return "\n".join([",".join(f"{n} [mm]" for n in names), *(",".join(f"{v:.6f}" for v in row) for row in rows)])

@@ -233,6 +233,7 @@ def noise_against_theory(count: int = 25, folds: int = 6) -> NoiseHeldOut:
     return NoiseHeldOut(float(over[0]), float(over[1]), np.sqrt(2 / (count * n)), float(np.sqrt(squares[0] / thumb)))
 
 
+@pytest.mark.slow
 def test_held_out_error_of_noise() -> None:
     """The linear model gives the expected square exactly: larger than that of noise, and the fit's is smaller.
 

@@ -80,6 +80,7 @@ def numbers(result: Any, key: str = "value") -> Array:
     return np.array([p[key] for p in result["parameters"]])
 
 
+@pytest.mark.slow
 def test_the_same_bytes_twice(tmp_path: Path) -> None:
     """JSON and parameter file, but for the time, from two processes with other hash seeds."""
     outputs = []

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from tests.command import clean, run
+from tests.computed_once import run_once
 from tests.test_first_machines import ROUTER
+
+ONLY = ("--only", "scale@lTL,scale@lTR,zero@all")
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +29,23 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def test_named_effects_are_confirmed(few: tuple[Path, Path], tmp_path: Path) -> None:
-    done = clean(run("improve", *few, "--only", "scale@lTL,scale@lTR,zero@all", "-o", tmp_path / "b.yaml", "--json"))
+    done = clean(run_once("improve", *few, *ONLY, "-o", tmp_path / "b.yaml", "--json"))
     assert done.code == 0, done.err
     (step,) = done.json["steps"]
     assert (step["effect"], step["at"], step["accepted"]) == ("scale", "lTL", True)
     assert done.json["rotations"] == 14, "each pose in turn"
+
+
+def test_improve_takes_limits_of_the_rows_that_report(few: tuple[Path, Path]) -> None:
+    limits = ("--fail-above", "heldout 0.5 mm", "--fail-above", "std:Nowhere 1 mm")
+    assert clean(run("improve", *few, *ONLY, *limits)).code == 2
+    limits = ("--fail-above", "heldout 0.5 mm", "--fail-above", "heldout 1 um", "--format", "github")
+    done = clean(run_once("improve", *few, *ONLY, *limits, "--json", "-q"))
+    kept, missed = done.json["gates"]
+    assert done.code == 1 and done.json["failures"] == [] and kept["kept"] and not missed["kept"]
+    first = next(iter(done.json["after"].values()))
+    assert missed["value"] == pytest.approx(1e3 * first["rms"]), "of the report rows"
+    assert f"::error file={few[1]},title=above::" in done.err
 
 
 def test_without_names_few_rows_are_refused(few: tuple[Path, Path]) -> None:

@@ -16,7 +16,7 @@ from pkmcal_cli.workflow import improve as workflow
 from tests.command import TRIGLIDE, clean, environment, run
 
 MACHINE, VALUES = "better.yaml", "better.params.yaml"
-IMPROVE = ["improve", "base.yaml", "meas.csv", "-o", MACHINE, "--force", "-q"]
+IMPROVE = ["improve", "base.yaml", "meas.csv", "--only", "backlash@q1,backlash@q2", "-o", MACHINE, "--force", "-q"]
 Pair = tuple[str, str]
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from pkmcal_cli.prediction import Request, Rows, predict
 from tests import structures
+from tests.in_ci import in_ci
 from tests.kinds import PLANAR_KINDS, SPATIAL_KINDS
 from tests.measured import REDUNDANT, JacobianCheck, hangprinter, jacobian_check, readings_of, strained_values
 from tests.support import SHIPPED, at, model, overlay, truth
@@ -24,7 +25,7 @@ def passes(found: JacobianCheck, null: tuple[str, ...] = ()) -> None:
     assert found.null_size < 1e-9
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", in_ci([name for name in SHIPPED if name != "hexapod7"], SHIPPED))
 def test_every_column_at_strained_poses(name: str) -> None:
     """All parameters off. The non-redundant Triglide without load stays unstrained: its stiffness has no effect."""
     text = hangprinter(40.0) if name == "hangprinter" else name
@@ -43,12 +44,17 @@ NOMINAL_NULL = {
 drives in force control."""
 
 
-@pytest.mark.parametrize("name", [*NOMINAL_NULL, "delta4", "hexapod7", "five-bar", "delta-printer"])
+@pytest.mark.parametrize(
+    "name",
+    in_ci(
+        [*NOMINAL_NULL, "delta4", "delta-printer"], [*NOMINAL_NULL, "delta4", "hexapod7", "five-bar", "delta-printer"]
+    ),
+)
 def test_every_column_at_the_unstrained_nominal(name: str) -> None:
     passes(jacobian_check(name, readings_of(name)), NOMINAL_NULL.get(name, ()))
 
 
-@pytest.mark.parametrize("name", REDUNDANT)
+@pytest.mark.parametrize("name", in_ci(["triglide", "delta4"], REDUNDANT))
 def test_readings_of_force_controlled_drives(name: str) -> None:
     """Redundant drives in force control: their readings are channels, their set values move nothing."""
     drives = truth(name).redundant
@@ -93,7 +99,7 @@ FORCED = {
 }
 
 
-@pytest.mark.parametrize("kind", FORCED)
+@pytest.mark.parametrize("kind", in_ci(["crank with spring", "ideal telescope"], FORCED))
 def test_every_kind_of_drive_in_force_control(kind: str) -> None:
     """Its force is a parameter. Where it held the mechanism, a drive that was redundant does so in its place."""
     space, old, new, force = FORCED[kind]

@@ -138,6 +138,7 @@ def test_the_wheel_works_without_the_checkout(checkout: Path, tmp_path: Path) ->
     assert '"ok": true' in "".join(checked)
 
 
+@pytest.mark.slow
 @builds
 def test_an_editable_install_is_the_checkout(checkout: Path, tmp_path: Path) -> None:
     python = installed(built(checkout, "build_editable", tmp_path), tmp_path / "env")

@@ -20,6 +20,7 @@ from tests.truth.generate import campaigns
 from tests.truth.machines import PINNED
 
 
+@pytest.mark.slow
 def test_a_stated_uncertainty_takes_as_few_points_as_reach_it(tmp_path: Path) -> None:
     """What is promised is what `observability` says of the plan with its points; with one less it is not reached."""
     first = planned("--aim", "ya2 1 um", "--points", "4")

@@ -111,7 +111,9 @@ def some_gross(head: list[str], rows: Rows) -> None:
         row[k] = repr(float(row[k]) + 20.0)
 
 
-@pytest.mark.parametrize("change", [constant, in_inches, shuffled, late, some_gross])
+@pytest.mark.parametrize(
+    "change", [constant, pytest.param(in_inches, marks=pytest.mark.slow), shuffled, late, some_gross]
+)
 def test_no_table_that_lies_is_good(change: Callable[[list[str], Rows], None], tmp_path: Path) -> None:
     done = calibrated(spoilt(tmp_path, change), "--starts", "1")
     assert done.code == 1 and done.json["status"] in ("implausible", "not_converged")
@@ -152,6 +154,7 @@ def test_what_is_large_but_explained_is_plausible() -> None:
     assert done.code == 0 and done.json["status"] == "incomplete" and done.json["chi2_per_dof"] > 20
 
 
+@pytest.mark.slow
 def test_improve_says_it_too(tmp_path: Path) -> None:
     table = spoilt(tmp_path, turned)
     done = clean(run("improve", MACHINE, table, "--json"))

@@ -113,11 +113,11 @@ def test_rms_and_noise_are_told() -> None:
     [
         (grid(1, 0.0), 1e-5, 1e-6, 1e-6),  # one row
         (grid(30), 1e-5, 1e-6, 1e-6),  # more rows than arrows
-        (grid() * [1, 0], 1e-5, 1e-6, 1e-6),  # on a line
+        pytest.param(grid() * [1, 0], 1e-5, 1e-6, 1e-6, marks=pytest.mark.slow),  # on a line
         (grid(), 0.0, 0.0, 1e-6),  # no error at all
         (grid(), 0.3, 1e-9, np.nan),  # errors larger than the machine, and none
         (grid(), 1e-9, 1e-3, 1e-3),  # worse than before; noise larger than the errors
-        (grid() * 100 + 1e4, 1e-5, 1e-6, 1e-6),  # a large machine far away
+        pytest.param(grid() * 100 + 1e4, 1e-5, 1e-6, 1e-6, marks=pytest.mark.slow),  # a large machine far away
     ],
 )
 def test_odd_errors_are_drawn(at: np.ndarray, before: float, after: float, sigma: float) -> None:  # type: ignore[type-arg]
@@ -180,8 +180,13 @@ def test_parameters_are_drawn_in_shares_of_their_ranges() -> None:
     assert collisions(picture) == []
 
 
-@pytest.mark.parametrize("logarithmic", [False, True])
-@pytest.mark.parametrize("values", [[], [np.nan], [1.0], [1e-9, 1e9], [0.5, 0.5], list(np.geomspace(1e-3, 10, 80))])
+NUMBERS: list[list[float]] = [[], [np.nan], [1.0], [1e-9, 1e9], [0.5, 0.5], list(np.geomspace(1e-3, 10, 80))]
+
+
+@pytest.mark.parametrize(
+    ("values", "logarithmic"),
+    [pytest.param(v, r, marks=[] if r or len(v) == 2 else [pytest.mark.slow]) for v in NUMBERS for r in (False, True)],
+)
 def test_any_numbers_are_dots(values: list[float], logarithmic: bool) -> None:
     names = [f"a_very_long_name_of_something@somewhere.{k}" for k in range(len(values))]
     dots = [Dot(name=n, value=v, text=f"{v:g}") for n, v in zip(names, values, strict=True)]
@@ -229,7 +234,7 @@ def test_titles_hold_what_a_page_can() -> None:
 
 
 # --- diagnoses -----------------------------------------------------------------------------
-@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("whole", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
     found: Diagnosis = shop()
     drawn = [diagnosis_picture(found, TITLES, UNITS)] if whole else list(diagnosis_pictures(found, TITLES, UNITS))
@@ -240,6 +245,7 @@ def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
 
 
 # --- commands ------------------------------------------------------------------------------
+QUICK = ("--holdout", "none", "--select", "l1,l2")
 GRIDDED = ("--grid", "x=300:600:4,y=200:350:3")
 COMMANDS = {
     "simulate": ("simulate", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
@@ -248,13 +254,13 @@ COMMANDS = {
     "along": ("sensitivity", TRIGLIDE, *GRIDDED, "--channel", "x"),
     "observability": ("observability", TRIGLIDE, *GRIDDED),
     "plan": ("plan", str(MACHINES / "triglide-nonredundant.yaml"), *GRIDDED, "--aim", "uncertainty", "--points", "2"),
-    "calibrate": ("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none", "--select", "l1,l2"),
+    "calibrate": ("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK),
     "correct": ("correct", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
     "compare": ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "plan" else []) for n in COMMANDS])
 def test_every_command_draws_beside_its_result(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     line = COMMANDS[name]
@@ -283,7 +289,7 @@ def test_a_picture_replaces_no_input_and_no_other_result(tmp_path: Path, monkeyp
 
 def test_a_map_of_uncertainties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none", "-o", "p.yaml", "-q").code == 0
+    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK, "-o", "p.yaml", "-q").code == 0
     done = run("simulate", TRIGLIDE, *GRIDDED, "-p", "p.yaml", "--uncertainty", "-o", "t.csv", "--plot", "u.svg")
     drawn = Path("u.svg").read_text(encoding="utf-8")
     assert done.code == 0 and "standard uncertainty<" in drawn and "of the position [um]<" in drawn

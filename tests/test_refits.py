@@ -53,7 +53,9 @@ def test_a_fit_that_is_far_off_and_finds_no_easy_step_is_given_up(
     assert (len(tried) == 4) == given_up and len(tried) >= 4
 
 
-@pytest.mark.parametrize(("flat", "found"), [(True, ["backlash@q3"]), (False, [])])
+@pytest.mark.parametrize(
+    ("flat", "found"), [(True, ["backlash@q3"]), pytest.param(False, [], marks=pytest.mark.slow)]
+)
 def test_a_refit_that_has_settled_counts(flat: bool, found: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parameters that hardly matter may wander for more steps than a refit has."""
     plain = refits.identify
@@ -81,7 +83,7 @@ def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyP
     assert d.findings == () and d.verdict == "unknown"
 
 
-@pytest.mark.parametrize("sizes", [(0.4, 1.0), (2.0, 0.5)])
+@pytest.mark.parametrize("sizes", [(0.4, 1.0), pytest.param((2.0, 0.5), marks=pytest.mark.slow)])
 def test_what_was_refused_is_tried_again_beside_what_was_accepted(
     sizes: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import advance, reference_state
 from pkmcal_cli.prediction import Request, Rows, predict
+from tests.in_ci import in_ci
 from tests.rope_machines import MACHINES, RopeMachine, spatial, spatial_lengths
 from tests.support import model
 from tests.verification_ropes import derivative_check, length_error
@@ -74,7 +75,7 @@ def minimum(machine: RopeMachine, start: Array, rest: Array, gain: Array, stiffn
 GAINS = {"cables": np.array([0.025, 0.035, 0.035]), "weighted": np.array([0.025, 0.035, 0.035])}
 
 
-@pytest.mark.parametrize("name", ["cables", "weighted", "rolled", "spatial"])
+@pytest.mark.parametrize("name", in_ci(["cables", "weighted"], ["cables", "weighted", "rolled", "spatial"]))
 def test_elastic_ropes_with_a_payload_some_of_them_slack(name: str) -> None:
     machine = MACHINES[name]
     built, rng = model(machine.text), np.random.default_rng(3)

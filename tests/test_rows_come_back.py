@@ -60,6 +60,7 @@ def test_rows_that_failed_on_the_way_are_fitted(tmp_path: Path) -> None:
     np.testing.assert_allclose((fit.values - truth.values)[index] / truth.std, 0.0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_rows_that_would_spoil_the_fit_do_not_come_back(tmp_path: Path) -> None:
     """Readings of one that failed are 90 standard uncertainties off: it is near, but explained by nothing."""
     problem, selected, start, lost = astray(tmp_path)

@@ -54,6 +54,7 @@ def test_an_effect_that_others_make_needless_goes() -> None:
     assert names(kept.accepted) == {"straight@left.x", "backlash@q3"}
 
 
+@pytest.mark.slow
 def test_two_that_stand_for_two_others_are_exchanged_together() -> None:
     """Windup of two drives for their backlash: with one of them exchanged nothing is better."""
     case = planted(("backlash", "q3", 1.0), ("backlash", "q4", 1.0))
@@ -99,6 +100,7 @@ def test_repeated_poses_are_held_out_together_and_few_poses_one_by_one() -> None
         assert scheme == wanted and len(set(labels)) > 2 and (labels[::2] == labels[1::2]).all()
 
 
+@pytest.mark.slow
 def test_where_time_and_temperature_go_together_no_evidence_decides_between_drifts_and_heat() -> None:
     """A drive that drifts in a hall that only warms: every drift and thermal effect that fits stays in the set."""
     drive = replace(unit("scissors", "thermal_screw", "q2", SEED), values={"o": 1e-6})

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests import hangprinter_alone as real
+from tests.in_ci import in_ci
 from tests.self_calibration_cases import CASES, OTHERS, SEEDS, calibrated, disagreement, summary
 from tests.self_calibration_page import renewed
 
@@ -13,7 +14,7 @@ LOST = (("drums", 9), ("heavy", 11))
 """Cases and seeds in which a row cannot be predicted at the drawing."""
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", in_ci(["camera", "table", "router", "drums", "tower"], CASES))
 def test_anchors_are_found(name: str) -> None:
     """To four standard uncertainties (0.05 % of all that are fitted for 90 coordinates have more); chi-square as noise
     makes it, within four of its standard deviations (there are 40 degrees of freedom and more)."""
@@ -30,7 +31,14 @@ def held(name: str) -> tuple[str, ...]:
     return {"heavy": ("Ax",)}.get(name, CASES[name].datum)
 
 
-@pytest.mark.parametrize(("name", "other"), [(n, o) for n, others in OTHERS.items() for o in others], ids=str)
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        pytest.param(name, other, id=f"{name}-{other}", marks=[pytest.mark.slow] if k else [])
+        for name, others in OTHERS.items()
+        for k, other in enumerate(others)
+    ],
+)
 def test_the_choice_of_inputs_does_not_matter(name: str, other: dict[str, float]) -> None:
     """To first order: 5 % of a standard uncertainty are left for what a known error of the drawing bends."""
     assert disagreement(name, 0, other) < 0.05
@@ -61,6 +69,7 @@ def test_tables_are_put_between_their_markers() -> None:
 # the real machine -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("session", [real.SESSIONS[0], pytest.param(real.SESSIONS[1], marks=pytest.mark.slow)])
 def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
     """Within three standard uncertainties: twelve numbers, of which at most two may be above 1.5."""
@@ -73,6 +82,7 @@ def test_motors_alone_find_what_the_camera_finds(session: str) -> None:
     assert np.sort(score)[-3] < 1.5
 
 
+@pytest.mark.slow
 def test_nine_known_positions_predict_the_other_thirty_two() -> None:
     """6.1 mm; eight positions do so within 20 %, whichever they are."""
     known, rms, good = real.withheld(0)

@@ -85,7 +85,7 @@ def test_without_redundancy_every_method_finds_the_same(tmp_path: Path) -> None:
     """No loads, no redundancy: nothing is strained. Derivatives by differences lead to the same end."""
     found = {}
     for method in ("exact", "linear", "rigid"):
-        options = ("--method", method, "--holdout", "none", "--json")
+        options = ("--method", method, "--starts", "1", "--holdout", "none", "--json")
         done = clean(run("calibrate", NONREDUNDANT, NONREDUNDANT.replace("yaml", "csv"), *options))
         assert done.code == 0 and done.json["method"] == method
         found[method] = np.array([(p["value"], p["std"]) for p in done.json["parameters"]])
@@ -94,6 +94,7 @@ def test_without_redundancy_every_method_finds_the_same(tmp_path: Path) -> None:
         assert found[method][:, 1] == pytest.approx(found["exact"][:, 1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_rigid_model_of_a_strained_machine_is_worse_and_says_what_it_does_not_see(tmp_path: Path) -> None:
     """Paper, section 5.3: the redundant part belongs to no rigid model."""
     quick = ("--starts", "1", "--holdout", "none", "--json")
@@ -110,7 +111,8 @@ def test_a_rigid_model_of_a_strained_machine_is_worse_and_says_what_it_does_not_
 
 
 def test_rows_that_are_joined_need_the_exact_method() -> None:
-    done = clean(run("calibrate", MACHINES / "five-bar.yaml", MACHINES / "five-bar.csv", "--method", "rigid"))
+    quick = ("--method", "rigid", "--starts", "1", "--holdout", "none")
+    done = clean(run("calibrate", MACHINES / "five-bar.yaml", MACHINES / "five-bar.csv", *quick))
     assert done.code in (0, 1, 2) and ("join rows" in done.err) == (done.code == 2)
 
 

@@ -265,12 +265,12 @@ def test_tables_of_two_sessions_are_checked(tmp_path: Path) -> None:
     assert clean(run("check", *two_sessions(tmp_path))).code == 0
 
 
-@pytest.mark.parametrize("command", ["simulate", "observability", "calibrate"])
+@pytest.mark.parametrize("command", ["simulate", pytest.param("observability", marks=pytest.mark.slow), "calibrate"])
 def test_parameters_of_sessions_are_used_again(command: str, tmp_path: Path) -> None:
     """The machine is calibrated; the next day's table has sessions of its own."""
     file, first, second = two_sessions(tmp_path)
     params = tmp_path / "p.yaml"
-    assert run("calibrate", file, first, second, "-o", params, "-q", "--holdout", "none").code == 0
+    assert run("calibrate", file, first, second, "-o", params, "-q", "--holdout", "none", "--starts", "1").code == 0
     third = simulated(file, "3.csv", "--noise", "declared", "--seed", "3")
     assert clean(run(command, file, third, "-p", params, "-q")).code == 0
 

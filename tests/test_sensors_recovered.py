@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from tests.in_ci import in_ci
 from tests.sensor_campaigns import UNITS, Case, deviations, recovered
 from tests.sensor_cases_mixed import MIXED
 from tests.sensor_cases_planar import PLANAR
@@ -44,7 +45,16 @@ def check_sums(result: Mapping[str, Any], true: Mapping[str, float]) -> None:
             assert abs(total["value"] - value) < 4 * total["std"], total
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+QUICK = (
+    "tracker_ballbar_and_bench", "other_instruments_next_day", "probe_calipers_joint_and_current", "line_touched",
+    "tracker_three_reflectors_in_unknown_frame", "grid_moved_between_sessions", "wire_zero_and_scale_unknown",
+    "tracker_noise_grows_and_is_correlated", "level", "angle_of_a_rod_with_unknown_zero", "ballbar_known_ball",
+    "a_passive_drive_reads", "full_pose_in_space", "only_x",
+)  # fmt: skip
+"""Every kind of instrument, alone or beside others, with unknown frames, zeros and scales, in one session and two."""
+
+
+@pytest.mark.parametrize("case", in_ci(QUICK, CASES.values(), lambda case: str(case.name)))
 def test_planted_errors_come_back(case: Case, tmp_path: Path) -> None:
     result, true = recovered(case, 1, tmp_path)
     assert {p["name"] for p in result["parameters"]} == {*case.free, *case.nuisance}

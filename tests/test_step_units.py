@@ -38,7 +38,10 @@ def in_steps(header: str) -> str:
     return "\n".join([header, *(",".join(row) for row in rows)])
 
 
-@pytest.mark.parametrize("header", ["id,q1 [step],q2 [count],q3 [mm],x [mm],y [mm]", "id,q1,q2,q3,x,y"])
+@pytest.mark.parametrize(
+    "header",
+    ["id,q1 [step],q2 [count],q3 [mm],x [mm],y [mm]", pytest.param("id,q1,q2,q3,x,y", marks=pytest.mark.slow)],
+)
 def test_a_table_in_steps_gives_the_same_calibration(header: str, tmp_path: Path) -> None:
     """Readings in steps of 1.25 um and in 4096 counts a turn of a screw of 5 mm; a sigma of 2 steps is 2.5 um."""
     sigma = ("q1: {moves: c1}", "q1: {moves: c1, sigma: 2.5 um}"), ("q2: {moves: c2}", "q2: {moves: c2, sigma: 5 um}")

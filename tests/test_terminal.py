@@ -49,6 +49,7 @@ def test_quiet_is_quiet() -> None:
         assert (code, text) == (0, ""), arguments
 
 
+@pytest.mark.slow
 def test_long_work_shows_step_and_remaining_time() -> None:
     options = ("--starts", "20", "--holdout", "none")
     ((code, text),) = on_terminal(100, ("calibrate", HANGPRINTER, HANGPRINTER_DATA, *options))
@@ -59,9 +60,9 @@ def test_long_work_shows_step_and_remaining_time() -> None:
 
 def test_rows_are_counted_where_their_number_is_known(tmp_path: Path) -> None:
     file = tmp_path / "many.csv"
-    file.write_text("x,y\n" + "".join(f"{300 + k % 100},{250 + k % 50}\n" for k in range(250_000)))
+    file.write_text("x,y\n" + "".join(f"{300 + k % 100},{250 + k % 50}\n" for k in range(80_000)))
     ((code, text),) = on_terminal(100, ("simulate", TRIGLIDE, str(file), "-o", str(tmp_path / "out.csv")))
-    assert code == 0 and re.search(r"row \d+ of 25\d{4} ", text)
+    assert code == 0 and re.search(r"row \d+ of 8\d{4} ", text)
 
 
 def test_what_ends_within_a_second_shows_no_bar(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ QUICK: dict[str, list[tuple[str, ...]]] = {
     "simulate": [(PLANAR[0], "--grid", "x=300:400:2"), (ROUTER[0], ROUTER[1])],
     "sensitivity": [(PLANAR[0],), (FIVE[0],), (SHOP[0], "--channel", "x")],
     "observability": [PLANAR, FIVE],
-    "calibrate": [(*PLANAR, "--holdout", "none"), (*FIVE, "--holdout", "none")],
+    "calibrate": [(*PLANAR, "--holdout", "none"), (*FIVE, "--holdout", "none", "--starts", "1")],
     "correct": [(PLANAR[0], "--grid", "x=300:400:2"), (SHOP[0], "--grid", "x=0:50:2,y=0:50:2")],
     "plan": [(PLANAR[0], "--grid", "x=300:600:4,y=200:350:3"), (FIVE[0], FIVE[1])],
     "compare": [(PLANAR[0], str(MACHINES / "triglide-nonredundant.yaml"), PLANAR[1])],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.in_ci import in_ci
 from tests.tier_coverage import AVERAGE, COUNTS, LOWEST, MACHINES, PAGE, Counts, load, measure, renewed
 
 QUICK = ("linear", "bootstrap", "prior ranges", "sigma a third")
@@ -19,7 +20,7 @@ def hold(counts: Counts) -> None:
     assert inside.min() > 0.95 - 4.9 * np.sqrt(0.95 * 0.05 / n)
 
 
-@pytest.mark.parametrize("tier", ["linear", "bootstrap"])
+@pytest.mark.parametrize("tier", in_ci([], ["linear", "bootstrap"]))
 def test_sixty_campaigns_of_the_scissors(tier: str) -> None:
     counts = measure("scissors", tier, 60)
     hold(counts)
@@ -27,6 +28,7 @@ def test_sixty_campaigns_of_the_scissors(tier: str) -> None:
     assert counts.missing == 0.0
 
 
+@pytest.mark.slow
 def test_a_sigma_three_times_too_small_widens_the_intervals() -> None:
     """Chi-square per degree of freedom is 9 (its mean of 40 campaigns scatters by 9 sqrt(2 / 151 / 40), four times
     that are allowed); the widened intervals cover as they should."""

@@ -131,7 +131,7 @@ def test_which_rows_touch(tmp_path: Path) -> None:
     machine = written(tmp_path, FLAT.replace("h: {nominal: 150", "h: {nominal: 255"))
     tracker = table(tmp_path, "tracker", "q1,q2,tracker.x,tracker.y", *TRACKED)
     bed = table(tmp_path, "bed", "q1,q2", *DRIVES)
-    options = ("--select", "h,t", "--holdout", "none", "--json")
+    options = ("--select", "h,t", "--holdout", "none", "--starts", "1", "--json")
     assert counts(ok("calibrate", machine, bed, *options)) == {"touch": 6}
     assert counts(ok("calibrate", machine, bed, tracker, *options, "--accept")) == {"position": 6, "touch": 6}
     some = [f"{row},{'' if k % 2 else 0}" for k, row in enumerate(TRACKED)]
@@ -140,7 +140,7 @@ def test_which_rows_touch(tmp_path: Path) -> None:
     marked = table(tmp_path, "marked", "q1,q2,probe [um]", *(f"{row},{k}" for k, row in enumerate(DRIVES)))
     read = ok("calibrate", machine, marked, *options, "--accept")
     assert counts(read) == {"touch": 6} and "no column `probe`" not in read.err
-    alone = ok("calibrate", machine, tracker, "--select", "l1", "--holdout", "none", "--accept")
+    alone = ok("calibrate", machine, tracker, "--select", "l1", "--holdout", "none", "--starts", "1", "--accept")
     assert "sensor `probe` has no reading in any table" in alone.err
     typed = table(tmp_path, "typed", "q1,q2,traker.x,tracker.y", *TRACKED)
     assert "did you mean `tracker.x`" in ok("calibrate", machine, typed, code=3).err

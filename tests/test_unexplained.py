@@ -251,6 +251,9 @@ def test_a_smooth_field_over_the_workspace_has_no_place_in_the_machine() -> None
     assert d.verdict == "unknown" and not d.shapes
 
 
+ONLY = ("--only", "backlash@q2,scale@q2,windup@all")
+
+
 def test_improve_writes_what_calibrate_reads(tmp_path: Path) -> None:
     """Machine file and parameters give the predictions of the fit; on other poses the error is noise alone."""
     table, other, out = tmp_path / "t.csv", tmp_path / "o.csv", tmp_path / "improved.yaml"
@@ -258,7 +261,7 @@ def test_improve_writes_what_calibrate_reads(tmp_path: Path) -> None:
     second = campaign("scissors", [Planted("odd_tanh", "q2", {"h": HEIGHT})], 1, scenario=Scenario(stream=1))
     other.write_text(second.csv_text(), encoding="utf-8")
     runner = CliRunner()
-    done = runner.invoke(app, ["improve", str(FOLDER / "scissors.yaml"), str(table), "-o", str(out)])
+    done = runner.invoke(app, ["improve", str(FOLDER / "scissors.yaml"), str(table), *ONLY, "-o", str(out)])
     assert out.exists(), done.output + done.stderr
     assert "improved by unexplained@q2" in done.output + done.stderr
     loaded = load_machine(str(out))

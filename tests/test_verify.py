@@ -45,6 +45,7 @@ def test_a_changed_strut_does_not(calibration: str, tmp_path: Path) -> None:
     assert "NOT COMPATIBLE" in done.err and done.json["verification"]["p_value"] < 1e-6
 
 
+@pytest.mark.slow
 def test_chi_square_has_its_level() -> None:
     """Errors of parameters are common to all rows: without their correlation the test would alarm much too often."""
     plan, machine = shipped("biglide"), generate.campaigns()["biglide"].machine

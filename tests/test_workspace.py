@@ -58,9 +58,9 @@ def test_a_cylinder_holds_what_is_near_its_axis_and_between_its_ends() -> None:
     assert not cylinder.holds(np.full((1, 3), np.nan)).any()
 
 
-def proposed(machine: str, *more: str) -> tuple[Done, Array]:
+def proposed(machine: str, *more: str, points: int = 40) -> tuple[Done, Array]:
     """Drive positions (n, A), m or rad, of the points that a plan proposes."""
-    done = run("plan", machine, "--points", "40", *more, "--json")
+    done = run("plan", machine, "--points", str(points), *more, "--json")
     assert done.code == 0, done.err
     drives = [name for name in done.json["points"][0] if not name.startswith("dir.")]
     return done, np.array([[point[name] for name in drives] for point in done.json["points"]])
@@ -81,10 +81,11 @@ def test_what_a_plan_proposes_is_in_the_workspace_and_fills_it() -> None:
 
 def test_limits_of_drives_bound_what_a_plan_proposes() -> None:
     file = with_workspace("delta4", "drives: {q1: [-20, 30 mm], q3: [0, 0.05 m]}, cylinder: null, box: {x: [-80, 80]}")
-    _, q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--aim", "l1a,l2a")
+    _, q = proposed(file, "--grid", "x=-10:10:2,y=-60:60:2,z=-450:-430:2", "--aim", "l1a,l2a", points=20)
     assert q[:, 0].min() >= -20 and q[:, 0].max() <= 30 and q[:, 2].min() >= 0 and q[:, 2].max() <= 50
 
 
+@pytest.mark.slow
 def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> None:
     """z, rx and ry: its tip's x and y follow, as its legs have it."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [0, 15 deg]}")
@@ -100,7 +101,7 @@ def test_a_head_is_planned_in_the_coordinates_that_its_workspace_limits() -> Non
 def test_a_plan_along_one_line_is_widened_in_the_coordinates_of_the_workspace() -> None:
     """Tilts of 10 to 15 deg about y, though the plan has none; held by its tip's place, the head would not tilt."""
     file = with_workspace("head", "box: {z: [550, 620], rx: [-15, 15], ry: [10, 15]}")
-    _, q = proposed(file, "--grid", "z=560:600:3,rx=0:0:1,ry=0:0:1", "--aim", "r")
+    _, q = proposed(file, "--grid", "z=560:600:3,rx=0:0:1,ry=0:0:1", "--aim", "r", points=10)
     poses = np.array([fsolve(lambda p, row=row: head_poses(*p[:, None])[1][0] - row, START) for row in q * 1e-3])
     assert (np.degrees(poses[:, 2]) > 10 - 1e-6).all() and (np.degrees(poses[:, 2]) < 15 + 1e-6).all()
 
@@ -162,13 +163,21 @@ def test_a_circle_in_the_plane_and_other_units(monkeypatch: pytest.MonkeyPatch) 
     assert far.max() < 0.05 + 1e-9 and far.max() > 0.045 and len(q) == 50
 
 
-def test_a_workspace_that_nothing_reaches_is_an_error_where_it_is_needed() -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("sensitivity",),
+        ("plan", "--grid", "x=0:9:3", "--aim", "r"),
+        *(pytest.param((name,), marks=pytest.mark.slow) for name in ("observability", "plan")),
+    ],
+    ids=" ".join,
+)
+def test_a_workspace_that_nothing_reaches_is_an_error_where_it_is_needed(command: tuple[str, ...]) -> None:
     file = with_workspace("crank", "box: {y: [300, 400]}")
     shown = run("check", file)
     assert shown.code == 0 and "warning[workspace]: the reference configuration is outside the workspace" in shown.err
-    for command in (["sensitivity"], ["observability"], ["plan"], ["plan", "--grid", "x=0:9:3", "--aim", "r"]):
-        done = run(command[0], file, *command[1:])
-        assert done.code == 3 and "error[workspace]: the machine reaches no pose of its workspace" in done.err
+    done = run(command[0], file, *command[1:])
+    assert done.code == 3 and "error[workspace]: the machine reaches no pose of its workspace" in done.err
     assert run("simulate", file, "--grid", "x=0:9:3").code == 0  # grids are the user's
 
 

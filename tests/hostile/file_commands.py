@@ -81,7 +81,9 @@ COMMANDS: dict[str, Writing] = {
     ),
     "draw": Writing(command=f"draw {_BIGLIDE} -o {{o}}/d.svg", groups=(("d.svg",),)),
     "calibrate": Writing(
-        command=f"calibrate {_TABLE} -o {{o}}/p.yaml --run {{o}}/runs", groups=(("p.yaml",), ("runs/",)), fast=True
+        command=f"calibrate {_TABLE} --starts 1 --holdout none -o {{o}}/p.yaml --run {{o}}/runs",
+        groups=(("p.yaml",), ("runs/",)),
+        fast=True,
     ),
     "calibrate --plot": Writing(command=f"calibrate {_TABLE} --plot {{o}}/c.svg", groups=(("c.svg",),)),
     "diagnose --plots": Writing(
@@ -104,7 +106,6 @@ COMMANDS: dict[str, Writing] = {
     "correct --as beckhoff": Writing(
         command=f"correct {_TABLE} -p {{i}}/t.params.yaml --as beckhoff -o {{o}}/c.csv",
         groups=(("c.q1.csv", "c.q2.csv", "c.q3.csv"),),
-        fast=True,
     ),
     "correct --as csv": Writing(
         command=f"correct {_TABLE} -p {{i}}/t.params.yaml --as csv -o {{o}}/c.csv",

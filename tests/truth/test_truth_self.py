@@ -189,6 +189,7 @@ def grid(x: tuple[float, float, int], y: tuple[float, float, int]) -> list[list[
     return [[a, b] for a in np.linspace(*x) for b in np.linspace(*y)]
 
 
+@pytest.mark.slow
 def test_condition_numbers_of_the_paper_triglide() -> None:
     machine, poses = triglide(2), grid((0, 0.95, 3), (0.16, 0.39, 77))
     ranges = dict.fromkeys(("l1", "l2", "xb1r", "yb1r", "xb2r", "yb2r"), 0.0001)
@@ -196,6 +197,7 @@ def test_condition_numbers_of_the_paper_triglide() -> None:
     assert condition(machine, poses, {**ranges, "gamma": np.radians(1)}) == pytest.approx(3139, abs=0.5)
 
 
+@pytest.mark.slow
 def test_condition_number_of_the_paper_scissors() -> None:
     machine, poses = scissors(), grid((-0.203, 0.203, 10), (-0.2, 0.2, 8))
     names = ("g1", "g2", "xa1", "l3", "xa2", "ya1", "l4", "ya2", "ya4")
