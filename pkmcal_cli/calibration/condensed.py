@@ -37,7 +37,7 @@ def is_long(problem: Problem) -> bool:
     """Whether a fit of the table is condensed."""
     if len(problem) <= LONG or problem.method != "exact" or problem.drive_sigma.any():
         return False
-    return not any(cluster.shape[1] > 1 for cluster in problem.clusters.groups) and not len(problem.joining)
+    return problem.rows.partner is None or not len(problem.joining)
 
 
 def evaluate_condensed(
@@ -50,7 +50,7 @@ def evaluate_condensed(
 ) -> Evaluation:
     """As `evaluate`; of a long table with triangles instead of derivatives."""
     if parameters is None or not is_long(problem):
-        return evaluate(problem, values, parameters, start, shift, compare)
+        return evaluate(problem, values, parameters, start, shift, compare=compare)
     triangles = Triangles(problem, len(parameters))
 
     def add(_: slice, part: Problem, own: Evaluation) -> None:
@@ -80,7 +80,7 @@ def evaluate_in_parts(
         shift = np.broadcast_to(0.0, part.rows.readings.shape)
         visit(chunk, part, Evaluation(values, shift, residuals(part, prediction.values), prediction, parameters))
 
-    return evaluate(problem, values, parameters, start, None, compare, receive)
+    return evaluate(problem, values, parameters, start, compare=compare, receive=receive)
 
 
 def in_parts(problem: Problem, evaluation: Evaluation, visit: Visitor) -> None:

@@ -65,7 +65,8 @@ def evaluate(
     """
     request = Request(problem.method, parameters=parameters, by_drive=parameters is not None, compare=compare)
     moved = problem.rows if shift is None else problem.rows.moved(shift)
-    rows = replace(moved, measured=np.where(problem.measured, problem.readings, np.nan))
+    every = bool(problem.measured.all())
+    rows = replace(moved, measured=problem.readings if every else np.where(problem.measured, problem.readings, np.nan))
     prediction = predict_with_derivatives(problem.model, values, rows, request, start, receive)
     shift = np.broadcast_to(0.0, rows.readings.shape) if shift is None else shift
     return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
