@@ -19,7 +19,14 @@ from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, rows_far_off
+from pkmcal_cli.gross_errors.hints import (
+    absurd_rows,
+    copied_rows,
+    measurement_hints,
+    nothing_measured,
+    rows_far_off,
+    sample_at,
+)
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.prediction import WarmStart
@@ -149,9 +156,10 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     for text in s.start.warnings:
         to.warn(text)
     states = evaluate(s.problem, s.start.values).start
-    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states)
+    sample = sample_at(s.loaded, s.problem, s.start.values, states)
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states, sample)
     if not hints and s.request.fit_options.loss == "squares":
-        hints = rows_far_off(s.problem, s.start.values, s.measured, states)
+        hints = rows_far_off(sample, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
@@ -163,6 +171,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
         robust_fit = _fit(s, states, options, to, observe, steps)
+        del states  # of a long table they are large
         fit, place = robust_fit.robust.fit, partial(place_of, s.measured)
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
