@@ -68,7 +68,10 @@ def gross_faults(
     at these values; sample: of the whole table, where it is known. What is wrong in one session alone is looked for
     there.
     """
-    table = _Table(problem, values, tuple(parameters), sessions=sessions, place=place, states=states, known=sample)
+    table = _Table(
+        problem=problem, values=values, parameters=tuple(parameters), sessions=sessions, place=place, states=states,
+        known=sample,
+    )  # fmt: skip
     whole = _suspected(table)
     numbers = np.unique(sessions)
     if len(numbers) < 2:
@@ -81,7 +84,7 @@ def gross_faults(
     return whole if same else tuple(messages)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Table:
     """N rows at parameter values (P,); of each row its session (N,), its place in words, and its state there."""
 
