@@ -100,7 +100,8 @@ def memory_lines(effort: Effort) -> Iterator[Line]:
 def _table(folder: str, side: int) -> str:
     """A table with noise of a grid of `side` by `side` positions of the Triglide."""
     target = str(Path(folder) / f"{side}.csv")
-    _measured("simulate", str(MACHINES / "triglide.yaml"), "--grid", _SQUARE.format(side), *_NOISE, "-q", "-o", target)
+    grid = ("--grid", _SQUARE.format(side))
+    _measured("simulate", str(MACHINES / "triglide.yaml"), *grid, *_NOISE, "-q", "-o", target, "--force")
     return target
 
 
