@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from pkmcal_cli.workflow.calibrate import run_calibration
@@ -17,6 +18,9 @@ from .predictions import MACHINES
 from .timing import Effort, Line, children_time, side_by_side
 
 _SQUARE = "x=200:700:{0},y=170:380:{0}"  # mm, `--grid` of the Triglide
+_SCISSORS = (str(MACHINES / "scissors.yaml"), str(MACHINES / "scissors.csv"))
+_LIBRARIES = "numpy, pydantic, typer, rich.console, yaml"
+_NOISE = ("--noise", "declared", "--seed", "1")
 
 
 def _run(*arguments: str) -> None:
@@ -24,14 +28,19 @@ def _run(*arguments: str) -> None:
 
 
 def start_lines(effort: Effort) -> list[Line]:
-    """Cold start of `--help` and `check` against an empty program, and against the libraries that `check` needs."""
+    """Cold start of `--help`, `check` and `calibrate` against an empty program, and against the libraries they need."""
     machine = str(MACHINES / "triglide.yaml")
     times = side_by_side(
         {
             "pass": lambda: _run("-c", "pass"),
-            "libraries": lambda: _run("-c", "import numpy, pydantic, typer, rich.console, yaml"),
+            "libraries": lambda: _run("-c", f"import {_LIBRARIES}"),
             "help": lambda: _run("-m", "pkmcal_cli", "--help"),
             "check": lambda: _run("-m", "pkmcal_cli", "check", machine),
+            "scipy": lambda: _run("-c", "import scipy.optimize"),
+            "fitting": lambda: _run(
+                "-c", "import numpy, pydantic, typer, rich.console, yaml, scipy.linalg, scipy.special"
+            ),
+            "calibrate": lambda: _run("-m", "pkmcal_cli", "calibrate", *_SCISSORS, "-q"),
         },
         effort.rounds,
         children_time,
@@ -41,12 +50,14 @@ def start_lines(effort: Effort) -> list[Line]:
         Line("`pkmcal --help` : `python -c pass`", times.ratio("help", "pass"), 8, note=note),
         Line("`pkmcal check triglide.yaml` : `python -c pass`", times.ratio("check", "pass"), 45, note=note),
         Line("`pkmcal check triglide.yaml` : its libraries alone", times.ratio("check", "libraries")),
+        Line("`pkmcal calibrate` on the Scissors : `import scipy.optimize`", times.ratio("calibrate", "scipy"), 1.5),
+        Line("its libraries alone : `import scipy.optimize`", times.ratio("fitting", "scipy"), note="the floor"),
     ]
 
 
 def calibration_line(effort: Effort) -> Line:
     """`calibrate` on the Scissors from files to the report, inside the process."""
-    machine, measured = str(MACHINES / "scissors.yaml"), str(MACHINES / "scissors.csv")
+    machine, measured = _SCISSORS
     request = CalibrationRequest(machine=machine, measurements=(measured,), quiet=True)
 
     def calibrate() -> None:
@@ -71,13 +82,40 @@ def million_lines(effort: Effort) -> list[Line]:
     ]
 
 
+def memory_lines(effort: Effort) -> Iterator[Line]:
+    """Peak memory of `calibrate` on the Triglide: of a million rows, and by how much the bootstrap is above the fit."""
+    machine = str(MACHINES / "triglide.yaml")
+    with tempfile.TemporaryDirectory() as folder:
+        whole, part = (_table(folder, effort.rows(side)) for side in (1000, 316))
+        seconds, peak = _measured("calibrate", machine, whole, "-q")
+        what = f"`calibrate` of {effort.rows(1000) ** 2} rows on the Triglide, with held-out error: peak memory"
+        yield Line(what, peak, 1024, unit="MiB", note=f"{seconds:.0f} s in total")
+        plain = ("calibrate", machine, part, "-q", "--holdout", "none")
+        _, fit = _measured(*plain)
+        _, bootstrap = _measured(*plain, "--uncertainty", "bootstrap")
+        what = f"bootstrap of {effort.rows(316) ** 2} rows on the Triglide: memory above the peak of the fit"
+        yield Line(what, max(bootstrap - fit, 0.0), 200, unit="MiB", note=f"fit {fit:.0f} MiB")
+
+
+def _table(folder: str, side: int) -> str:
+    """A table with noise of a grid of `side` by `side` positions of the Triglide."""
+    target = str(Path(folder) / f"{side}.csv")
+    grid = ("--grid", _SQUARE.format(side))
+    _measured("simulate", str(MACHINES / "triglide.yaml"), *grid, *_NOISE, "-q", "-o", target, "--force")
+    return target
+
+
 def _simulate(side: int) -> tuple[float, float]:
     """Processor time, s, and peak memory, MiB, of a grid of `side` by `side` positions."""
     with tempfile.TemporaryDirectory() as folder:
         grid, target = _SQUARE.format(side), str(Path(folder) / "out.csv")
-        command = [sys.executable, "-m", "pkmcal_cli", "simulate", str(MACHINES / "triglide.yaml")]
-        process = subprocess.Popen([*command, "--grid", grid, "-q", "-o", target], cwd=MACHINES.parent)
-        _, status, usage = os.wait4(process.pid, 0)
-        if os.waitstatus_to_exitcode(status) not in (0, 1):
-            raise RuntimeError("simulate failed")
-        return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+        return _measured("simulate", str(MACHINES / "triglide.yaml"), "--grid", grid, "-q", "-o", target)
+
+
+def _measured(*arguments: str) -> tuple[float, float]:
+    """Processor time, s, and peak memory, MiB, of a command."""
+    process = subprocess.Popen([sys.executable, "-m", "pkmcal_cli", *arguments], cwd=MACHINES.parent)
+    _, status, usage = os.wait4(process.pid, 0)
+    if os.waitstatus_to_exitcode(status) not in (0, 1):
+        raise RuntimeError(f"{arguments[0]} failed")
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024

@@ -40,6 +40,7 @@ def lines(effort: Effort, quick: bool) -> Iterator[Line]:
     if not quick:
         yield from program.start_lines(effort)
         yield from program.million_lines(effort)
+        yield from program.memory_lines(effort)
 
 
 def table(head: tuple[str, ...], found: Sequence[Line | sweep.Growth]) -> str:

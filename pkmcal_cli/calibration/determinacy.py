@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.datum import Datum, datum_of
 from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.prediction import WarmStart
 
 _LISTED = 8  # null directions that are told one by one
@@ -61,14 +61,14 @@ def _directions(
     """Null and weak directions, None where most rows cannot be predicted; whether all can."""
     if not selected or not problem.count:
         return None, False
-    evaluation = evaluate(problem, values, selected, states)
+    evaluation = evaluate_condensed(problem, values, selected, states)
     rows = np.nonzero(evaluation.prediction.solved)[0]
     part = problem if len(rows) == len(problem) else problem.take(rows)
     if len(rows) < len(problem) / 2 or (problem.measured.any(axis=0) & ~part.measured.any(axis=0)).any():
         return None, False  # the others may be those that say where the base is
-    solved = evaluation if part is problem else evaluate(part, values, selected, evaluation.start.take(rows))
+    solved = evaluation if part is problem else evaluate_condensed(part, values, selected, evaluation.start.take(rows))
     ranges = np.array([problem.model.parameters[problem.model.names.index(n)].range for n in selected])
-    return directions(linearise(part, solved).jacobian, selected, ranges), part is problem
+    return directions(condensed(part, solved).jacobian, selected, ranges), part is problem
 
 
 def _counts(problem: Problem, directions_: Directions, datum: Datum | None) -> str:

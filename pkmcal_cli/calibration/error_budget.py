@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
-from pkmcal_cli.calibration.residual import evaluate, linearise
 
 COVER = 1.959963985  # standard uncertainties of a 95 % interval
 _HALVINGS = 30
@@ -145,8 +145,9 @@ def error_budget(
     both, p = (*fit.selected, *held), len(fit.selected)
     index = [problem.model.names.index(n) for n in both]
     half = 0.5 * problem.model.ranges[index]
-    last = evaluate(problem, fit.values, both, fit.last.start, fit.shift) if held else fit.last
-    near, groups = linearise(problem, last), _instruments(problem)
+    last = evaluate_condensed(problem, fit.values, both, fit.last.start, fit.shift) if held else fit.last
+    near = condensed(problem, last)
+    groups = _instruments(problem, near.channel)
     jacobian = near.jacobian * half
     evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
     information = evidence.information
@@ -216,8 +217,11 @@ class _Instruments:
     freedom: Array
 
 
-def _instruments(problem: Problem) -> _Instruments:
-    """Instruments with readings. The noise of drives is in the readings of all, and worth as little as either."""
+def _instruments(problem: Problem, channel: NDArray[np.intp]) -> _Instruments:
+    """Instruments with readings; channel (n,): of each equation, -1 for what is no reading.
+
+    The noise of drives is in the readings of all, and worth as little as either.
+    """
     channels = problem.model.channels
     drives = [d for a, d in enumerate(problem.model.actuators) if problem.drive_sigma[:, a].any()]
     common = min((WORTH[d.sigma_is] for d in drives), default=np.inf)
@@ -226,7 +230,5 @@ def _instruments(problem: Problem) -> _Instruments:
     of_channel = [names.index(channels[k].instrument) if k in used else -1 for k in range(len(channels))]
     counts = [sum(int(problem.measured[:, k].sum()) for k in used if of_channel[k] == g) for g in range(len(names))]
     worth = {channels[k].instrument: WORTH[channels[k].sigma_is] for k in used}
-    place = np.tile(of_channel, len(problem)).astype(np.intp)
-    known = 0 if problem.prior is None else len(problem.prior.rows)
-    place = np.concatenate([place, np.full(known, -1)])
+    place = np.array([*of_channel, -1], dtype=np.intp)[channel]
     return _Instruments(names, place, np.array(counts), np.array([min(worth[n], common) for n in names]))

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import UNSEEN, Directions, directions
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.prior import prior_of_ranges
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise
 
 
 def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Array) -> tuple[Problem, Fit]:
@@ -32,7 +32,7 @@ def with_estimated_ranges(problem: Problem, fit: Fit, start: Array, factors: Arr
     unseen = UNSEEN * min(float(factors.min(initial=1.0)), 1.0)  # what was seen still is
     wider, values = replace(problem, model=model.with_ranges(ranges), unseen=unseen), fit.values
     if problem.prior is None:
-        spectrum = directions(linearise(problem, fit.last).jacobian, fit.selected, ranges[index], unseen)
+        spectrum = directions(condensed(problem, fit.last).jacobian, fit.selected, ranges[index], unseen)
         if not (spectrum.weak.any() or fit.directions.weak.any()):
             return problem, fit
         values = centred(problem, values, start, spectrum)

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.measured_pose import errors_at_poses
+from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
+from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, linearise, lost_rows, reasons, residuals
+from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, lost_rows, reasons
 from pkmcal_cli.calibration.step import Scaled, advance
 from pkmcal_cli.prediction import WarmStart
 
@@ -87,7 +89,7 @@ def _unspoilt(
 
 def _with_rows_back(problem: Problem, fit: Fit, iterations: int, progress: Callable[[int, float], None] | None) -> Fit:
     """The fit with those rows that failed on the way, but are nearly explained where it ended, unless they spoil it."""
-    again = evaluate(problem, fit.values, fit.selected, fit.last.start.hopeless(_HOPELESS))
+    again = evaluate_condensed(problem, fit.values, fit.selected, fit.last.start.hopeless(_HOPELESS))
     end = _nearest(problem, Scaled.of(problem, fit.selected), again)
     noise = np.where(problem.measured, problem.sigma, 1.0)
     most = max(fit.chi2_per_dof, 1.0)
@@ -116,7 +118,7 @@ def _identified(
     hopeless: float = np.inf,
 ) -> Fit:
     """The fit of all rows that can be predicted where it leads. Raises RowsFailed."""
-    first = evaluate(problem, problem.model.nominal if start is None else start, selected, states, shift)
+    first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
     lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first)
@@ -169,7 +171,7 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
     """
     damping, stopped, holds, chi2, end = 0.0, "", True, list[float](), begin
     while len(chi2) < task.iterations and not stopped:
-        near = linearise(kept, end)
+        near = condensed(kept, end)
         chi2.append(near.chi2)
         end, damping, stopped = advance(kept, task.scale, end, near, damping, hopeless=task.hopeless, compare=compare)
         given_up = stopped == "no_descent" and near.chi2 > task.hopeless
@@ -180,7 +182,7 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
                 end = replace(end, prediction=replace(end.prediction, misfit=again.prediction.misfit))
             elif compare:
                 failed, stopped = {**failed, **reasons(kept, again)}, ""
-                retried = evaluate(task.problem, end.values, task.scale.names, again.start, end.shift)
+                retried = evaluate_condensed(task.problem, end.values, task.scale.names, again.start, end.shift)
                 kept, end = _kept(task.problem, task.first, retried, failed)
         if task.progress is not None:
             task.progress(len(chi2), near.chi2)
@@ -230,12 +232,13 @@ def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
         if not len(rows):
             break
         part = problem.take(rows)
-        lead, damping, status = evaluate(part, evaluation.values, scale.names, shift=evaluation.shift[rows]), 0.0, ""
+        lead = evaluate_condensed(part, evaluation.values, scale.names, shift=evaluation.shift[rows])
+        damping, status = 0.0, ""
         for _ in range(_LEAD if lead.solved else 0):
-            lead, damping, status = advance(part, scale, lead, linearise(part, lead), damping)
+            lead, damping, status = advance(part, scale, lead, condensed(part, lead), damping)
             if status:
                 break
-        again = evaluate(problem, lead.values, scale.names, evaluation.start.hopeless(_HOPELESS))
+        again = evaluate_condensed(problem, lead.values, scale.names, evaluation.start.hopeless(_HOPELESS))
         further = _nearest(problem, scale, again)
         if len(lost_rows(problem, further)) >= len(lost_rows(problem, evaluation)):
             break
@@ -248,11 +251,13 @@ def _nearest(problem: Problem, scale: Scaled, plain: Evaluation) -> Evaluation:
 
     The one that predicts more rows, then the one of lower chi-square.
     """
+    if not uncertain_drives(problem).any():
+        return plain
     seen = np.where(problem.measured, problem.readings, np.nan)
     shift = np.nan_to_num(errors_at_poses(problem, plain.values, seen))
     if not shift.any():
         return plain
-    posed = evaluate(problem, plain.values, scale.names, plain.start, shift)
+    posed = evaluate_condensed(problem, plain.values, scale.names, plain.start, shift)
     if plain.solved and posed.solved:
         return min(plain, posed, key=lambda e: chi_square(problem, e))
     return posed if len(lost_rows(problem, posed)) < len(lost_rows(problem, plain)) else plain
@@ -268,7 +273,7 @@ def _finished(
     failed: Mapping[int, str],
 ) -> Fit:
     """What is told of a fit of what is left without rows that failed."""
-    near = linearise(problem, last)
+    near = condensed(problem, last)
     scale = Scaled.of(problem, selected)
     values = last.values[scale.index]
     on_bound = (values - scale.low < _BIND * scale.ranges) | (scale.high - values < _BIND * scale.ranges)

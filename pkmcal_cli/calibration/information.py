@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.error_budget import WORTH, ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise
 from pkmcal_cli.loading.data_information import DataInformation
 
 
@@ -33,11 +33,11 @@ def data_information(
     measured = problem.measured.copy()
     measured[:, problem.once] = False
     rows = replace(problem, measured=measured, prior=None)
-    last = evaluate(rows, fit.values, names, fit.last.start, fit.shift)
+    last = evaluate_condensed(rows, fit.values, names, fit.last.start, fit.shift)
     if not last.solved:
         return None
-    near, half = linearise(rows, last), np.array(list(own.values()))
-    whole = np.column_stack([near.jacobian * half, near.residual]) / _noise(rows, budget)[:, None]
+    near, half = condensed(rows, last), np.array(list(own.values()))
+    whole = np.column_stack([near.jacobian * half, near.residual]) / _noise(rows, budget)[near.channel, None]
     upper: Array = np.asarray(np.linalg.qr(whole, mode="r"))
     q = len(names)
     root, right = upper[:q, :q], upper[:q, q]
@@ -53,11 +53,11 @@ def data_information(
 
 
 def _noise(problem: Problem, budget: ErrorBudget) -> Array:
-    """By what whitened residuals (n,) are divided: several instruments may be off their sigma by different factors.
+    """By what whitened residuals of channels (C,) are divided: instruments may be off their sigma by different factors.
 
     One alone keeps its stated sigma: its factor follows from what is left. Not so with a robust loss.
     """
     channels, factors = problem.model.channels, np.sqrt(budget.scales.typical_noise)
     apart = len(budget.instruments) > 1 or problem.weight is not None
     of = dict(zip(budget.instruments, factors, strict=True)) if apart else {}
-    return np.tile([float(of.get(c.instrument, 1.0)) for c in channels], len(problem))
+    return np.array([float(of.get(c.instrument, 1.0)) for c in channels])

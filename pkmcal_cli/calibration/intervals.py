@@ -15,12 +15,12 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Observer, unobserved
 from pkmcal_cli.base.workers import ALONE, Workers
+from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.error_budget import COVER, ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.prior import prior_of_held
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise
 
 Method = Literal["linear", "profile", "bootstrap"]
 _TRIALS = 12
@@ -74,7 +74,7 @@ def profile_intervals(
     wider = std / np.sqrt(np.diag(fit.with_spread(1.0).directions.determined_covariance()))
     if given is not problem:  # with what ranges say, the best fit lies elsewhere
         fit = identify(given, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
-    profile = _Profile(given, fit, linearise(given, fit.last).chi2, std, wider)
+    profile = _Profile(given, fit, condensed(given, fit.last).chi2, std, wider)
     ends = workers.results(profile, len(fit.selected), "profile of parameter", observe)
     for k, place in enumerate(index):
         low_high[k] = np.clip(ends[k], *problem.model.parameters[place].bounds)

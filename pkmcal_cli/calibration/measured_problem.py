@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.base.lean import lean
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.copies import copies
 from pkmcal_cli.calibration.frame_start import with_frames
@@ -37,7 +38,12 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     known = ~np.isnan(readings) & ~np.isnan(sigma)
     model = with_frames(model, rows, np.where(known, readings, np.nan))
     problem = Problem(
-        model=model, rows=rows, readings=readings, sigma=sigma, drive_sigma=np.nan_to_num(drive_sigma), measured=known
+        model=model,
+        rows=rows,
+        readings=readings,
+        sigma=lean(sigma),
+        drive_sigma=lean(np.nan_to_num(drive_sigma)),
+        measured=known,
     )
     groups = tuple(copies(problem))
     known[[row for group in groups for row in group[1:]]] = False

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.lean import some_rows
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.identifiability import UNSEEN
 from pkmcal_cli.calibration.prior import Prior
@@ -111,17 +112,20 @@ class Problem:
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Some rows; what joins them to others is lost, what was measured once stays."""
-        taken = replace(
+        return usable(self.part(rows))
+
+    def part(self, rows: slice | NDArray[np.intp]) -> Problem:
+        """Some rows as they are: what was measured once is in one of the parts only."""
+        return replace(
             self,
             rows=self.rows.take(rows),
             readings=self.readings[rows],
-            sigma=self.sigma[rows],
-            drive_sigma=self.drive_sigma[rows],
+            sigma=some_rows(self.sigma, rows),
+            drive_sigma=some_rows(self.drive_sigma, rows),
             measured=self.measured[rows],
             weight=None if self.weight is None else self.weight[rows],
             copies=(),
         )
-        return usable(taken)
 
 
 def usable(problem: Problem) -> Problem:

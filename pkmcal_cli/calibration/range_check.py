@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtr, chdtrc
 
+from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identifiability import Directions, directions
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise
 
 _DOUBT = 0.01
 _FAR = 3.0  # prior standard deviations, half ranges, from which on a value is worth a word
@@ -49,7 +49,7 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     index = [model.names.index(n) for n in fit.selected]
     ranges = model.ranges[index]
     offsets = 2.0 * (fit.values - model.nominal)[index] / ranges
-    rows = linearise(problem, fit.last).jacobian[: problem.readings.size]
+    rows = condensed(problem, fit.last).values[1]
     spectrum = directions(rows, fit.selected, ranges)
     moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
     known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)

@@ -13,17 +13,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, other_way_round
+from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.triangles import Triangles
 from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
 from pkmcal_cli.prediction import Prediction, Request, WarmStart
 from pkmcal_cli.prediction.differences import predict_with_derivatives
+from pkmcal_cli.prediction.pipeline import Receiver
+
+_CHUNK = 20_000  # rows of a long table that are worked on together
 
 
 @dataclass(frozen=True)
 class Evaluation:
     """Residuals (N, C) at values (P,) and drive errors (N, A): 0 where nothing was measured, nan where not
-    predicted.
+    predicted. triangles: what a fit needs of the derivatives of a long table, which then are not kept by row.
     """
 
     values: Array
@@ -31,6 +36,7 @@ class Evaluation:
     residual: Array
     prediction: Prediction
     parameters: tuple[str, ...] = ()  # by which there are derivatives
+    triangles: Triangles | None = None
 
     @property
     def solved(self) -> bool:
@@ -50,16 +56,19 @@ def evaluate(
     start: WarmStart | None = None,
     shift: Array | None = None,
     compare: bool = True,
+    receive: Receiver | None = None,
 ) -> Evaluation:
     """Residuals at `values`, with derivatives with respect to `parameters` and drives where these are asked.
 
-    `shift` (N, A): errors of the drive readings, m or rad, by default zero; `compare`: see `Request`.
+    `shift` (N, A): errors of the drive readings, m or rad, by default zero; `compare`: see `Request`; `receive`: see
+    `predict`.
     """
     request = Request(problem.method, parameters=parameters, by_drive=parameters is not None, compare=compare)
-    shift = np.zeros_like(problem.rows.readings) if shift is None else shift
-    measured = np.where(problem.measured, problem.readings, np.nan)
-    rows = replace(problem.rows.moved(shift), measured=measured)
-    prediction = predict_with_derivatives(problem.model, values, rows, request, start)
+    moved = problem.rows if shift is None else problem.rows.moved(shift)
+    every = bool(problem.measured.all())
+    rows = replace(moved, measured=problem.readings if every else np.where(problem.measured, problem.readings, np.nan))
+    prediction = predict_with_derivatives(problem.model, values, rows, request, start, receive)
+    shift = np.broadcast_to(0.0, rows.readings.shape) if shift is None else shift
     return Evaluation(values, shift, residuals(problem, prediction.values), prediction, parameters or ())
 
 
@@ -85,36 +94,6 @@ def predicted_part(problem: Problem, evaluation: Evaluation) -> tuple[Problem, E
     return replace(problem, measured=on), replace(evaluation, residual=np.where(on, evaluation.residual, 0.0))
 
 
-def residuals(problem: Problem, predicted: Array) -> Array:
-    """Measured minus predicted (N, C), zero where not measured, nan where not predicted; turns by the shorter way."""
-    model, measured = problem.model, problem.readings.copy()
-    for sensor in model.sensors:
-        rotating = [channel for channel, _ in sensor.rotates]
-        read, there = measured[:, rotating], predicted[:, rotating]
-        near = _nearest(read, there, 2 * np.pi)
-        if len(rotating) == 3:
-            near = np.where(np.isnan(read).any(axis=1, keepdims=True), near, _nearest_rotation(read, there))
-        measured[:, rotating] = near
-        if sensor.kind.measurand.periodic:
-            number = sensor.known["scale"].coefficients[0]
-            scale = float(model.topology.coefficients.constants[number])  # rad per unit of the reading
-            columns = sensor.channels
-            measured[:, columns] = _nearest(measured[:, columns], predicted[:, columns], 2 * np.pi / scale)
-    return np.where(problem.measured, np.nan_to_num(measured) - predicted, 0.0)
-
-
-def _nearest(measured: Array, predicted: Array, period: float) -> Array:
-    """Readings less as many periods as bring them nearest to the prediction."""
-    return np.asarray(measured - period * np.round((measured - predicted) / period))
-
-
-def _nearest_rotation(measured: Array, predicted: Array) -> Array:
-    """Of the two rotation vectors of one rotation, that nearer to the prediction."""
-    other = other_way_round(measured)
-    near = ((other - predicted) ** 2).sum(axis=1) < ((measured - predicted) ** 2).sum(axis=1)
-    return np.where(near[:, None], other, measured)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Linearised:
     """A problem near one evaluation: whitened residuals (N * C + k,) and Jacobian (N * C + k, P'), the drives' part.
@@ -133,6 +112,7 @@ class Linearised:
     least: float  # share of chi2 that no step removes
     known: int = 0  # equations that are no readings
     root: Array | None = None  # (N, C) square roots of the weights, None for 1
+    channel: Index  # (N * C + k,) of each equation, -1 for the last k
 
     @property
     def values(self) -> tuple[Array, Array]:
@@ -149,6 +129,8 @@ class Linearised:
     def shift(self, step: Array) -> Array:
         """Drive errors (N, A) after the parameter step (P',), SI."""
         out = self.kept.copy()
+        if not self.drives:
+            return out
         count = len(self.residual) - self.known
         residual = (self.residual - self.jacobian @ step)[:count].reshape(len(out), -1)
         if self.root is not None:  # the drives' errors are those without weights
@@ -171,7 +153,7 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
     their standard uncertainties: the problem is then that with S_q / (1 + damping) about damping / (1 + damping) of the
     present errors.
     """
-    problem, evaluation = predicted_part(problem, evaluation)
+    problem, evaluation = predicted_part(problem, with_derivatives(problem, evaluation))
     prediction = evaluation.prediction
     assert prediction.by_drive is not None and prediction.jacobian is not None
     free = 1.0 / (1.0 + damping)
@@ -188,7 +170,7 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
         residual *= root
         jacobian *= root[..., None]
     flat = jacobian.reshape(problem.readings.size, prediction.jacobian.shape[2])
-    errors, columns = _known(problem, evaluation)
+    errors, columns = known_besides(problem, evaluation)
     return Linearised(
         residual=np.concatenate([residual.ravel(), errors]),
         jacobian=np.vstack([flat, columns]),
@@ -198,10 +180,18 @@ def linearise(problem: Problem, evaluation: Evaluation, damping: float = 0.0) ->
         least=(1.0 - free) * _drive_chi_square(problem, evaluation),
         known=len(errors),
         root=root,
+        channel=np.append(np.tile(np.arange(len(problem.model.channels)), len(problem)), np.full(len(errors), -1)),
     )
 
 
-def _known(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array]:
+def with_derivatives(problem: Problem, evaluation: Evaluation) -> Evaluation:
+    """The evaluation with derivatives by row, taken at its states where it has none."""
+    if evaluation.triangles is None:
+        return evaluation
+    return evaluate(problem, evaluation.values, evaluation.parameters, evaluation.start, evaluation.shift, False)
+
+
+def known_besides(problem: Problem, evaluation: Evaluation) -> tuple[Array, Array]:
     """Errors (k,) and derivatives (k, P') of what is known besides the readings."""
     if problem.prior is None:
         return np.zeros(0), np.zeros((0, len(evaluation.parameters)))
@@ -229,8 +219,7 @@ def chi_square(problem: Problem, evaluation: Evaluation) -> float:
 
 def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
     """Of whitened readings with weights; drive errors are those that suit them best."""
-    prediction = evaluation.prediction
-    if prediction.by_drive is None or not evaluation.solved:
+    if (evaluation.prediction.by_drive is None and evaluation.triangles is None) or not evaluation.solved:
         return float("inf")
     white = whitened_residual(problem, evaluation)
     assert problem.weight is not None
@@ -240,9 +229,22 @@ def _weighted_chi_square(problem: Problem, evaluation: Evaluation) -> float:
 def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     """Residuals (N, C) in standard uncertainties, of an evaluation with derivatives by drives; without weights."""
     out = np.zeros(problem.readings.shape)
-    for part, residual in _whitened(*predicted_part(problem, evaluation), 1.0):
-        out[part.cluster] = residual
+    whole = evaluation.triangles is None
+    for first in range(0, len(out), max(len(out), 1) if whole else _CHUNK):
+        rows = slice(first, len(out) if whole else first + _CHUNK)
+        part, own = (problem, evaluation) if whole else _rows_of(problem, evaluation, rows)
+        for cluster, residual in _whitened(*predicted_part(part, own), 1.0):
+            out[rows][cluster.cluster] = residual
     return out
+
+
+def _rows_of(problem: Problem, evaluation: Evaluation, rows: slice) -> tuple[Problem, Evaluation]:
+    """Some rows of a long table: its drives have no errors, so derivatives by them do not matter."""
+    part, shape = problem.part(rows), problem.rows.readings.shape[1]
+    slopes = np.broadcast_to(0.0, (*part.readings.shape, shape))
+    prediction = replace(evaluation.prediction, by_drive=slopes)
+    shift, residual = evaluation.shift[rows], evaluation.residual[rows]
+    return part, replace(evaluation, shift=shift, residual=residual, prediction=prediction)
 
 
 def weighted_residual(problem: Problem, evaluation: Evaluation) -> Array:

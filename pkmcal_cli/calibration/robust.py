@@ -16,10 +16,11 @@ import numpy as np
 from scipy.special import ndtri
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import in_parts
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import deletion_residuals, whitened_residual
+from pkmcal_cli.calibration.residual import Evaluation, deletion_residuals, whitened_residual
 
 Loss = Literal["squares", "huber", "tukey"]
 _HUBER, _TUKEY = 1.345, 4.685  # 95 % efficiency with normal noise
@@ -167,13 +168,28 @@ def _efficiency(loss: Loss, z: Array) -> tuple[float, float]:
 
 def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]:
     """The audit of every value that is off by more than noise, worst first; of each row what tells most."""
+    once: list[Doubtful] = []
+    others: list[Doubtful] = []
+
+    def visit(rows: slice, part: Problem, evaluation: Evaluation) -> None:
+        for found, more in zip((others, once), _doubtful_of(part, fit, evaluation, scale, rows.start), strict=True):
+            found += more
+
+    in_parts(weighted, fit.last, visit)
+    return tuple(sorted([*others, *once], key=lambda d: -abs(d.deviation)))
+
+
+def _doubtful_of(
+    weighted: Problem, fit: Fit, evaluation: Evaluation, scale: Array, first: int
+) -> tuple[list[Doubtful], list[Doubtful]]:
+    """Of some rows, numbered from `first` on: of what was measured in them, and of what was measured once."""
     assert weighted.weight is not None
-    off, slopes, unit = deletion_residuals(replace(weighted, weight=None), fit.last)
+    off, slopes, unit = deletion_residuals(replace(weighted, weight=None), evaluation)
     deviation = np.where(weighted.measured, off / scale, 0.0)
     covariance = replace(fit.directions, spread=1.0).determined_covariance()
     once = np.array([not np.isnan(c.once) for c in weighted.model.channels])  # stands in a row, is none of it
-    doubtful = []
-    for part in (~once, once):
+    found: tuple[list[Doubtful], list[Doubtful]] = [], []
+    for part, doubtful in zip((~once, once), found, strict=True):
         size = np.where(part, np.abs(deviation), 0.0)
         for row in np.nonzero((size > _OFF).any(axis=1))[0].tolist():
             k = int(size[row].argmax())
@@ -184,7 +200,7 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
             far = float(off[row, k] * unit[row, k])
             doubtful.append(
                 Doubtful(
-                    row=row,
+                    row=first + row,
                     channel=k,
                     off=far,
                     deviation=float(deviation[row, k]),
@@ -193,7 +209,7 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
                     moved=moved,
                 )
             )
-    return tuple(sorted(doubtful, key=lambda d: -abs(d.deviation)))
+    return found
 
 
 def _influence(covariance: Array, slope: Array, off: float, weight: float) -> tuple[float, Array]:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, linearise
+from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
 from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
@@ -73,7 +74,7 @@ def advance(
     while True:
         damped, step = near, full
         if damping > 0.0:
-            damped = linearise(problem, evaluation, damping)
+            damped = condensed(problem, evaluation, damping)
             step = _step(scale, evaluation.values[scale.index], near, damped, damping * light)
         if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
             return evaluation, damping, "no_descent"
@@ -122,7 +123,7 @@ def _moved(
     values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
-    trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare)
+    trial = evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
     if trial.solved or not uncertain_drives(problem).any():
         return trial
     by_step, by_drive = evaluation.prediction.jacobian, evaluation.prediction.by_drive
@@ -132,7 +133,7 @@ def _moved(
         lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
         posed = errors_at_poses(problem, values, evaluation.prediction.values + part * way)
         shift = np.where(lost & ~np.isnan(posed), posed, shift)
-        trial = evaluate(problem, values, scale.names, evaluation.start, shift, compare)
+        trial = evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
         if trial.solved:
             break
     return trial

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.condensed import evaluate_in_parts
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import evaluate, linearise
+from pkmcal_cli.calibration.residual import Evaluation, linearise
 from pkmcal_cli.diagnosis.outlying_rows import MOST, Tails
 from pkmcal_cli.prediction import WarmStart
 
@@ -30,6 +31,7 @@ _SETTLED = 30  # steps until a trimmed fit stands still, at most
 _ROUNDS = 4
 _ORDINARY = 0.01  # chance of normal noise above which a row is like the others
 _FEW = 40  # values that do not tell gross rows from tails
+_PART = 20_000  # rows of a long table that are worked on together
 
 Rows = tuple[int, ...]
 Index = NDArray[np.intp]
@@ -49,23 +51,35 @@ class _ByRow:
         """Rows with readings."""
         return np.nonzero(self.on.any(axis=1))[0]
 
-    def take(self, rows: Index) -> _ByRow:
+    @property
+    def parts(self) -> list[slice]:
+        """Rows that are worked on together."""
+        count = max(len(self.on), 1)
+        return [slice(first, min(first + _PART, count)) for first in range(0, count, _PART)]
+
+    def take(self, rows: Index | slice) -> _ByRow:
         """Some rows."""
         return _ByRow(self.residual[rows], self.jacobian[rows], self.on[rows], self.offsets)
 
     def fit(self, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Steps (S, p) of the parameters by chosen rows (S, N) and their ranges, and normal matrices (S, p, p)."""
-        information = np.einsum("ncp,ncq->npq", self.jacobian, self.jacobian)
-        score = np.einsum("ncp,nc->np", self.jacobian, self.residual)
-        prior = 0.25 * np.eye(len(self.offsets))  # of a whole range
-        normal = np.tensordot(chosen.astype(float), information, 1) + prior
-        right = chosen @ score - 0.25 * self.offsets
+        normal: Array | float = 0.0
+        right: Array | float = 0.0
+        for rows in self.parts:
+            jacobian, mine = self.jacobian[rows], chosen[:, rows]
+            normal = normal + np.tensordot(mine.astype(float), np.einsum("ncp,ncq->npq", jacobian, jacobian), 1)
+            right = right + mine @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
+        normal = np.asarray(normal + 0.25 * np.eye(len(self.offsets)))  # of a whole range
+        right = np.asarray(right - 0.25 * self.offsets)
         return np.linalg.solve(normal, right[..., None])[..., 0], normal
 
     def squares(self, step: Array) -> Array:
         """Sums of squares (S, N) of the rows' residuals after steps (S, p)."""
-        left = self.residual - np.einsum("ncp,sp->snc", self.jacobian, step)
-        return np.asarray((left**2).sum(axis=2))
+        squares = np.empty((len(step), len(self.residual)))
+        for rows in self.parts:
+            left = self.residual[rows] - np.einsum("ncp,sp->snc", self.jacobian[rows], step)
+            squares[:, rows] = (left**2).sum(axis=2)
+        return squares
 
 
 def gross_rows(
@@ -114,14 +128,18 @@ def _most(rows: int, share: float) -> int:
 
 
 def _by_row(problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None) -> _ByRow:
-    evaluation = evaluate(problem, values, selected, states)
-    near = linearise(problem, evaluation)
-    on = problem.measured & np.isfinite(evaluation.residual)
-    white, slopes = near.values
     index = [problem.model.names.index(n) for n in selected]
     half = 0.5 * problem.model.ranges[index]
-    residual = np.where(on, white.reshape(on.shape), 0.0)
-    jacobian = np.where(on[..., None], (slopes * half).reshape(*on.shape, -1), 0.0)
+    residual, on = np.zeros(problem.readings.shape), np.zeros(problem.readings.shape, dtype=bool)
+    jacobian = np.zeros((*residual.shape, len(selected)))
+
+    def visit(rows: slice, part: Problem, evaluation: Evaluation) -> None:
+        white, slopes = linearise(part, evaluation).values
+        seen = on[rows] = part.measured & np.isfinite(evaluation.residual)
+        residual[rows] = np.where(seen, white.reshape(seen.shape), 0.0)
+        jacobian[rows] = np.where(seen[..., None], (slopes * half).reshape(*seen.shape, -1), 0.0)
+
+    evaluate_in_parts(problem, values, selected, states, visit)
     return _ByRow(residual, jacobian, on, (values - problem.model.nominal)[index] / half)
 
 
@@ -197,20 +215,27 @@ def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_
     """
     step, normal = by_row.fit(good[None])
     inverse = np.linalg.inv(normal[0])
-    left = by_row.residual - by_row.jacobian @ step[0]
-    own = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
-    unit = np.eye(own.shape[1])
-    share = unit + np.where(good[:, None, None], -own, own)
-    share = share + 1e-9 * unit
-    statistic = np.maximum(np.einsum("nc,nc->n", left, np.linalg.solve(share, left[..., None])[..., 0]), 0.0)
+    found = [_off(by_row.take(rows), good[rows], step[0], inverse) for rows in by_row.parts]
+    left, expected, statistic = (np.concatenate(part) for part in zip(*found, strict=True))
     count = by_row.on.sum(axis=1)
     taken = float(np.trace(inverse @ (normal[0] - 0.25 * np.eye(len(inverse)))))
     freedom = max(float(count[good].sum()) - taken, 1.0)
     variance = max(float((left[good] ** 2).sum()) / freedom, 1.0)
     relative = statistic / np.maximum(count, 1) / variance
     normal_p = fdtrc(np.maximum(count, 1), freedom, relative)
-    typical = np.abs(left / np.sqrt(variance * np.maximum(np.einsum("ncc->nc", share), 1e-9)))
+    typical = np.abs(left / np.sqrt(variance * np.maximum(expected, 1e-9)))
     tails = Tails.of(typical[noisy][by_row.on[noisy]])
     p = tails.p_value(normal_p, statistic / variance, count)
     measured = count > 0
     return np.sqrt(relative * count), np.where(measured, normal_p, 1.0), np.where(measured, p, 1.0)
+
+
+def _off(by_row: _ByRow, good: NDArray[np.bool_], step: Array, inverse: Array) -> tuple[Array, Array, Array]:
+    """What a step (p,) leaves of rows (N, C), its variances (N, C), its squares (N,) in standard uncertainties."""
+    left = by_row.residual - by_row.jacobian @ step
+    own = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
+    unit = np.eye(own.shape[1])
+    share = unit + np.where(good[:, None, None], -own, own)
+    share = share + 1e-9 * unit
+    squares = np.einsum("nc,nc->n", left, np.linalg.solve(share, left[..., None])[..., 0])
+    return left, np.einsum("ncc->nc", share).copy(), np.maximum(squares, 0.0)

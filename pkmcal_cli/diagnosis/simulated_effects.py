@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import residuals
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.diagnosis.visible_sizes import absorbing

@@ -60,13 +60,18 @@ def gross_faults(
     place: Callable[[int], str],
     names: Sequence[str] = (),
     states: WarmStart | None = None,
+    sample: Sample | None = None,
 ) -> tuple[Hint, ...]:
     """Suspicions, at parameter values (P,); none where `parameters`, in their ranges, explain the residuals.
 
     sessions (N,): number of the session of each row, among `names`; place: words for a row; states: of the rows,
-    at these values. What is wrong in one session alone is looked for there.
+    at these values; sample: of the whole table, where it is known. What is wrong in one session alone is looked for
+    there.
     """
-    table = _Table(problem, values, tuple(parameters), sessions=sessions, place=place, states=states)
+    table = _Table(
+        problem=problem, values=values, parameters=tuple(parameters), sessions=sessions, place=place, states=states,
+        known=sample,
+    )  # fmt: skip
     whole = _suspected(table)
     numbers = np.unique(sessions)
     if len(numbers) < 2:
@@ -79,7 +84,7 @@ def gross_faults(
     return whole if same else tuple(messages)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Table:
     """N rows at parameter values (P,); of each row its session (N,), its place in words, and its state there."""
 
@@ -89,18 +94,19 @@ class _Table:
     sessions: IntArray
     place: Callable[[int], str]
     states: WarmStart | None
+    known: Sample | None = None
 
     @cached_property
     def sample(self) -> Sample:
         """Rows spread over it, with what errors of the parameters cause."""
-        return Sample.of(self.problem, self.values, self.parameters, self.states)
+        return self.known or Sample.of(self.problem, self.values, self.parameters, self.states)
 
     def take(self, rows: IntArray) -> _Table:
         """Some rows (n,)."""
         states = None if self.states is None else self.states.take(rows)
         place = _Places(self.place, rows)
         problem, sessions = self.problem.take(rows), self.sessions[rows]
-        return replace(self, problem=problem, sessions=sessions, place=place, states=states)
+        return replace(self, problem=problem, sessions=sessions, place=place, states=states, known=None)
 
 
 def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:

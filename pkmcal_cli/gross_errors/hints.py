@@ -64,30 +64,44 @@ def measurement_hints(
     values: Array,
     measured: Measurements,
     states: WarmStart | None = None,
+    sample: Sample | None = None,
 ) -> tuple[str, ...]:
     """Messages with evidence; predictions at the starting values, where `states` are those of the rows.
 
-    `measured`: the table, for the places of rows.
+    `measured`: the table, for the places of rows; sample: `sample_at` these values, where it is known.
     """
     model = loaded.model
     names, units = [a.name for a in model.actuators], [a.unit for a in model.actuators]
     limits = np.array([a.limits for a in model.actuators]).reshape(-1, 2)
-    declared = {p.name for p in model.parameters if p.identify}
-    names_to_fit = [p.name for p in problem.model.parameters if p.shared_name in declared]
     hints = find_limit_faults(problem.rows.readings, limits, names, units)
     sessions = np.asarray(measured.session)
     hints += gross_faults(
-        problem, values, names_to_fit, sessions, partial(_row_text, measured), names=measured.sessions, states=states
+        problem,
+        values,
+        _to_fit(loaded, problem),
+        sessions,
+        partial(_row_text, measured),
+        names=measured.sessions,
+        states=states,
+        sample=sample,
     )
     return tuple(h.message for h in hints)
 
 
-def rows_far_off(
-    problem: Problem, values: Array, measured: Measurements, states: WarmStart | None = None
-) -> tuple[str, ...]:
+def sample_at(loaded: LoadedMachine, problem: Problem, values: Array, states: WarmStart | None = None) -> Sample:
+    """The sample of a table that its hints are found by, at the starting values; `states`: of all rows there."""
+    return Sample.of(problem, values, _to_fit(loaded, problem), states)
+
+
+def rows_far_off(sample: Sample, measured: Measurements) -> tuple[str, ...]:
     """Rows that spoil a fit by least squares, and that a robust loss does without."""
-    names = tuple(p.name for p in problem.model.parameters if p.identify)
-    return far_rows(Sample.of(problem, values, names, states), partial(_row_text, measured))
+    return far_rows(sample, partial(_row_text, measured))
+
+
+def _to_fit(loaded: LoadedMachine, problem: Problem) -> tuple[str, ...]:
+    """Parameters that the machine file leaves to be identified, each session's own among them."""
+    declared = {p.name for p in loaded.model.parameters if p.identify}
+    return tuple(p.name for p in problem.model.parameters if p.shared_name in declared)
 
 
 def _row_text(measured: Measurements, row: int) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import Evaluation, evaluate, residuals
+from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.gross_errors.mirror import brought_back
 from pkmcal_cli.gross_errors.plausibility import GROSS, rms, spread
 from pkmcal_cli.prediction import WarmStart

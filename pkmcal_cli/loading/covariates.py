@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.lean import lean
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Rows
@@ -27,7 +28,7 @@ def with_covariates(rows: Rows, measurements: Measurements) -> Rows:
     """Rows with the covariates of their measurements, and which session each belongs to."""
     columns = {name: np.asarray(column) for name, column in measurements.covariates.items()}
     for k, name in enumerate(measurements.sessions):
-        columns[f"session.{name}"] = np.asarray(measurements.session == k, dtype=float)
+        columns[f"session.{name}"] = lean(np.asarray(measurements.session == k, dtype=float))
     return replace(rows, columns=columns)
 
 

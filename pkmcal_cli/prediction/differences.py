@@ -12,7 +12,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.prediction.pipeline import predict
+from pkmcal_cli.prediction.pipeline import Receiver, predict
 from pkmcal_cli.prediction.rows import Prediction, Request, Rows, WarmStart
 
 _SHARE = 1e-3  # of a parameter's range
@@ -20,11 +20,19 @@ _TRAVEL = 1e-7  # of the machine's size, or rad: step of a drive
 
 
 def predict_with_derivatives(
-    model: Model, values: Array, rows: Rows, request: Request, start: WarmStart | None = None
+    model: Model,
+    values: Array,
+    rows: Rows,
+    request: Request,
+    start: WarmStart | None = None,
+    receive: Receiver | None = None,
 ) -> Prediction:
-    """Predict with the derivatives that are asked for, by any method. Raises ValueError for joined rows."""
+    """Predict with the derivatives that are asked for, by any method. Raises ValueError for joined rows.
+
+    receive: as of `predict`, for the method `exact` only.
+    """
     if request.method == "exact":
-        return predict(model, values, rows, request, start)
+        return predict(model, values, rows, request, start, receive=receive)
     bare = replace(request, parameters=None, by_drive=False)
     here = predict(model, values, rows, bare)
     jacobian = by_drive = None

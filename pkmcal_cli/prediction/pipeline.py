@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.base.lean import lean_join
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.system import System
@@ -26,6 +27,8 @@ from pkmcal_cli.prediction.rows import Method, Prediction, Request, Rows, WarmSt
 from pkmcal_cli.prediction.solving import Solution, solve
 from pkmcal_cli.prediction.stages import BaseCoefficients, Chain, commanded_coefficients
 
+Receiver = Callable[[slice, Prediction], None]
+
 _CHUNK_BYTES = 8e6  # of a chunk's largest arrays together, so that they stay in the processor's cache
 _SMOOTHED = 0.1  # share of the usual force over which the sign of a force is smoothed
 _LEAST_FORCE = 1e-3  # N
@@ -39,10 +42,12 @@ def predict(
     request: Request | None = None,
     start: WarmStart | None = None,
     progress: Callable[[int], None] | None = None,
+    receive: Receiver | None = None,
 ) -> Prediction:
     """Predict the readings of all rows at parameter values (P,), SI; `start`: from an earlier prediction.
 
     Works in chunks, so memory is bounded but for the results. Rows that cannot be solved get a status, never numbers.
+    `receive` takes the derivatives of each chunk, which are then not kept; not with measurements that join rows.
     Raises ValueError for derivatives of any method but `exact`: they hold at equilibrium only.
     """
     request = request or Request()
@@ -57,7 +62,11 @@ def predict(
         coefficients = commanded_coefficients(model, base, some)
         own.apply(coefficients)
         solution = solve(model, coefficients, request.method, begin, request.compare)
-        parts.append(outcome(model, solution, some, request, chain, own))
+        part = outcome(model, solution, some, request, chain, own)
+        if receive is not None:
+            receive(chunk, part)
+            part = replace(part, jacobian=None, by_drive=None)
+        parts.append(part)
         if progress is not None:
             progress(chunk.stop - chunk.start)
     prediction = _joined(parts)
@@ -164,14 +173,14 @@ def _joined(parts: Sequence[Prediction]) -> Prediction:
     if len(parts) == 1:
         return parts[0]
     names = ("translation", "rotation", "multiplier")
-    state = State(*(np.concatenate([getattr(part.state, name) for part in parts]) for name in names))
+    state = State(*(lean_join([getattr(part.state, name) for part in parts]) for name in names))
     slack, first = {}, 0
     for part in parts:
         slack.update({first + row: name for row, name in part.slack.items()})
         first += len(part.status)
     return Prediction(
         values=np.concatenate([part.values for part in parts]),
-        status=np.concatenate([part.status for part in parts]),
+        status=lean_join([part.status for part in parts]),
         state=state,
         jacobian=join("jacobian"),
         by_drive=join("by_drive"),
@@ -180,6 +189,6 @@ def _joined(parts: Sequence[Prediction]) -> Prediction:
         tension=join("tension"),
         slack=slack,
         ropes=None if parts[0].ropes is None else joined_rope_strains([p.ropes for p in parts if p.ropes is not None]),
-        misfit=np.concatenate([part.misfit for part in parts]),
+        misfit=lean_join([part.misfit for part in parts]),
         steps=sum(part.steps for part in parts),
     )

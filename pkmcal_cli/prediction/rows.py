@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.lean import some_rows
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.status import RowStatus
@@ -42,9 +43,9 @@ class Rows:
 
     def take(self, rows: slice | NDArray[np.intp]) -> Rows:
         """Some rows."""
-        columns = {name: column[rows] for name, column in self.columns.items()}
+        columns = {name: some_rows(column, rows) for name, column in self.columns.items()}
         measured = None if self.measured is None else self.measured[rows]
-        return Rows(self.readings[rows], self.forces[rows], columns, self._partners(rows), measured)
+        return Rows(self.readings[rows], some_rows(self.forces, rows), columns, self._partners(rows), measured)
 
     def _partners(self, rows: slice | NDArray[np.intp]) -> NDArray[np.intp] | None:
         """Partners among some rows, by their numbers there."""
@@ -118,7 +119,7 @@ class WarmStart:
 
     def take(self, rows: slice | NDArray[np.intp]) -> WarmStart:
         """Some rows."""
-        return WarmStart(self.state.take(rows), self.status[rows], self.misfit[rows])
+        return WarmStart(self.state.take(rows), some_rows(self.status, rows), some_rows(self.misfit, rows))
 
     def renewed(self) -> WarmStart:
         """The same where no row is known to be out of reach: those without a solution are looked for again."""

@@ -78,8 +78,9 @@ def solve(model: Model, coefficients: Array, method: Method, start: WarmStart | 
         coefficients = coefficients.copy(order="K")
         coefficients[beyond] = model.reference_coefficients
     solution = _solve(model, coefficients, method, start, compare, effort)
-    solution.status[beyond] = RowStatus.OUT_OF_REACH
-    return solution
+    if not beyond.any():
+        return solution
+    return replace(solution, status=np.where(beyond, RowStatus.OUT_OF_REACH, solution.status))
 
 
 def _solve(

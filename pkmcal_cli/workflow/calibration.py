@@ -19,7 +19,14 @@ from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
-from pkmcal_cli.gross_errors.hints import absurd_rows, copied_rows, measurement_hints, nothing_measured, rows_far_off
+from pkmcal_cli.gross_errors.hints import (
+    absurd_rows,
+    copied_rows,
+    measurement_hints,
+    nothing_measured,
+    rows_far_off,
+    sample_at,
+)
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_measurements, load_parameters
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.prediction import WarmStart
@@ -143,15 +150,12 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
 
 def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     """Calibrate; `to`: who is told what there is to say of the files. Raises PkmcalError."""
-    to.notes(s.measured.notes)
-    for finding in (*s.loaded.warnings, *s.measured.warnings):
-        to.warn(finding)
-    for text in s.start.warnings:
-        to.warn(text)
+    _say_of_files(s, to)
     states = evaluate(s.problem, s.start.values).start
-    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states)
+    sample = sample_at(s.loaded, s.problem, s.start.values, states)
+    hints = measurement_hints(s.loaded, s.problem, s.start.values, s.measured, states, sample)
     if not hints and s.request.fit_options.loss == "squares":
-        hints = rows_far_off(s.problem, s.start.values, s.measured, states)
+        hints = rows_far_off(sample, s.measured)
     for hint in (*hints, *copied_rows(s.problem, s.measured)):
         to.warn(f"warning: {hint}")
     for text in outside_text(outside_knots(s.problem.model, s.problem.rows)):
@@ -167,6 +171,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
         robust_fit = _fit(s, states, options, to, observe, steps, gross)
+        del states  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
         if s.apart is None:
@@ -178,6 +183,15 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         to.warn(f"warning: {text}")
     mistakes = (*hints, *computed.commanded)
     return Calibrated(s, CalibrationReport(s.loaded.machine, s.problem, robust_fit, held, place, mistakes))
+
+
+def _say_of_files(s: CalibrationSetting, to: Listener) -> None:
+    """Tell what there is to say of what was read."""
+    to.notes(s.measured.notes)
+    for finding in (*s.loaded.warnings, *s.measured.warnings):
+        to.warn(finding)
+    for text in s.start.warnings:
+        to.warn(text)
 
 
 def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:

@@ -11,8 +11,9 @@ from scipy.special import chdtr
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import Calibration
+from pkmcal_cli.calibration.condensed import in_parts
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import deletion_residuals, evaluate, whitened_residual
+from pkmcal_cli.calibration.residual import Evaluation, deletion_residuals, evaluate, whitened_residual
 from pkmcal_cli.csv_files.origin import SIMULATED
 from pkmcal_cli.tables.measurement_set import Measurements
 
@@ -76,9 +77,14 @@ def _words(
 def _by_channel(problem: Problem, calibration: Calibration) -> tuple[Array, Array]:
     """Whitened squares and degrees of freedom (C,) of each channel: readings less what the fit takes of them."""
     fit = calibration.robust.fit
-    off, slopes, _ = deletion_residuals(problem, fit.last)
     covariance = fit.directions.determined_covariance() / max(fit.directions.spread, 1e-300)
-    on = problem.measured
-    leverage = np.einsum("ncp,pq,ncq->nc", slopes, covariance, slopes)
-    freedom = np.where(on, 1.0 - np.minimum(leverage, 1.0), 0.0).sum(axis=0)
-    return np.asarray((np.where(on, off, 0.0) ** 2).sum(axis=0)), np.asarray(freedom)
+    squares, freedom = np.zeros((2, problem.readings.shape[1]))
+
+    def visit(rows: slice, part: Problem, evaluation: Evaluation) -> None:
+        off, slopes, _ = deletion_residuals(part, evaluation)
+        leverage = np.einsum("ncp,pq,ncq->nc", slopes, covariance, slopes)
+        squares[:] += (np.where(part.measured, off, 0.0) ** 2).sum(axis=0)
+        freedom[:] += np.where(part.measured, 1.0 - np.minimum(leverage, 1.0), 0.0).sum(axis=0)
+
+    in_parts(problem, fit.last, visit)
+    return squares, freedom
