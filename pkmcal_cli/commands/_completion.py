@@ -53,9 +53,9 @@ def _effects(incomplete: str, places: list[str]) -> list[str]:
     last = incomplete.rpartition(",")[2].removeprefix("-")
     if not last or "@" in last or not places:
         return []
-    from pkmcal_cli.effects import catalogue
+    from pkmcal_cli.workflow.effect_keywords import keywords_like
 
-    return [f"{keyword}@{place}" for keyword in catalogue() if keyword.startswith(last) for place in places]
+    return [f"{keyword}@{place}" for keyword in keywords_like(last) for place in places]
 
 
 def _places(ctx: typer.Context) -> list[str]:

@@ -170,7 +170,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
         options = replace(options, starts=options.starts or 1)
     steps = _STEPS_IN_DOUBT if hints else STEPS
     with to.stages() as observe:
-        robust_fit = _fit(s, states, options, to, observe, steps, gross)
+        robust_fit = _fit(s, states, options, to, observe, steps=steps, gross=gross)
         del states  # of a long table they are large
         fit = robust_fit.robust.fit
         s = replace(s, problem=s.problem.without(fit.failed))
@@ -243,6 +243,7 @@ def _fit(
     options: FitOptions,
     to: Listener,
     observe: Observer,
+    *,
     steps: int,
     gross: tuple[int, ...],
 ) -> Calibration:
