@@ -3,9 +3,9 @@
 The true offset of a parameter, in half ranges, is normal with variance tau^2 / w. tau belongs to all parameters of one
 kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so one that is wild widens no other (1 for
 those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
-stated. A weak prior says that what is stated is right: tau log-normal about 1, within a factor of 2 either way in two of
-three cases, w about 1 with 10 degrees of freedom, phi with what the stated sigma is worth. The problem is linear here, so
-all is drawn by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner
+stated. A weak prior says that what is stated is right: tau log-normal about 1 (two of three are within a factor of 2
+either way), w about 1 with 10 degrees of freedom, phi with what the stated sigma is worth. The problem is linear here,
+so all is drawn by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner
 1992), always with the same random numbers.
 """
 
