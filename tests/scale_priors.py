@@ -1,7 +1,7 @@
 """What is to be expected of intervals when scales are estimated from few numbers: `python -m tests.scale_priors`.
 
-Writes two tables of docs/coverage.md, by integrals alone: of an offset of which nothing is known but the ranges, beside n
-others of its kind that are known exactly; of a parameter that the data determine, with the variance of noise estimated.
+Writes two tables of docs/coverage.md, by integrals alone: of an offset of which nothing is known but the ranges, beside
+n others of its kind that are known exactly; of a parameter that data determine, with the variance of noise estimated.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def held(prior: Prior, count: int, factors: tuple[float, ...] = FACTORS) -> list
 
 
 def determined(rows: int, factor: float) -> float:
-    """Share of intervals that hold a parameter of which only noise matters, `factor` times what is stated, in percent."""
+    """Share of intervals that hold a parameter that noise alone spoils, `factor` times what is stated, in percent."""
     worth, dof = WORTH["stated"], PLANE * rows - DETERMINED
     drawn = stats.chi2.ppf((np.arange(DRAWS) + 0.5) / DRAWS, dof)
     deviation = np.sqrt((worth + factor**2 * drawn) / (worth + dof))
