@@ -91,8 +91,9 @@ def tables() -> dict[str, list[str]]:
 
 def main() -> None:
     """Write both."""
+    made_of = tables()
     page = PAGE.read_text(encoding="utf-8")
-    for name, lines in tables().items():
+    for name, lines in made_of.items():
         block = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end of {name} -->\n)", re.DOTALL)
         made = "".join(f"{line}\n" for line in lines)
         page = block.sub(lambda m, made=made: f"{m[1]}{made}{m[2]}", page)  # type: ignore[misc]
