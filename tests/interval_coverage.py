@@ -1,7 +1,7 @@
 """Do intervals hold where ranges and sigmas are wrong and parameters are held? `python -m tests.interval_coverage`.
 
-Writes the table of docs/coverage.md (an hour on two cores); `--count N`: campaigns of every line (250); `--only TEXT`:
-lines whose names contain it, which are printed and not written.
+Writes the table of docs/coverage.md (hours on two cores); `--count N`: campaigns of every line (250); `--only TEXT
+...`: lines whose names contain one of these, the others stay as they are on the page; `--jobs N`: processes.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,11 @@ class Case:
     required: tuple[float, float] = (93.0, 97.0)
 
     @property
+    def machines(self) -> tuple[str, int, float, bool]:
+        """Cases in which these are equal have the same true machines, measured at the same poses."""
+        return self.machine, self.rows, self.factor, self.wild
+
+    @property
     def name(self) -> str:
         """By which it can be chosen."""
         return f"{self.machine} {self.text} {self.prior}"
@@ -70,26 +76,31 @@ def cases() -> Iterator[Case]:
         yield Case(machine=machine, text="noise 1 : 6 over the workspace", growth=6.0)
 
 
+@lru_cache(maxsize=4)
+def _simulated(machine: str, rows: tuple[int, ...], values: tuple[float, ...]) -> Array:
+    """True readings (N, C) at some rows of the machine's plan, or all, once for cases that share them."""
+    plan = shipped(machine)
+    if not rows:
+        return plan.simulate(np.array(values))
+    simulator, given = generate.campaigns()[machine].machine, plan.model.by_name(np.array(values))
+    truth = simulator.forward(plan.positions[list(rows)], {n: given.get(n, v) for n, v in simulator.nominal.items()})
+    return np.asarray(truth.tcp[:, : len(simulator.channels)])
+
+
 def measured(case: Case, rng: np.random.Generator) -> tuple[Plan, Problem, Array, int]:
     """Plan, problem, true values (P,), place of the wild parameter among the selected, -1 without one."""
     plan = shipped(case.machine)
+    some: list[int] = []
     if case.rows:
-        some = np.sort(rng.choice(len(plan.positions), case.rows, replace=False))
-        machine, positions = generate.campaigns()[case.machine].machine, plan.positions[some]
-
-        def simulate(values: Array) -> Array:
-            given = plan.model.by_name(values)
-            truth = machine.forward(positions, {n: given.get(n, v) for n, v in machine.nominal.items()})
-            return truth.tcp[:, : len(machine.channels)]
-
-        plan = replace(plan, positions=positions, simulate=simulate)
+        some = np.sort(rng.choice(len(plan.positions), case.rows, replace=False)).tolist()
+        plan = replace(plan, positions=plan.positions[some])
     offsets, wild = rng.normal(size=len(plan.selected)) * case.factor, -1
     if case.wild:
         wild = int(rng.integers(len(offsets)))
         offsets[wild] = WILD * rng.choice([-1.0, 1.0])
     values = plan.all_drawn(rng)
     values[plan.index] = plan.model.nominal[plan.index] + offsets * plan.ranges / 2
-    readings = plan.simulate(values)
+    readings = _simulated(case.machine, tuple(some), tuple(values.tolist()))
     place = readings[:, 0]
     share = (place - place.min()) / np.ptp(place)
     noise = case.sigma * plan.sigma * (1 + (case.growth - 1) * share)[:, None]
@@ -121,9 +132,11 @@ def campaign(case: Case, seed: int) -> tuple[Array, Array]:
     return inside, std
 
 
-def _batch(case: Case, first: int, count: int) -> tuple[Array, Array]:
-    parts = [campaign(case, seed) for seed in range(first, first + count)]
-    return np.array([p[0] for p in parts]), np.array([p[1] for p in parts])
+def _batch(alike: tuple[Case, ...], first: int, count: int) -> tuple[Array, Array]:
+    """Inside, std (cases, count, p) of cases with the same machines, one after the other for each of these."""
+    parts = [[campaign(case, seed) for case in alike] for seed in range(first, first + count)]
+    inside, std = (np.array([[part[k] for part in of_seed] for of_seed in parts]) for k in (0, 1))
+    return inside.swapaxes(0, 1), std.swapaxes(0, 1)
 
 
 def line(case: Case, inside: Array, std: Array) -> str:
@@ -142,23 +155,40 @@ def line(case: Case, inside: Array, std: Array) -> str:
     return "| " + " | ".join(str(c) for c in cells) + " |"
 
 
+def on_page(page: str, lines: list[str]) -> str:
+    """The page with lines of cases replaced, and those that it lacks, in order."""
+    block = BLOCK.search(page)
+    assert block is not None
+    told = {_key(text): text for text in [*block[0].splitlines(), *lines] if text.startswith("| ")}
+    order = [f"{case.machine} | {case.text} | {case.prior}" for case in cases()]
+    made = [HEAD, "|" + "---|" * (HEAD.count("|") - 1), *(told[key] for key in order if key in told)]
+    return BLOCK.sub(lambda m: m[1] + "".join(f"{text}\n" for text in made) + m[2], page)
+
+
+def _key(text: str) -> str:
+    """Machine, what is wrong, prior."""
+    return " | ".join(text.strip("| ").split(" | ")[:3])
+
+
 def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description="Coverage of intervals where what is stated is wrong.")
     parser.add_argument("--count", type=int, default=250)
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", nargs="+", default=[""])
+    parser.add_argument("--jobs", type=int, default=2)
     chosen = parser.parse_args()
-    lines = [HEAD, "|" + "---|" * (HEAD.count("|") - 1)]
-    with ProcessPoolExecutor(2) as pool:
-        for case in (c for c in cases() if chosen.only in c.name):
+    of_machines: dict[tuple[str, int, float, bool], list[Case]] = {}
+    for case in cases():
+        if any(text in case.name for text in chosen.only):
+            of_machines.setdefault(case.machines, []).append(case)
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        for alike in of_machines.values():
             sizes = [(k, min(25, chosen.count - k)) for k in range(0, chosen.count, 25)]
-            parts = [f.result() for f in [pool.submit(_batch, case, *size) for size in sizes]]
-            lines.append(line(case, np.vstack([p[0] for p in parts]), np.vstack([p[1] for p in parts])))
-            print(lines[-1], flush=True)
-    if not chosen.only:
-        text = PAGE.read_text(encoding="utf-8")
-        made = "\n".join(lines)
-        PAGE.write_text(BLOCK.sub(lambda m: f"{m[1]}{made}\n{m[2]}", text), encoding="utf-8")
+            parts = [f.result() for f in [pool.submit(_batch, tuple(alike), *size) for size in sizes]]
+            inside, std = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
+            lines = [line(*row) for row in zip(alike, inside, std, strict=True)]
+            print("\n".join(lines), flush=True)
+            PAGE.write_text(on_page(PAGE.read_text(encoding="utf-8"), lines), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
@@ -51,12 +52,34 @@ def scales(factor: float, wild: float = 0.0, count: int = 30) -> Scales:
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 def test_ranges_are_as_wide_as_parameters_are_off(factor: float) -> None:
-    """The mean of 30 offsets and a prior of 2 degrees of freedom at 1."""
+    """The mean of 30 offsets, of which a prior about 1 changes little."""
     found = scales(factor)
-    expected = np.sqrt((30 * factor**2 + 2) / 32)
-    assert np.median(found.factors["length"]) == pytest.approx(expected, rel=0.15)
+    assert np.median(found.factors["length"]) == pytest.approx(factor, rel=0.1)
     assert 0.5 < np.median(found.factors["angle"]) < 2.0, "another kind has its own"
     assert found.typical_noise == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("offsets", [(0.3, -0.2), (1.2, -0.4, 0.9), (4.0, 2.5, -3.0, 6.0)])
+def test_the_scale_of_a_few_offsets_is_that_of_an_integral(offsets: tuple[float, ...]) -> None:
+    """Prior times likelihood on a line: log tau normal with a factor of 2, offsets Student's with 10 degrees.
+
+    Quantiles of tau, and where 95 % of errors are that are as large as another offset, of which nothing is known.
+    """
+    count = len(offsets) + 1
+    known, kinds = np.array([*np.full(count - 1, 1e3), 1e-3]), ("length",) * count
+    found = drawn_scales(evidence(known, np.array([*offsets, 0.0]), kinds))
+    log_tau = np.linspace(-5, 6, 4001)
+    tau = np.exp(log_tau)
+    density = stats.norm.pdf(log_tau / np.log(2)) * np.prod([stats.t.pdf(z / tau, 10) / tau for z in offsets], axis=0)
+    density /= density.sum()
+    for share in (0.1, 0.5, 0.9):
+        expected = tau[np.searchsorted(density.cumsum(), share)]
+        assert np.quantile(found.factors["length"], share) == pytest.approx(expected, rel=0.12)
+    limit = np.linspace(0, 50, 5001)
+    inside = ((2 * stats.t.cdf(limit[:, None] / tau[::10], 10) - 1) * density[::10]).sum(axis=1) / density[::10].sum()
+    drawn = (2 * stats.norm.cdf(limit[:, None] / np.sqrt(found.variances[:, -1])) - 1).mean(axis=1)
+    ends = [limit[np.searchsorted(share, 0.95)] for share in (drawn, inside)]
+    assert ends[0] == pytest.approx(ends[1], rel=0.08)
 
 
 def test_one_wild_parameter_is_wide_itself_and_widens_no_other() -> None:

@@ -1,4 +1,7 @@
-"""The table of what is shown: `python -m tests.verification > docs/verification.md`, four minutes."""
+"""The table of what is shown: `python -m tests.verification > docs/verification.md`, ten minutes.
+
+With names of parts, such as `many_poses`, only their lines.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ from tests.measured import (
 )
 from tests.support import SHIPPED, displacement
 from tests.truth.machines import PINNED
-from tests.verification_poses import poses
+from tests.verification_poses import many_poses, poses
 from tests.verification_ropes import ropes
 from tests.verification_row import Row
 
@@ -168,6 +171,7 @@ PARTS: list[Callable[[], list[Row]]] = [
     energy,
     substructures,
     poses,
+    many_poses,
     force_control,
     gantry,
     jacobian,
@@ -195,4 +199,5 @@ def table(parts: Iterable[Callable[[], list[Row]]]) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(table(PARTS))
+    CHOSEN = [part for part in PARTS if part.__name__ in sys.argv[1:]]
+    sys.stdout.write("".join(f"{row.line}\n" for part in CHOSEN for row in part()) if CHOSEN else table(PARTS))

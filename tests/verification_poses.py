@@ -15,7 +15,8 @@ from tests import test_poses, test_slack_ropes
 from tests.truth.redundant import DEG, MACHINES, Redundant
 from tests.verification_row import Row
 
-COUNT = 100
+FEW, MANY = (3, 100), (7, 1000)
+"""Seed and number of poses: those of the page's quick part, and those of the slow tests."""
 _WRONG = 1e-7  # m or rad from the minimiser, whose own error is 1e-8
 _NAMES = {
     "four legs": "platform on four legs",
@@ -34,15 +35,16 @@ def _rows(what: str, readings: Array, true: Array, models: list[Model]) -> list[
         bad += int((~right).sum())
         every.append(found.values)
     places = np.array(every)[..., [k for k, c in enumerate(models[0].channels) if c.dimension == "length"]]
-    of = f"{what}, {COUNT} poses by {len(models)} choices of redundant drives"
+    of = f"{what}, {len(readings)} poses by {len(models)} choices of redundant drives"
     return [
         Row(f"{of}: wrong or refused", "0", bad),
         Row(f"{of}: largest difference between choices, mm", "< 1e-8", float(1e3 * np.ptp(places, axis=0).max())),
     ]
 
 
-def _turned(machine: Redundant, turn: float, folder: Path) -> list[Row]:
-    readings, true = test_poses.strained(machine, COUNT, 3, turn)
+def _turned(machine: Redundant, turn: float, folder: Path, drawn: tuple[int, int]) -> list[Row]:
+    seed, count = drawn
+    readings, true = test_poses.strained(machine, count, seed, turn)
     most = min(turn, machine.reach[-1]) / DEG
     upto = "" if np.isinf(turn) else f" turned by up to {most:.0f} deg{' about each axis' * (len(machine.home) > 3)}"
     what = f"{_NAMES[machine.name]}{upto}, drives that disagree by 0.2 mm or mrad"
@@ -50,12 +52,24 @@ def _turned(machine: Redundant, turn: float, folder: Path) -> list[Row]:
     return _rows(what, readings, true, models)
 
 
+def _ropes(folder: Path, drawn: tuple[int, int]) -> list[Row]:
+    places, lengths = test_slack_ropes.wound(*drawn)
+    true = np.array([test_slack_ropes.minimum(p, l) for p, l in zip(places, lengths, strict=True)])
+    models = [test_slack_ropes.built(folder, (i, j)) for i, j in combinations(range(1, 6), 2)]
+    return _rows("point on five ropes off by 2 mm, some slack", lengths, true, models)
+
+
 def poses() -> list[Row]:
     """Machines of `tests/truth/redundant.py` and a point on five ropes, against minimisers of energy."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        rows = [row for m in MACHINES for turn in test_poses.turns(m) for row in _turned(m, turn, folder)]
-        places, lengths = test_slack_ropes.wound(1, COUNT)
-        true = np.array([test_slack_ropes.minimum(p, l) for p, l in zip(places, lengths, strict=True)])
-        models = [test_slack_ropes.built(folder, (i, j)) for i, j in combinations(range(1, 6), 2)]
-        return [*rows, *_rows("point on five ropes off by 2 mm, some slack", lengths, true, models)]
+        rows = [row for m in MACHINES for turn in test_poses.turns(m) for row in _turned(m, turn, folder, FEW)]
+        return [*rows, *_ropes(folder, (1, FEW[1]))]
+
+
+def many_poses() -> list[Row]:
+    """The same at ten times as many poses, those of the slow tests (minutes)."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        rows = [row for m in MACHINES for turn in test_poses.turns(m) for row in _turned(m, turn, folder, MANY)]
+        return [*rows, *_ropes(folder, (9, MANY[1]))]

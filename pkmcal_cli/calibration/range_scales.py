@@ -3,9 +3,10 @@
 The true offset of a parameter, in half ranges, is normal with variance tau^2 / w. tau belongs to all parameters of one
 kind (length, angle, stiffness, zero of a drive); w to the parameter alone, so one that is wild widens no other (1 for
 those that are not identified, of which nothing is learned). The variance of an instrument's noise is phi times what is
-stated. A weak prior says that what is stated is right: tau^2 about 1 with 2 degrees of freedom, w about 1 with 10, phi
-with what the stated sigma is worth. The problem is linear here, so all is drawn by Gibbs sampling (Gelman et al. 2013,
-Bayesian Data Analysis, ch. 11), always with the same random numbers.
+stated. A weak prior says that what is stated is right: tau log-normal about 1 (two of three are within a factor of 2
+either way), w about 1 with 10 degrees of freedom, phi with what the stated sigma is worth. The problem is linear here,
+so all is drawn by Gibbs sampling (Gelman et al. 2013, Bayesian Data Analysis, ch. 11), tau on a grid (Ritter and Tanner
+1992), always with the same random numbers.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 
-_KIND_FREEDOM = 2.0
+_FACTOR = 2.0  # by which ranges are off: one standard deviation
+_LOG_TAU = np.linspace(-4.0, 5.0, 361)  # far beyond what a prior of that width leaves likely
 _OWN_FREEDOM = 10.0
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
 _QUIET = 1e-8  # least variance of noise, in stated ones
@@ -179,8 +181,12 @@ def _of_kinds(
 ) -> Array:
     """tau^2 (M, K) given weighted squares of offsets (M, q) of kinds `place` (q,); 1 where none is identified."""
     out = np.ones((len(squares), kinds))
+    prior = -0.5 * (_LOG_TAU / np.log(_FACTOR)) ** 2
     for k in np.unique(place[on]):
         count = int((on & (place == k)).sum())
-        total = squares[:, place == k].sum(axis=1) + _KIND_FREEDOM
-        out[:, k] = total / rng.chisquare(count + _KIND_FREEDOM, len(squares))
+        total = squares[:, place == k].sum(axis=1)[:, None]
+        log_density = prior - count * _LOG_TAU - 0.5 * total * np.exp(-2.0 * _LOG_TAU)  # (M, grid)
+        below = np.exp(log_density - log_density.max(axis=1, keepdims=True)).cumsum(axis=1)
+        chosen = (below < below[:, -1:] * rng.random((len(squares), 1))).sum(axis=1)
+        out[:, k] = np.exp(2.0 * _LOG_TAU[chosen])
     return out
