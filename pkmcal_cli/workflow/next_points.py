@@ -37,7 +37,7 @@ from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
-_POOL = 2000
+_POOL = 1000
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
 _NOISY = 1.5  # times the stated noise, from which on it is worth a word
@@ -163,7 +163,7 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budge
     assert goal.limit is not None
     std = float(campaign.std[campaign.selected.index(name)]) if name in campaign.selected else math.nan
     std = math.inf if math.isnan(std) else std
-    wider = _wider(campaign, name, std, goal.limit)
+    outlook = _Outlook.of(campaign.noise, _design_std(campaign, name), std, goal.limit)
     left = budget - len(campaign.problem) if std > goal.limit else 0
     size, own_seed = max(_POOL, 2 * left), seed + len(campaign.problem)
     pool, ways = candidate_points(loaded, campaign.problem, campaign.values, size, own_seed)
@@ -172,12 +172,12 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budge
     linear = linear_problem(with_rows(campaign.problem, pool), campaign.values, campaign.selected, [], None)
     blocks = whitened_blocks(linear, len(campaign.problem) + len(pool))
     chosen = best_points(linear, blocks, len(campaign.problem), goal.aim, max(left, 0), exchange=False)
-    stricter = replace(goal, limit=goal.limit / wider)
-    chosen, reached = fewest(campaign.problem, pool, chosen, stricter, campaign.values, campaign.selected)
+    promised = replace(goal, limit=outlook.promised(goal.limit))
+    chosen, reached = fewest(campaign.problem, pool, chosen, promised, campaign.values, campaign.selected)
     needed = len(chosen.rows)
     batch = chosen.rows if needed <= _ALL_AT_ONCE else chosen.rows[: math.ceil(needed / 2)]
     batch = batch if reached.done else batch[:0]
-    reach = Reached(name, goal.limit, std, wider * reached.after)
+    reach = Reached(name, goal.limit, std, outlook.std(reached.after))
     added = Added(goal.aim, pool.take(batch), replace(chosen, rows=batch), reach)
     return NextPoints(
         loaded=loaded, rows=len(campaign.problem), budget=budget, noise=campaign.noise, added=added,
@@ -185,16 +185,45 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budge
     )  # fmt: skip
 
 
-def _wider(campaign: _Campaign, name: str, std: float, limit: float) -> float:
-    """By what uncertainties exceed those of a design: the noise that was seen.
-
-    What few rows leave to ranges, further ones do not; only where the design would do and the fit does not, its excess.
-    """
+def _design_std(campaign: _Campaign, name: str) -> float:
+    """What the rows promise at the stated noise, SI; inf where the parameter is not determined."""
     observed = observability(campaign.problem, campaign.values, campaign.selected)
     k = observed.selected.index(name)
-    planned = math.inf if observed.directions.undetermined()[k] else float(observed.std[k])
-    enough = campaign.noise * planned <= limit < std
-    return std / planned if enough and math.isfinite(std) else campaign.noise
+    return math.inf if observed.directions.undetermined()[k] else float(observed.std[k])
+
+
+@dataclass(frozen=True)
+class _Outlook:
+    """How what the rows of a design promise, at the stated noise, becomes what a fit of them knows.
+
+    factor: of the noise that was seen; known: information, 1/SI^2, that ranges add.
+    """
+
+    factor: float
+    known: float = 0.0
+
+    @classmethod
+    def of(cls, noise: float, planned: float, std: float, limit: float) -> _Outlook:
+        """By what the measured rows promised and what their fit knows, `std`, which is wanted to `limit`, SI.
+
+        What few rows leave to wide ranges, further ones do not; only where the design would do and the fit does not,
+        the excess stays.
+        """
+        if not (math.isfinite(planned) and math.isfinite(std)):
+            return cls(max(noise, 1.0))
+        if noise * planned <= limit < std:
+            return cls(std / planned)
+        return cls(noise, max(1.0 / std**2 - 1.0 / (noise * planned) ** 2, 0.0))
+
+    def promised(self, limit: float) -> float:
+        """What a design must promise so that its fit knows the parameter to a limit, SI."""
+        left = 1.0 / limit**2 - self.known
+        return 1.0 / (self.factor * math.sqrt(left)) if left > 0 else math.inf
+
+    def std(self, promised: float) -> float:
+        """What a fit knows, SI."""
+        every = self.known + (0.0 if math.isinf(promised) else 1.0 / (self.factor * promised) ** 2)
+        return 1.0 / math.sqrt(every) if every > 0 else math.inf
 
 
 def _far(readings: Array, campaign: _Campaign) -> NDArray[np.intp]:

@@ -1,0 +1,93 @@
+"""`plan --next`: as few rows as a plan that knows all, what it promises, and where nothing could be measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pkmcal_cli.report.console import Reporter
+from pkmcal_cli.workflow.next_points import NextPoints, _Outlook, next_points
+from tests import next_campaigns
+from tests.command import clean, run
+from tests.next_campaigns import BOX, CASES, LIMIT, MACHINE, NAME, SIGMA, Case, grown, measured, table
+from tests.truth.generate import campaigns, grid
+
+BEST = 12
+"""Rows of a fixed D-optimal plan that knows the noise: `next_campaigns.fixed(1.0)`, of which a slow test makes sure."""
+
+
+def campaign(case: Case, seed: int, k: int = 3) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
+    """Set values and readings of an even grid, and the true parameters."""
+    machine, rng = campaigns()["triglide-nonredundant"].machine, np.random.default_rng(seed)
+    true = {n: v + rng.normal(0, 0.05e-3) for n, v in machine.nominal.items() if n[0] in "lxy"}
+    readings = machine.inverse(grid((*BOX[0], k), (*BOX[1], k)))
+    return readings, measured(readings, case, seed, true, rng), true
+
+
+def asked(file: Path, readings: np.ndarray, values: np.ndarray, limit: float = LIMIT) -> NextPoints:
+    file.write_text(table(readings, values), encoding="utf-8")
+    aim = f"{NAME} {1e6 * limit:g} um"
+    return next_points(MACHINE, str(file), None, "auto", aim, 150, 0, Reporter(True))
+
+
+@pytest.mark.parametrize("seed", [8, pytest.param(3, marks=pytest.mark.slow)])
+def test_as_few_rows_as_a_plan_that_knows_all(seed: int, tmp_path: Path) -> None:
+    """Nine even rows whose fit is wide: held directions with ranges that few rows do not tell are no noise."""
+    found = grown(CASES[0], seed, tmp_path)
+    assert found.status == "reached" and found.rows <= BEST + 2
+    assert abs(found.error) < 4 * LIMIT
+
+
+@pytest.mark.slow
+def test_the_plan_that_knows_all() -> None:
+    assert next_campaigns.fixed(1.0)[1] == BEST
+
+
+def test_the_rows_that_it_asks_for_tell_what_it_says(tmp_path: Path) -> None:
+    case, rng = CASES[0], np.random.default_rng(5)
+    readings, values, true = campaign(case, 5)
+    first = asked(tmp_path / "a.csv", readings, values, 2 * LIMIT / 3)
+    reached = first.added.reached
+    assert first.status == "continue" and reached is not None and reached.after <= 2 * LIMIT / 3 < reached.before
+    more = first.added.points.rows.readings
+    assert len(more) == -(-first.needed // 2), "half of them before the rest is planned"
+    after = asked(
+        tmp_path / "b.csv", np.vstack([readings, more]), np.vstack([values, measured(more, case, 5, true, rng)])
+    )
+    assert after.added.reached is not None
+    assert reached.after * 0.7 < after.added.reached.before < reached.before
+
+
+def test_where_nothing_could_be_measured_nothing_is_proposed(tmp_path: Path) -> None:
+    readings, values, _ = campaign(replace(CASES[0], lost=0.3), 1, 5)
+    lost = readings[np.isnan(values[:, 0])]
+    assert len(lost) > 2
+    found = asked(tmp_path / "a.csv", readings, values, 5e-6)
+    apart = np.abs(found.added.points.rows.readings[:, None] - lost[None]) / np.ptp(readings, axis=0)
+    assert len(found.added.points) and (apart.max(axis=2) > 0.05).all()
+
+
+@pytest.mark.parametrize(("std", "planned", "noise"), [(48e-6, 33e-6, 1.0), (11e-6, 33e-6, 1.0), (25e-6, 15e-6, 1.1)])
+def test_what_is_promised_and_what_is_known(std: float, planned: float, noise: float) -> None:
+    """Information adds: of rows by their noise, of ranges as it is; a design that would do and does not, too."""
+    limit = min(LIMIT, std / 2)
+    outlook = _Outlook.of(noise, planned, std, limit)
+    assert outlook.std(outlook.promised(limit)) == pytest.approx(limit, rel=1e-12)
+    rows = (noise * planned) ** -2
+    assert outlook.std(planned) == pytest.approx(std if std**-2 > rows or noise * planned <= limit else rows**-0.5)
+
+
+def test_a_command_that_is_asked_again(tmp_path: Path) -> None:
+    """Ends with 0 where there is something to do or nothing left, with 1 where the budget does not do."""
+    readings, values, _ = campaign(CASES[0], 2)
+    file = tmp_path / "a.csv"
+    file.write_text(table(readings, values), encoding="utf-8")
+    codes = []
+    for limit, budget in (("20 um", 40), ("1 m", 40), ("1 um", 12)):
+        done = clean(run("plan", MACHINE, file, "--next", "--budget", budget, "--aim", f"l1 {limit}", "--json", "-q"))
+        codes.append((done.code, done.json["status"]))
+    assert codes == [(0, "continue"), (0, "reached"), (1, "not_reached")]
+    assert SIGMA == 1e-5
