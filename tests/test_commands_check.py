@@ -137,6 +137,11 @@ def test_what_cannot_be_read_has_not_been_checked() -> None:
     assert near.out == "" and "none.csv:1: error[file]: the file does not exist" in near.err
 
 
+def test_several_shipped_machines_are_called_by_their_names() -> None:
+    done = run("check", "scissors", "triglide")
+    assert done.code == 0 and all(f"{name}.yaml: " in done.out + done.err for name in ("scissors", "triglide"))
+
+
 def test_quiet_shows_faults_only() -> None:
     assert run("check", TRIGLIDE, "-q").err == ""
     Path("m.yaml").write_text(Path(TRIGLIDE).read_text().replace(", redundant: true", ""))

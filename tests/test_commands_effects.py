@@ -95,6 +95,10 @@ def test_every_effect_is_there_with_a_size_or_a_reason(machine: str) -> None:
         assert e["reading"] is None or e["max"] >= e["rms"] > 0
 
 
+def test_a_shipped_machine_is_called_by_its_name() -> None:
+    assert clean(run("effects", "scissors")).out == clean(run("effects", SCISSORS)).out
+
+
 def test_most_comes_first_in_standard_uncertainties() -> None:
     """The camera of the hangprinter is known to 0.1 mm, its drive D to 1 mm of line."""
     sizes = []

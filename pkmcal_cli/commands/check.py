@@ -32,6 +32,8 @@ def check(
         cat machines/triglide.csv | pkmcal check machines/triglide.yaml -
     """
     options = locals()
+    from pkmcal_cli.base.shipped import machine_file
     from pkmcal_cli.workflow.check import CheckRequest, run_check
 
+    options["measurements"] = measurements and [machine_file(text) for text in measurements]
     raise typer.Exit(run_check(as_request(CheckRequest, options)))

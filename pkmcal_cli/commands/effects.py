@@ -11,7 +11,7 @@ from pkmcal_cli.commands._options import Grid, Json, Parameters, PosesFile, Quie
 
 def effects(
     machine: Annotated[
-        str | None, typer.Argument(metavar="[M.yaml]", help="Machine file: list the places of each effect.")
+        str | None, typer.Argument(metavar="[M.yaml]", help="Machine file or name: list the places of each effect.")
     ] = None,
     poses: PosesFile = None,
     simulate: Annotated[
@@ -30,7 +30,9 @@ def effects(
         cat machines/biglide.csv | pkmcal effects machines/biglide.yaml - --simulate --json
     """
     options = locals()
+    from pkmcal_cli.base.shipped import machine_file
     from pkmcal_cli.workflow.effects import run_effects
     from pkmcal_cli.workflow.effects_request import EffectsRequest
 
+    options["machine"] = machine and machine_file(machine)
     raise typer.Exit(run_effects(as_request(EffectsRequest, options)))
