@@ -55,10 +55,12 @@ def renewed(shown: Sequence[str], real: Sequence[str]) -> list[str]:
 
 
 def main(pages: Sequence[str]) -> None:
-    """Write the pages, or those named; tell the commands whose output is another."""
-    files = all_files()
+    """Write the pages, or those named, with or without their folder; tell the commands whose output is another."""
+    names, files = {Path(page).name for page in pages}, all_files()
+    if unknown := names - {page.name for page in SHOWING}:
+        raise SystemExit(f"no page that shows what commands print: {', '.join(sorted(unknown))}")
     for page in SHOWING:
-        if pages and page.name not in pages:
+        if names and page.name not in names:
             continue
         text = page.read_text(encoding="utf-8")
         for shown in list(commands(text)):

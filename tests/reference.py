@@ -16,6 +16,8 @@ from tests.reference_compare import differences
 
 def main(parts: list[str]) -> None:
     """Write the outputs of the cases whose names contain one of some parts, all without any, and tell what moved."""
+    if unknown := [part for part in parts if not any(part in case.name for case in CASES)]:
+        raise SystemExit(f"no output is called so: {', '.join(unknown)}")
     OUTPUTS.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
