@@ -1,4 +1,4 @@
-"""Effects on a crank and on a hanging weight, in closed form: how large each is, where it acts, which way it points.
+"""Effects on a crank and on a weight on a wire, in closed form: how large each is, where it acts, which way it points.
 
 Those that the independent simulator does not have, nor `test_effects.py` by hand.
 """
@@ -88,25 +88,33 @@ def test_effects_on_a_crank(entry: str) -> None:
     np.testing.assert_allclose(found.values, ON_THE_CRANK[entry], rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("entry", "more"), [("preload@t: {f: 25 N}", 25.0), ("self_weight@all: {w: 0.5}", -0.5 * 3 * 9.81)]
-)
-def test_forces_on_a_hanging_weight(entry: str, more: float) -> None:
-    """The wire is longer by the force over EA / l, towards -y for weight, +y where the drive pushes up."""
-    places = []
+ON_THE_WIRE = {
+    "preload@t: {f: 25 N}": (25.0, 0.0),
+    "self_weight@all: {w: 0.5}": (-0.5 * 3 * 9.81, 0.0),
+    "thermal_strut@wire: {a: 11 um/(m*K)}": (0.0, 11e-6 * 0.5 * RISE),
+}
+"""Force (N) that pushes the weight up, growth (4,) m of the wire."""
+
+
+@pytest.mark.parametrize("entry", ON_THE_WIRE)
+def test_effects_on_a_hanging_weight(entry: str) -> None:
+    """The wire of length l is longer by l F / EA, towards -y for weight, +y where the drive pushes up."""
+    places, strain = [], (3 * 9.81 - 40) / 20e3
+    rows = Rows(np.full((4, 1), np.nan), np.full((4, 1), np.nan), {"T": 293.15 + RISE})
     for text in (WEIGHT, WEIGHT + f"effects:\n  {entry}\n"):
         built = model(text)
-        found = predict(built, built.nominal, Rows(np.full((1, 1), np.nan), np.full((1, 1), np.nan)))
+        found = predict(built, built.nominal, rows)
         assert found.solved.all()
-        places.append(float(found.values[0, 0]))
-    stretch = -(places[0] + 0.5)
-    assert stretch == pytest.approx((3 * 9.81 - 40) * 0.5 / 20e3, rel=1e-6)
-    assert places[1] - places[0] == pytest.approx(more * 0.5 / 20e3, rel=1e-5)
+        places.append(found.values[:, 0])
+    np.testing.assert_allclose(-places[0] - 0.5, strain * 0.5, rtol=1e-6)
+    more, growth = ON_THE_WIRE[entry]
+    moved = more * 0.5 / 20e3 - growth * (1 + strain)
+    np.testing.assert_allclose(places[1] - places[0], moved, rtol=1e-5, atol=1e-12)
 
 
 def test_every_effect_has_a_size_that_something_else_says() -> None:
     """The independent simulator, or a calculation by hand."""
     simulated = {keyword for machine in PLANS for keyword, _ in families(machine)}
-    by_hand = {entry.partition("@")[0] for entry in (*BY_HAND, *ON_THE_CRANK)} | {"preload", "self_weight"}
+    by_hand = {entry.partition("@")[0] for entry in (*BY_HAND, *ON_THE_CRANK, *ON_THE_WIRE)}
     elsewhere = {"buildup", "sag"}  # test_buildup.py, test_guide_springs.py
     assert set(catalogue()) == simulated | by_hand | elsewhere
