@@ -20,6 +20,11 @@ def test_every_room_is_there_in_its_order() -> None:
     assert re.findall(r"^\| `(\w+)/` \|", table, re.M) == [r for r in ROOMS if (ROOT / "pkmcal_cli" / r).is_dir()]
 
 
+def test_at_most_eight_words_are_private() -> None:
+    glossary = PAGE.split("**Glossary**")[1].split("The field's own:")[0]
+    assert 0 < len(re.findall(r"\*[a-z ]+\* \(", glossary)) <= 8
+
+
 def test_every_path_exists() -> None:
     paths = [p for p in re.findall(r"`([\w./-]+)`", PAGE) if re.search(r"/|\.(py|md|json)$", p) and "NAME" not in p]
     missing = [p for p in paths if not any((start / p).exists() for start in (ROOT, ROOT / "pkmcal_cli"))]
