@@ -70,3 +70,16 @@ def csv_text(problem: Problem) -> str:
     names = [a.name for a in problem.model.actuators] + [c.name for c in problem.model.channels]
     rows = np.hstack([problem.rows.readings, problem.readings]) * 1e3
     return "\n".join([",".join(f"{n} [mm]" for n in names), *(",".join(f"{v:.6f}" for v in row) for row in rows)])
+
+
+@pytest.mark.parametrize(("name", "factor", "words"), [("sign", -1.0, "reversed in sign"), ("unit", 1e-3, "1000 times")])
+def test_a_column_with_cells_in_few_rows_is_told(name: str, factor: float, words: str) -> None:
+    """A column that is wrong in each of its cells, which stand in 5 rows of 80."""
+    head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    k = head.split(",").index("x [mm]")
+    for row, cell in enumerate(cells):
+        cell[k] = repr(factor * float(cell[k])) if row in (0, 20, 40, 60, 78) else ""
+    Path("m.csv").write_text("\n".join([head, *(",".join(cell) for cell in cells)]))
+    told = run("check", SCISSORS, "m.csv").err
+    assert "`x` " in told and words in told

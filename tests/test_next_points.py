@@ -91,3 +91,16 @@ def test_a_command_that_is_asked_again(tmp_path: Path) -> None:
         codes.append((done.code, done.json["status"]))
     assert codes == [(0, "continue"), (0, "reached"), (1, "not_reached")]
     assert SIGMA == 1e-5
+
+
+def test_from_rows_at_one_place_a_workspace_leads_on(tmp_path: Path) -> None:
+    """Around three near rows nothing determines l1, however many are added; where in all to look the file may say."""
+    wide = tmp_path / "wide.yaml"
+    wide.write_text(f"extends: {MACHINE}\nworkspace: {{box: {{x: [200, 700], y: [160, 390]}}}}\n", encoding="utf-8")
+    head, *rows = [r for r in Path(MACHINE).with_suffix(".csv").read_text().splitlines() if not r.startswith("#")]
+    near = tmp_path / "near.csv"
+    near.write_text("\n".join([head, *rows[:3], ""]), encoding="utf-8")
+    for machine, code, helped in ((MACHINE, 1, True), (wide, 0, False)):
+        done = run("plan", machine, near, "--next", "--budget", 30, "--aim", "l1 0.1 mm")
+        told = done.out + done.err
+        assert done.code == code and ("`workspace:`" in told) is helped, told

@@ -66,3 +66,29 @@ def test_a_diagnosis_names_it(name: str, tmp_path: Path) -> None:
     found = clean(run("diagnose", MACHINES / f"{name}.yaml", spoilt(name, tmp_path), "--json")).json
     assert found["verdict"] == "measurement_fault"
     assert [row["line"] for row in found["outliers"]] == [WRONG + 2]
+
+
+HOMED = """extends: {machine}
+parameters: {{"z{{i}}": {{each: {{i: [1, 2]}}, nominal: 0, range: 0.1, per: session}}}}
+actuators: {{q1: {{zero: z1}}, q2: {{zero: z2}}}}
+"""
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_session_with_zeros_of_its_own_is_no_mistake(wrong: bool, tmp_path: Path) -> None:
+    """Homed anew by 3 mm, with a range of 0.1 mm: three rows that nothing but their zeros sets apart.
+
+    wrong: where one drive reading of the three is 3 mm off besides, they do contradict each other.
+    """
+    machine = tmp_path / "homed.yaml"
+    machine.write_text(HOMED.format(machine=MACHINES / "biglide.yaml"))
+    head, *rows = [line for line in (MACHINES / "biglide.csv").read_text().splitlines() if not line.startswith("#")]
+    cells = [row.split(",") for row in rows[::4]]
+    for cell in cells[-3:]:
+        cell[1], cell[2] = repr(float(cell[1]) - 3.0), repr(float(cell[2]) + 1.5)
+    if wrong:
+        cells[-1][1] = repr(float(cells[-1][1]) + 3.0)
+    for name, part in (("a", cells[:-3]), ("b", cells[-3:])):
+        (tmp_path / f"{name}.csv").write_text("\n".join([head, *(",".join(c) for c in part), ""]))
+    done = run("calibrate", machine, tmp_path / "a.csv", tmp_path / "b.csv", "--holdout", "none")
+    assert ("far off what" in done.err) is wrong

@@ -31,6 +31,8 @@ _SETTLED = 30  # steps until a trimmed fit stands still, at most
 _ROUNDS = 4
 _ORDINARY = 0.01  # chance of normal noise above which a row is like the others
 _FEW = 40  # values that do not tell gross rows from tails
+_WIDER, _SHARE = 100.0, 0.1  # ranges so much wider, and the share of its squares that they may leave of a row
+_WORSE = 2.0  # times chi-square per degree of freedom without some rows, by which they may make a fit worse
 _PART = 20_000  # rows of a long table that are worked on together
 
 Rows = tuple[int, ...]
@@ -61,16 +63,20 @@ class _ByRow:
         """Some rows."""
         return _ByRow(self.residual[rows], self.jacobian[rows], self.on[rows], self.offsets)
 
-    def fit(self, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Steps (S, p) of the parameters by chosen rows (S, N) and their ranges, and normal matrices (S, p, p)."""
+    def fit(self, chosen: NDArray[np.bool_], wider: float = 1.0) -> tuple[Array, Array]:
+        """Steps (S, p) of the parameters by chosen rows (S, N) and their ranges, and normal matrices (S, p, p).
+
+        wider: by which the ranges are taken.
+        """
+        known = 0.25 / wider**2  # of a whole range
         normal: Array | float = 0.0
         right: Array | float = 0.0
         for rows in self.parts:
             jacobian, mine = self.jacobian[rows], chosen[:, rows]
             normal = normal + np.tensordot(mine.astype(float), np.einsum("ncp,ncq->npq", jacobian, jacobian), 1)
             right = right + mine @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
-        normal = np.asarray(normal + 0.25 * np.eye(len(self.offsets)))  # of a whole range
-        right = np.asarray(right - 0.25 * self.offsets)
+        normal = np.asarray(normal + known * np.eye(len(self.offsets)))
+        right = np.asarray(right - known * self.offsets)
         return np.linalg.solve(normal, right[..., None])[..., 0], normal
 
     def squares(self, step: Array) -> Array:
@@ -119,7 +125,25 @@ def gross_rows(
         if not fit.usable:
             return (), None
         values = fit.values
-    return (gross, fit) if gross and fit is not None else ((), None)
+    if not gross or fit is None or _by_parameters(problem, by_row, gross, fit):
+        return (), None
+    return gross, fit
+
+
+def _by_parameters(problem: Problem, by_row: _ByRow, rows: Rows, fit: Fit) -> bool:
+    """Whether parameters beyond their ranges explain some rows, which the others hardly tell: a zero of a session."""
+    some = np.isin(np.arange(len(by_row.on)), rows)
+    good = by_row.on.any(axis=1) & ~some
+    alone, both = (by_row.squares(by_row.fit(chosen[None], _WIDER)[0])[0] for chosen in (good, good | some))
+    ours = by_row.squares(by_row.fit(good[None])[0])[0]
+    if both[some].sum() > _SHARE * ours[some].sum() or both[good].sum() > _WORSE * max(alone[good].sum(), good.sum()):
+        return False
+    try:
+        whole = identify(problem, fit.selected, fit.values)
+    except RowsFailed:
+        return False
+    better = whole.chi2_per_dof <= _WORSE * max(fit.chi2_per_dof, 1.0)
+    return whole.usable and better and not set(whole.failed) & set(rows)
 
 
 def _most(rows: int, share: float) -> int:

@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, evaluate
 from pkmcal_cli.gross_errors.mirror import brought_back
-from pkmcal_cli.gross_errors.plausibility import GROSS, rms, spread
+from pkmcal_cli.gross_errors.plausibility import FEW, GROSS, rms, spread
 from pkmcal_cli.prediction import WarmStart
 
 IntArray = NDArray[np.intp]
@@ -74,10 +74,16 @@ class Sample:
 
     @cached_property
     def few_rows_off(self) -> bool:
-        """Whether a few rows alone are grossly off: what the others do not show is no mistake of a column."""
+        """Whether a few rows alone are grossly off: what the others do not show is no mistake of a column.
+
+        A column that is off in most of its cells may be one, however few they are.
+        """
         residual = self.seen(self.readings, self.predicted) - self.predicted
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.abs(np.where(self.prior_rms > 0, residual / self.prior_rms, 0.0))
+        cells, off = np.isfinite(relative).sum(axis=0), (relative > GROSS).sum(axis=0)
+        if ((cells >= FEW) & (off > _HALF * cells)).any():
+            return False
         known = np.isfinite(relative).any(axis=1) | ~self.evaluation.prediction.solved
         each = np.where(np.isfinite(relative), relative, 0.0).max(axis=1, initial=0.0)
         each = np.where(self.evaluation.prediction.solved, each, np.inf)[known]
