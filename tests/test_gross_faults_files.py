@@ -72,7 +72,9 @@ def csv_text(problem: Problem) -> str:
     return "\n".join([",".join(f"{n} [mm]" for n in names), *(",".join(f"{v:.6f}" for v in row) for row in rows)])
 
 
-@pytest.mark.parametrize(("name", "factor", "words"), [("sign", -1.0, "reversed in sign"), ("unit", 1e-3, "1000 times")])
+@pytest.mark.parametrize(
+    ("name", "factor", "words"), [("sign", -1.0, "reversed in sign"), ("unit", 1e-3, "1000 times")]
+)
 def test_a_column_with_cells_in_few_rows_is_told(name: str, factor: float, words: str) -> None:
     """A column that is wrong in each of its cells, which stand in 5 rows of 80."""
     head, *lines = Path(SCISSORS).with_suffix(".csv").read_text().splitlines()

@@ -41,7 +41,7 @@ _POOL = 1000
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
 _NOISY = 1.5  # times the stated noise, from which on it is worth a word
-_NO_WORKSPACE = "help: points were looked for around those measured; with `workspace:` in the machine file, in all of it"
+_NO_WORKSPACE = "help: points were looked for around those measured; with `workspace:` in the machine file, all over it"
 _EXAMPLE = 'write e.g. --aim "l1 5 um"'
 
 
