@@ -30,7 +30,7 @@ def campaign(case: Case, seed: int, k: int = 3) -> tuple[np.ndarray, np.ndarray,
 def asked(file: Path, readings: np.ndarray, values: np.ndarray, limit: float = LIMIT) -> NextPoints:
     file.write_text(table(readings, values), encoding="utf-8")
     aim = f"{NAME} {1e6 * limit:g} um"
-    return next_points(MACHINE, str(file), None, "auto", aim, 150, 0, Reporter(True))
+    return next_points(MACHINE, str(file), None, "auto", aim, budget=150, seed=0, to=Reporter(True))
 
 
 @pytest.mark.parametrize("seed", [8, pytest.param(3, marks=pytest.mark.slow)])
