@@ -92,3 +92,18 @@ def test_a_session_with_zeros_of_its_own_is_no_mistake(wrong: bool, tmp_path: Pa
         (tmp_path / f"{name}.csv").write_text("\n".join([head, *(",".join(c) for c in part), ""]))
     done = run("calibrate", machine, tmp_path / "a.csv", tmp_path / "b.csv", "--holdout", "none")
     assert ("far off what" in done.err) is wrong
+
+
+@pytest.mark.parametrize(("off", "rows"), [(0.5, (9, 10, 11)), (0.5, (2, 7, 11)), (400.0, (9, 10, 11))])
+def test_rows_that_follow_one_another_have_one_cause(off: float, rows: tuple[int, ...], tmp_path: Path) -> None:
+    """An instrument that was knocked before the last three of twelve rows, against three wrong cells anywhere."""
+    head, *lines = [line for line in (MACHINES / "triglide.csv").read_text().splitlines() if not line.startswith("#")]
+    cells = [line.split(",") for line in lines[:: len(lines) // 12][:12]]
+    k = head.split(",").index("x [mm]")
+    for row in rows:
+        cells[row][k] = repr(float(cells[row][k]) + off)
+    file = tmp_path / "m.csv"
+    file.write_text("\n".join([head, *(",".join(c) for c in cells), ""]))
+    told = run("calibrate", MACHINES / "triglide.yaml", file, "--holdout", "none").err
+    assert "3 rows are far off" in told
+    assert ("they follow one another" in told) is (rows == (9, 10, 11))

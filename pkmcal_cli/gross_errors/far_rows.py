@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 _FAR = 100.0  # times what errors of parameters and noise cause: fifty ranges of all together
 _MOST = 0.25  # share of the rows; more are another mistake
 _LISTED = 5
+_RUN = 3  # rows; fewer follow one another by chance
 
 
 def far_rows(sample: Sample, place: Callable[[int], str]) -> tuple[str, ...]:
@@ -31,4 +32,12 @@ def far_rows(sample: Sample, place: Callable[[int], str]) -> tuple[str, ...]:
     more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
     off = parse_unit(channel.unit).format(float(residual[worst, k]), 3)
     what = f"{count(len(rows), 'row')} {'is' if len(rows) == 1 else 'are'} far off what the others say"
-    return (f"{what}: {listed}{more}, `{channel.name}` by up to {off} (`--loss tukey` does without them)",)
+    remedy = f"(`--loss tukey` does without them){in_a_run(sample.rows[rows].tolist())}"
+    return (f"{what}: {listed}{more}, `{channel.name}` by up to {off} {remedy}",)
+
+
+def in_a_run(rows: Sequence[int]) -> str:
+    """What numbers of rows that follow one another, in ascending order, suggest in words; else nothing."""
+    if len(rows) < _RUN or rows[-1] - rows[0] >= len(rows):
+        return ""
+    return "; they follow one another: was a drive referenced anew, or something moved? Then they are a session"

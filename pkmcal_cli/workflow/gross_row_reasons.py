@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.gross_rows import gross_rows
+from pkmcal_cli.gross_errors.far_rows import in_a_run
 from pkmcal_cli.loading.poses import Place
 from pkmcal_cli.prediction import WarmStart
 
@@ -31,4 +32,5 @@ def in_words(rows: tuple[int, ...], place: Callable[[int], Place]) -> str:
     listed = ", ".join(str(place(row)) for row in rows[:_LISTED])
     more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
     what = "row is" if len(rows) == 1 else "rows are"
-    return f"{len(rows)} {what} far off what the others say: {listed}{more} (`--loss tukey` does without them)"
+    remedy = f"(`--loss tukey` does without them){in_a_run(sorted(rows))}"
+    return f"{len(rows)} {what} far off what the others say: {listed}{more} {remedy}"
