@@ -69,8 +69,8 @@ def test_the_scale_is_not_seen_by_angles_alone(tmp_path: Path) -> None:
 def test_distances_do_not_depend_on_the_datum(tmp_path: Path, datum: str) -> None:
     """Whatever coordinates are held, all distances between anchors (and to home) are the same; as many as freedoms.
 
-    With ranges so wide that no direction is weak, though their scale is estimated (about 0.2 of 500 mm): what is held at
-    its prior depends on where that is.
+    With ranges so wide that no direction is weak, though their scale is estimated (0.2 of 500 mm, say): what is held
+    at its prior depends on where that is.
     """
     machine = overlaid(tmp_path, HANGPRINTER, f"sensors: {{camera: null}}\ndatum: {datum}\n{WIDE}")
     found = calibrated(machine, SECOND)
