@@ -120,14 +120,16 @@ def test_calibration_finds_the_planted_values(name: str) -> None:
 UNIT = {"mm": 1e-3, "deg": np.pi / 180, "N": 1.0}
 WEAK = {"belt-router": {"TLx", "TRx", "TRy", "BRy"}, "delta-printer": {"rod", "radius", "stop1", "stop2", "stop3"}}
 """What the data hardly tell: a turn of the belt router against gravity; the delta's rod against its stops."""
+NEARLY_WEAK = {"belt-router": {"TLx", "BRx", "zeroTL", "zeroTR", "zeroBL", "zeroBR"}}
+"""What they tell to 0.556 ranges, where half a range is the limit: all zeros together against the width."""
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_not_determined_is_told(name: str) -> None:
     told = calibrated(name)["undetermined"]
-    assert [u["kind"] for u in told] == ["weak"] * (name in WEAK)
-    for u in told:
-        assert u["parameters"].keys() == WEAK[name]
+    expected = [s[name] for s in (WEAK, NEARLY_WEAK) if name in s]
+    assert all(u["kind"] == "weak" for u in told)
+    assert sorted(sorted(u["parameters"]) for u in told) == sorted(sorted(names) for names in expected)
 
 
 @pytest.mark.parametrize("name", NAMES)

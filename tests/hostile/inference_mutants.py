@@ -24,13 +24,13 @@ INFERENCE = (
         "tests/test_identify.py tests/test_intervals.py",
     ),
     Mutant(
-        "calibration/residual.py",
+        "calibration/misfit.py",
         "measured - period * np.round(",
         "measured + period * np.round(",
         "tests/test_residual_turns.py",
     ),
     Mutant(
-        "calibration/residual.py",
+        "calibration/misfit.py",
         "np.where(near[:, None], other, measured)",
         "np.where(near[:, None], measured, other)",
         "tests/test_residual_turns.py",

@@ -76,7 +76,9 @@ def _model(data: DataSet, start: Array) -> Any:
     )
 
 
-def _predict(model: Any, values: Array, rows: Rows, request: Any, start: Any = None) -> Prediction:
+def _predict(
+    model: Any, values: Array, rows: Rows, request: Any, start: Any = None, receive: Any = None
+) -> Prediction:
     """Responses as readings (N, 1); rows without a finite number are not solved."""
     y, jacobian = model.data.predicted(values)
     good = np.isfinite(y) & np.isfinite(jacobian).all(axis=1)
