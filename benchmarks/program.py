@@ -37,9 +37,7 @@ def start_lines(effort: Effort) -> list[Line]:
             "help": lambda: _run("-m", "pkmcal_cli", "--help"),
             "check": lambda: _run("-m", "pkmcal_cli", "check", machine),
             "scipy": lambda: _run("-c", "import scipy.optimize"),
-            "fitting": lambda: _run(
-                "-c", "import numpy, pydantic, typer, rich.console, yaml, scipy.linalg, scipy.special"
-            ),
+            "fitting": lambda: _run("-c", f"import {_LIBRARIES}, scipy.linalg, scipy.special"),
             "calibrate": lambda: _run("-m", "pkmcal_cli", "calibrate", *_SCISSORS, "-q"),
         },
         effort.rounds,
@@ -100,16 +98,19 @@ def memory_lines(effort: Effort) -> Iterator[Line]:
 def _table(folder: str, side: int) -> str:
     """A table with noise of a grid of `side` by `side` positions of the Triglide."""
     target = str(Path(folder) / f"{side}.csv")
-    grid = ("--grid", _SQUARE.format(side))
-    _measured("simulate", str(MACHINES / "triglide.yaml"), *grid, *_NOISE, "-q", "-o", target, "--force")
+    _on_grid(side, target, *_NOISE)
     return target
 
 
 def _simulate(side: int) -> tuple[float, float]:
     """Processor time, s, and peak memory, MiB, of a grid of `side` by `side` positions."""
     with tempfile.TemporaryDirectory() as folder:
-        grid, target = _SQUARE.format(side), str(Path(folder) / "out.csv")
-        return _measured("simulate", str(MACHINES / "triglide.yaml"), "--grid", grid, "-q", "-o", target)
+        return _on_grid(side, str(Path(folder) / "out.csv"))
+
+
+def _on_grid(side: int, target: str, *options: str) -> tuple[float, float]:
+    where = ("--grid", _SQUARE.format(side), "-o", target)
+    return _measured("simulate", str(MACHINES / "triglide.yaml"), "-q", *where, *options)
 
 
 def _measured(*arguments: str) -> tuple[float, float]:

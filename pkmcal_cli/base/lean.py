@@ -1,4 +1,4 @@
-"""Arrays over the rows of a long table that are the same in every row: one is stored, and cannot be written to."""
+"""Arrays over the rows of a long table: worked on in parts; stored once, read-only, where all rows are equal."""
 
 from __future__ import annotations
 
@@ -10,10 +10,17 @@ from numpy.typing import NDArray
 
 Rows = slice | NDArray[np.intp] | NDArray[np.bool_]
 
+PART = 20_000  # rows of a long table that are worked on together
+
+
+def parts_of(count: int) -> list[slice]:
+    """Rows that are worked on together, of so many; one empty part of none."""
+    return [slice(first, min(first + PART, count)) for first in range(0, max(count, 1), PART)]
+
 
 def lean(x: NDArray[Any]) -> NDArray[Any]:
     """The array (N, ...), stored as one row where all are equal; nan equals nan."""
-    if len(x) < 2 or _stored_once(x):
+    if len(x) < 2 or stored_once(x):
         return x
     first = x[:1]
     kept = (x == first) | ((x != x) & (first != first))
@@ -30,11 +37,12 @@ def lean_join(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 def some_rows(x: NDArray[Any], rows: Rows) -> NDArray[Any]:
     """x[rows] of an array (N, ...); what is stored once stays so."""
-    if not _stored_once(x):
+    if not stored_once(x):
         return x[rows]
     count = len(np.broadcast_to(0, (len(x),))[rows])
     return np.broadcast_to(x[0], (count, *x.shape[1:]))
 
 
-def _stored_once(x: NDArray[Any]) -> bool:
+def stored_once(x: NDArray[Any]) -> bool:
+    """Whether one row of an array (N, ...) stands for all."""
     return len(x) > 1 and x.strides[0] == 0

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.lean import some_rows
+from pkmcal_cli.base.lean import some_rows, stored_once
 from pkmcal_cli.base.rotation import Array
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def rows_last(x: Array) -> Array:
 
 def take_rows(x: Array, rows: Index | slice) -> Array:
     """x[rows] of an array (N, ...), with the row index running fastest in memory; what is stored once stays so."""
-    if len(x) > 1 and x.strides[0] == 0:
+    if stored_once(x):
         return some_rows(x, rows)
     return np.asarray(np.ascontiguousarray(x.T[..., rows]).T)
 

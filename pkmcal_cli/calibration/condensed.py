@@ -15,14 +15,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import (
-    Evaluation,
-    Linearised,
-    chi_square,
-    evaluate,
-    known_besides,
-    linearise,
-)
+from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square, evaluate, known_besides, linearise
 from pkmcal_cli.calibration.triangles import Triangles
 from pkmcal_cli.prediction import Prediction, WarmStart
 
@@ -43,13 +36,13 @@ def is_long(problem: Problem) -> bool:
 def evaluate_condensed(
     problem: Problem,
     values: Array,
-    parameters: tuple[str, ...] | None = None,
+    parameters: tuple[str, ...],
     start: WarmStart | None = None,
     shift: Array | None = None,
     compare: bool = True,
 ) -> Evaluation:
     """As `evaluate`; of a long table with triangles instead of derivatives."""
-    if parameters is None or not is_long(problem):
+    if not is_long(problem):
         return evaluate(problem, values, parameters, start, shift, compare=compare)
     triangles = Triangles(problem, len(parameters))
 

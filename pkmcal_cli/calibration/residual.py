@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pkmcal_cli.base.lean import parts_of
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
@@ -21,8 +22,6 @@ from pkmcal_cli.calibration.whitening import Index, Slopes, Whitened, whiten
 from pkmcal_cli.prediction import Prediction, Request, WarmStart
 from pkmcal_cli.prediction.differences import predict_with_derivatives
 from pkmcal_cli.prediction.pipeline import Receiver
-
-_CHUNK = 20_000  # rows of a long table that are worked on together
 
 
 @dataclass(frozen=True)
@@ -230,8 +229,7 @@ def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     """Residuals (N, C) in standard uncertainties, of an evaluation with derivatives by drives; without weights."""
     out = np.zeros(problem.readings.shape)
     whole = evaluation.triangles is None
-    for first in range(0, len(out), max(len(out), 1) if whole else _CHUNK):
-        rows = slice(first, len(out) if whole else first + _CHUNK)
+    for rows in [slice(0, len(out))] if whole else parts_of(len(out)):
         part, own = (problem, evaluation) if whole else _rows_of(problem, evaluation, rows)
         for cluster, residual in _whitened(*predicted_part(part, own), 1.0):
             out[rows][cluster.cluster] = residual

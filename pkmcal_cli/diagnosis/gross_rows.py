@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from pkmcal_cli.base.lean import parts_of
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import evaluate_in_parts
 from pkmcal_cli.calibration.fit import Fit
@@ -33,7 +34,6 @@ _ORDINARY = 0.01  # chance of normal noise above which a row is like the others
 _FEW = 40  # values that do not tell gross rows from tails
 _WIDER, _SHARE = 100.0, 0.1  # ranges so much wider, and the share of its squares that they may leave of a row
 _WORSE = 2.0  # times chi-square per degree of freedom without some rows, by which they may make a fit worse
-_PART = 20_000  # rows of a long table that are worked on together
 
 Rows = tuple[int, ...]
 Index = NDArray[np.intp]
@@ -53,12 +53,6 @@ class _ByRow:
         """Rows with readings."""
         return np.nonzero(self.on.any(axis=1))[0]
 
-    @property
-    def parts(self) -> list[slice]:
-        """Rows that are worked on together."""
-        count = max(len(self.on), 1)
-        return [slice(first, min(first + _PART, count)) for first in range(0, count, _PART)]
-
     def take(self, rows: Index | slice) -> _ByRow:
         """Some rows."""
         return _ByRow(self.residual[rows], self.jacobian[rows], self.on[rows], self.offsets)
@@ -71,7 +65,7 @@ class _ByRow:
         known = 0.25 / wider**2  # of a whole range
         normal: Array | float = 0.0
         right: Array | float = 0.0
-        for rows in self.parts:
+        for rows in parts_of(len(self.on)):
             jacobian, mine = self.jacobian[rows], chosen[:, rows]
             normal = normal + np.tensordot(mine.astype(float), np.einsum("ncp,ncq->npq", jacobian, jacobian), 1)
             right = right + mine @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
@@ -82,7 +76,7 @@ class _ByRow:
     def squares(self, step: Array) -> Array:
         """Sums of squares (S, N) of the rows' residuals after steps (S, p)."""
         squares = np.empty((len(step), len(self.residual)))
-        for rows in self.parts:
+        for rows in parts_of(len(self.on)):
             left = self.residual[rows] - np.einsum("ncp,sp->snc", self.jacobian[rows], step)
             squares[:, rows] = (left**2).sum(axis=2)
         return squares
@@ -239,7 +233,7 @@ def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_
     """
     step, normal = by_row.fit(good[None])
     inverse = np.linalg.inv(normal[0])
-    found = [_off(by_row.take(rows), good[rows], step[0], inverse) for rows in by_row.parts]
+    found = [_off(by_row.take(rows), good[rows], step[0], inverse) for rows in parts_of(len(by_row.on))]
     left, expected, statistic = (np.concatenate(part) for part in zip(*found, strict=True))
     count = by_row.on.sum(axis=1)
     taken = float(np.trace(inverse @ (normal[0] - 0.25 * np.eye(len(inverse)))))

@@ -28,15 +28,22 @@ def far_rows(sample: Sample, place: Callable[[int], str]) -> tuple[str, ...]:
         return ()
     worst = int(each.argmax())
     k = int(relative[worst].argmax())
-    channel, listed = sample.part.model.channels[k], ", ".join(place(int(sample.rows[r])) for r in rows[:_LISTED])
-    more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
+    channel = sample.part.model.channels[k]
     off = parse_unit(channel.unit).format(float(residual[worst, k]), 3)
-    what = f"{count(len(rows), 'row')} {'is' if len(rows) == 1 else 'are'} far off what the others say"
-    remedy = f"(`--loss tukey` does without them){in_a_run(sample.rows[rows].tolist())}"
-    return (f"{what}: {listed}{more}, `{channel.name}` by up to {off} {remedy}",)
+    return (far_off_text(sample.rows[rows].tolist(), place, f", `{channel.name}` by up to {off}"),)
 
 
-def in_a_run(rows: Sequence[int]) -> str:
+def far_off_text(rows: Sequence[int], place: Callable[[int], object], how: str = "") -> str:
+    """Numbers of rows that the others contradict, in ascending order, in words, and the remedy; how: by how much."""
+    listed = ", ".join(str(place(row)) for row in rows[:_LISTED])
+    more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
+    one = len(rows) == 1
+    what = f"{count(len(rows), 'row')} {'is' if one else 'are'} far off what the others say"
+    remedy = f"(`--loss tukey` does without {'it' if one else 'them'})"
+    return f"{what}: {listed}{more}{how} {remedy}{_in_a_run(rows)}"
+
+
+def _in_a_run(rows: Sequence[int]) -> str:
     """What numbers of rows that follow one another, in ascending order, suggest in words; else nothing."""
     if len(rows) < _RUN or rows[-1] - rows[0] >= len(rows):
         return ""

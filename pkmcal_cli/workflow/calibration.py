@@ -19,6 +19,7 @@ from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.gross_errors.far_rows import far_off_text
 from pkmcal_cli.gross_errors.hints import (
     absurd_rows,
     copied_rows,
@@ -37,7 +38,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
 from pkmcal_cli.workflow.computed_readings import computed_readings
-from pkmcal_cli.workflow.gross_row_reasons import in_words, rows_beyond_noise
+from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
@@ -164,7 +165,7 @@ def calibration(s: CalibrationSetting, to: Listener) -> Calibrated:
     options, place = s.request.fit_options, partial(place_of, s.measured)
     gross = () if hints else rows_beyond_noise(s.problem, s.selected, s.start.values, states)
     if gross and options.loss == "squares":
-        hints = (*hints, in_words(gross, place))
+        hints = (*hints, far_off_text(gross, place))
         to.warn(f"warning: {hints[-1]}")
     if hints:  # no start mends a wrong column, and what does not converge soon never will
         options = replace(options, starts=options.starts or 1)
