@@ -73,7 +73,7 @@ def test_where_nothing_could_be_measured_nothing_is_proposed(tmp_path: Path) -> 
 @pytest.mark.parametrize(("std", "planned", "noise"), [(48e-6, 33e-6, 1.0), (11e-6, 33e-6, 1.0), (25e-6, 15e-6, 1.1)])
 def test_what_is_promised_and_what_is_known(std: float, planned: float, noise: float) -> None:
     """Information adds: of rows by their noise, of ranges as it is; a design that would do and does not, too."""
-    limit = min(LIMIT, std / 2)
+    limit = LIMIT if std > LIMIT else std / 2
     outlook = _Outlook.of(noise, planned, std, limit)
     assert outlook.std(outlook.promised(limit)) == pytest.approx(limit, rel=1e-12)
     rows = (noise * planned) ** -2

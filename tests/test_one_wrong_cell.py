@@ -9,11 +9,13 @@ import yaml
 
 from pkmcal_cli.calibration import identify as identify_module
 from tests.command import MACHINES, clean, run
+from tests.in_ci import in_ci
 
 CASES = {
     "hexapod7": ("rz [rad]", lambda v: 1.5 * v),  # 23 mrad, 37 times what ranges cause
     "triglide": ("q2 [mm]", lambda v: v + 14.8),  # in a table in which q1 = -q2 else
-    "scissors": ("x [mm]", lambda v: v + 5.0),
+    "scissors": ("x [mm]", lambda v: v + 1.0),  # less than what a look at single rows calls far off
+    "delta4": ("q1 [mm]", lambda v: v + 39.6),  # as windup of q1 would, were it the only row with a force
 }
 ROWS, WRONG = 12, 5
 
@@ -48,7 +50,9 @@ def test_it_is_the_reason_and_the_only_one(name: str, tmp_path: Path, monkeypatc
     assert len(fits) <= 6
 
 
+@pytest.mark.parametrize("name", ["hexapod7", pytest.param("triglide", marks=pytest.mark.slow)])
 def test_a_robust_loss_does_without_it(name: str, tmp_path: Path) -> None:
+    """Also where least squares with the row do not converge."""
     machine, out = MACHINES / f"{name}.yaml", tmp_path / "p.yaml"
     values = []
     for change in (False, True):
@@ -62,6 +66,7 @@ def test_a_robust_loss_does_without_it(name: str, tmp_path: Path) -> None:
         assert abs(robust[n]["value"] - known["value"]) < 4.0 * (known["std"] or 0.05), n
 
 
+@pytest.mark.parametrize("name", in_ci(["delta4", "triglide"], list(CASES)))
 def test_a_diagnosis_names_it(name: str, tmp_path: Path) -> None:
     found = clean(run("diagnose", MACHINES / f"{name}.yaml", spoilt(name, tmp_path), "--json")).json
     assert found["verdict"] == "measurement_fault"
@@ -94,7 +99,7 @@ def test_a_session_with_zeros_of_its_own_is_no_mistake(wrong: bool, tmp_path: Pa
     assert ("far off what" in done.err) is wrong
 
 
-@pytest.mark.parametrize(("off", "rows"), [(0.5, (9, 10, 11)), (0.5, (2, 7, 11)), (400.0, (9, 10, 11))])
+@pytest.mark.parametrize(("off", "rows"), [(0.5, (9, 10, 11)), (0.5, (2, 7, 11)), (40.0, (9, 10, 11))])
 def test_rows_that_follow_one_another_have_one_cause(off: float, rows: tuple[int, ...], tmp_path: Path) -> None:
     """An instrument that was knocked before the last three of twelve rows, against three wrong cells anywhere."""
     head, *lines = [line for line in (MACHINES / "triglide.csv").read_text().splitlines() if not line.startswith("#")]

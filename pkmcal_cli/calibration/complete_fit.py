@@ -122,7 +122,7 @@ def calibrated(
         steps=steps,
     )
     first = steady_fit(problem.without(first.failed), first)
-    robust = _with_loss(problem.without(first.failed), first, options, begun=bool(gross))
+    robust = _with_loss(problem.without(first.failed), first, options)
     held = held_parameters(problem, selected, () if datum is None else datum.held)
     robust, budget = _with_ranges(robust, start, held)
     intervals = _intervals(robust, budget, options, session, observe)
@@ -169,11 +169,11 @@ def with_prior(problem: Problem, selected: tuple[str, ...], prior: str) -> Probl
     return replace(problem, prior=ranges if problem.prior is None else joined(problem.prior, ranges))
 
 
-def _with_loss(problem: Problem, first: Fit, options: FitOptions, begun: bool = False) -> RobustFit:
-    """The fit by least squares, or from there with another loss; begun: whether gross rows are without weight in it."""
+def _with_loss(problem: Problem, first: Fit, options: FitOptions) -> RobustFit:
+    """The fit by least squares, or from there with another loss."""
     if options.loss == "squares" or first.status != "converged":
         return plain_fit(problem, first)
-    return identify_robustly(problem, first, options.loss, begun)  # type: ignore[arg-type]
+    return identify_robustly(problem, first, options.loss)  # type: ignore[arg-type]
 
 
 def _intervals(

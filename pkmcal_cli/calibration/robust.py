@@ -94,15 +94,11 @@ def without_weight(problem: Problem, rows: Collection[int]) -> Problem:
     return replace(problem, weight=weight)
 
 
-def identify_robustly(problem: Problem, first: Fit, loss: Loss, begun: bool = False) -> RobustFit:
-    """Identify with a robust loss, from a fit by least squares.
-
-    begun: whether gross rows had no weight in it. Then Tukey's loss begins there (MM-estimation, Yohai 1987), since
-    Huber's solution may follow such a row.
-    """
+def identify_robustly(problem: Problem, first: Fit, loss: Loss) -> RobustFit:
+    """Identify with a robust loss, from a fit by least squares."""
     fit, weighted, selected, failed = first, problem, first.selected, dict(first.failed)
     scale = np.ones(problem.readings.shape[1])
-    for stage in ("huber", "tukey") if loss == "tukey" and not begun else (loss,):
+    for stage in ("huber", "tukey") if loss == "tukey" else ("huber",):
         weight = np.ones_like(problem.readings)
         for _ in range(_ROUNDS):
             white, scale = _deviations(problem, fit)

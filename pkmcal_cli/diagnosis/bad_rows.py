@@ -6,33 +6,41 @@ from dataclasses import replace
 
 import numpy as np
 
+from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem, usable
 from pkmcal_cli.diagnosis.alpha import Alpha
-from pkmcal_cli.diagnosis.gross_rows import gross_rows
+from pkmcal_cli.diagnosis.gross_rows import Rows, gross_rows
 from pkmcal_cli.diagnosis.outlying_rows import row_scores
 from pkmcal_cli.diagnosis.refits import recalibrated
 from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all
 
 _KINSHIP = 0.9  # share of what rows are off by that an effect explains if it is the cause
-_CREDIBLE = 50.0  # ranges that an effect may be large if it is the cause; a wrong cell is far more likely
 _SUSPECT = 0.05  # chance that any row is as far off, at which one is told
 _ORDINARY = 0.01  # p value above which a row that was taken out is put back
 
 
 def without_gross_rows(search: Search, parts: Alpha, seed: int) -> Search:
-    """The search without rows that are beyond all noise, unless one effect explains nearly all that they are off by."""
+    """The search without rows that are beyond all noise, unless one effect explains nearly all that several are off by.
+
+    One row proves no effect: a misread drive moves along what every effect of this drive does.
+    """
     begin, states = search.start, search.fit.before.start
     rows, fit = gross_rows(search.problem, search.declared, parts.rows, seed, start=begin, states=states)
     if fit is None:
         return search
-    whole = score_all(replace(search, fit=fit), search.candidates.hypotheses)
-    off = whole.linear.chi2 - fit.chi2
-    values = int(search.problem.measured[list(rows)].sum())
-    few = [s for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any rows
-    if max((s.statistic for s in few if s.size <= _CREDIBLE), default=0.0) > _KINSHIP * off:
+    if len(rows) > 1 and _of_one_cause(search, rows, fit):
         return search
     failed = {**search.failed, **fit.failed}
     return replace(search, problem=search.problem.without((*rows, *fit.failed)), fit=fit, bad_rows=rows, failed=failed)
+
+
+def _of_one_cause(search: Search, rows: Rows, others: Fit) -> bool:
+    """Whether one effect explains nearly all that rows are off by the fit of the others."""
+    whole = score_all(replace(search, fit=others), search.candidates.hypotheses)
+    off = whole.linear.chi2 - others.chi2
+    values = int(search.problem.measured[list(rows)].sum())
+    few = [s.statistic for s in whole.scores if 2 * s.count <= values]  # as many numbers explain any rows
+    return max(few, default=0.0) > _KINSHIP * off
 
 
 def restored(search: Search) -> Search:
