@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import pty
@@ -11,14 +12,22 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
+from pkmcal_cli.base.stages import Observer
+from pkmcal_cli.report import progress_bar
 from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, Done, environment, process, run
 
 PROGRAM = [sys.executable, "-m", "pkmcal_cli"]
 COMMAND = " ".join(PROGRAM)
+# The program with a bar for work of any length: how long a work takes is the machine's business.
+AT_ONCE = [
+    sys.executable, "-c",
+    "from pkmcal_cli.report import progress_bar; progress_bar._AFTER = 0.0; from pkmcal_cli.app import main; main()",
+]  # fmt: skip
 
 
 def shell(line: str, cwd: Path = ROOT) -> Done:
@@ -116,12 +125,12 @@ def test_ctrl_c_ends_with_130_and_leaves_no_file(kind: signal.Signals, tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
-def _on_a_terminal(*arguments: str, **more: str) -> str:
+def _on_a_terminal(*arguments: str, program: Sequence[str] = PROGRAM, **more: str) -> str:
     """What a command writes to stderr where that is a terminal."""
     ours, theirs = pty.openpty()
     env = environment(TERM="xterm-256color", COLUMNS="120", **more)
-    program = [*PROGRAM, *arguments]
-    with subprocess.Popen(program, stderr=theirs, stdout=subprocess.DEVNULL, cwd=ROOT, env=env) as running:
+    command = [*program, *arguments]
+    with subprocess.Popen(command, stderr=theirs, stdout=subprocess.DEVNULL, cwd=ROOT, env=env) as running:
         os.close(theirs)
         parts = []
         while True:
@@ -144,30 +153,48 @@ def test_colours_only_on_a_terminal_and_not_with_no_color() -> None:
     assert "\x1b" not in process("check", TRIGLIDE).err
 
 
-def test_progress_only_on_a_terminal() -> None:
-    """Only where the work takes more than a second."""
-    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:400,y=200:350:200")
-    shown = _on_a_terminal(*arguments)
-    assert "row " in shown and " of 80000" in shown and "80000 rows simulated" in shown
-    assert process(*arguments).err == "note: tool point: tcp, of sensor tracker\n80000 rows simulated\n"
-    assert _on_a_terminal(*arguments, "-q") == ""
+def test_progress_only_on_a_terminal(tmp_path: Path) -> None:
+    """The line is taken away before the result, and `-q` needs none."""
+    arguments = ("simulate", TRIGLIDE, "--grid", "x=200:700:200,y=200:350:100")
+    shown = _on_a_terminal(*arguments, program=AT_ONCE)
+    assert "row " in shown and " of 20000" in shown and "20000 rows simulated" in shown
+    assert shown.count("\x1b[?25l") == shown.count("\x1b[?25h") == 1, "the cursor is hidden, and shown again"
+    assert "\x1b[2K" in shown.partition("\x1b[?25h")[2].partition("20000 rows")[0], "erased before the result"
+    assert _on_a_terminal(*arguments, "-q", program=AT_ONCE) == ""
+    piped = subprocess.run(
+        [*AT_ONCE, *arguments], cwd=ROOT, env=environment(FORCE_COLOR="1"), capture_output=True, text=True, check=True
+    ).stderr
+    assert "20000 rows simulated" in piped and " of 20000" not in piped and "\x1b[?25" not in piped
+    file = tmp_path / "many.csv"
+    file.write_text("x,y\n" + "".join(f"{300 + k % 100},{250 + k % 50}\n" for k in range(20_000)))
+    written = ("simulate", TRIGLIDE, str(file), "-o", str(tmp_path / "out.csv"))
+    assert re.search(r"row \d+ of 2\d{4} ", _on_a_terminal(*written, program=AT_ONCE)), "of a file by its size"
 
 
-def test_steps_of_a_search_are_shown_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
-    """The rotation and the step in it; how long the rest takes, once a rotation is over; the line is taken away."""
-    worn, table = tmp_path / "worn.yaml", str(tmp_path / "table.csv")
+def test_steps_of_a_search_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rotation and the step in it; how long the rest takes, once a rotation is over. No clock takes part."""
+    told: list[tuple[str, str]] = []
+    seconds = itertools.count()
+
+    @contextlib.contextmanager
+    def recorded(_: object) -> Iterator[Observer]:
+        clock = progress_bar.Clock(lambda: next(seconds))
+        yield lambda stage: told.append((progress_bar.words(stage), clock.left(progress_bar.counted_of(stage))))
+
+    monkeypatch.setattr(progress_bar, "shown_on", lambda *_: True)
+    monkeypatch.setattr(progress_bar, "progress_bar", recorded)
+    worn, table = tmp_path / "worn.yaml", tmp_path / "table.csv"
     worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
     grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
     assert run("simulate", worn, *grid).code == 0
-    arguments = ("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
-    shown = _on_a_terminal(*arguments)
-    assert "all rows, " in shown and "rotation 2 of 5, search" in shown and "effect 2 of 2" in shown
-    assert re.search(r"rotation 5 of 5.* about \d+ s left", shown)
-    assert "s left" not in shown.partition("rotation 1 of 5")[2].partition("rotation 2 of 5")[0]
-    assert shown.count("\x1b[?25l") == shown.count("\x1b[?25h") == 1, "the cursor is hidden, and shown again"
-    assert "\x1b[2K" in shown.partition("\x1b[?25h")[2], "the line is erased before the result"
-    piped = process(*arguments, FORCE_COLOR="1").err
-    assert "rotation" not in piped and "\x1b[?25" not in piped and "\x1b[2K" not in piped
+    told.clear()
+    run("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
+    lines = [line for line, _ in told]
+    assert any(line.startswith("all rows, ") for line in lines)
+    assert any(line.startswith("rotation 2 of 5, search") for line in lines)
+    assert any("effect 2 of 2" in line for line in lines)
+    assert not any(left for line, left in told if line.startswith("rotation 1 of 5"))
+    assert any(re.fullmatch(r"about \d+ s left", left) for line, left in told if line.startswith("rotation 5 of 5"))
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 import time
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -56,13 +55,6 @@ def test_long_work_shows_step_and_remaining_time() -> None:
     assert code == 0
     assert re.search(r"start \d+ of 20 .*about \d+ s left", text)
     assert "about" not in run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "--holdout", "none").err
-
-
-def test_rows_are_counted_where_their_number_is_known(tmp_path: Path) -> None:
-    file = tmp_path / "many.csv"
-    file.write_text("x,y\n" + "".join(f"{300 + k % 100},{250 + k % 50}\n" for k in range(80_000)))
-    ((code, text),) = on_terminal(100, ("simulate", TRIGLIDE, str(file), "-o", str(tmp_path / "out.csv")))
-    assert code == 0 and re.search(r"row \d+ of 8\d{4} ", text)
 
 
 def test_what_ends_within_a_second_shows_no_bar(monkeypatch: pytest.MonkeyPatch) -> None:
