@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pkmcal_cli.base.lean import lean, lean_join, some_rows
+from pkmcal_cli.base import lean as arrays
+from pkmcal_cli.base.lean import lean, lean_join, parts_of, some_rows
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration import condensed as long_tables
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
@@ -113,11 +114,20 @@ def test_a_calibration_is_that_of_the_whole_table(monkeypatch: pytest.MonkeyPatc
     whole = found()
     monkeypatch.setattr(long_tables, "LONG", 40)
     monkeypatch.setattr(pipeline, "_CHUNK_BYTES", 1.0)
+    monkeypatch.setattr(arrays, "PART", 32)
     parts = found()
     assert whole[0] == pytest.approx(parts[0], abs=1e-6)
     assert whole[1] == pytest.approx(parts[1], rel=1e-6)
     assert whole[2] == pytest.approx(parts[2], abs=1e-4)
     assert set(whole[3]) == set(parts[3]) == {17, 90} == set(whole[4]) == set(parts[4])
+
+
+@pytest.mark.parametrize("count", [0, 1, 31, 32, 33, 64, 100])
+def test_parts_hold_every_row_once(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    monkeypatch.setattr(arrays, "PART", 32)
+    parts = parts_of(count)
+    assert np.concatenate([np.arange(count)[rows] for rows in parts]).tolist() == list(range(count))
+    assert all(len(np.arange(count)[rows]) <= 32 for rows in parts)
 
 
 def test_what_is_measured_once_is_in_one_part() -> None:
