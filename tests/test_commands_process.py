@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import json
 import os
 import pty
@@ -12,13 +11,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
-from pkmcal_cli.base.stages import Observer
-from pkmcal_cli.report import progress_bar
 from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, Done, environment, process, run
 
 PROGRAM = [sys.executable, "-m", "pkmcal_cli"]
@@ -169,32 +166,6 @@ def test_progress_only_on_a_terminal(tmp_path: Path) -> None:
     file.write_text("x,y\n" + "".join(f"{300 + k % 100},{250 + k % 50}\n" for k in range(20_000)))
     written = ("simulate", TRIGLIDE, str(file), "-o", str(tmp_path / "out.csv"))
     assert re.search(r"row \d+ of 2\d{4} ", _on_a_terminal(*written, program=AT_ONCE)), "of a file by its size"
-
-
-def test_steps_of_a_search_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rotation and the step in it; how long the rest takes, once a rotation is over. No clock takes part."""
-    told: list[tuple[str, str]] = []
-    seconds = itertools.count()
-
-    @contextlib.contextmanager
-    def recorded(_: object) -> Iterator[Observer]:
-        clock = progress_bar.Clock(lambda: next(seconds))
-        yield lambda stage: told.append((progress_bar.words(stage), clock.left(progress_bar.counted_of(stage))))
-
-    monkeypatch.setattr(progress_bar, "shown_on", lambda *_: True)
-    monkeypatch.setattr(progress_bar, "progress_bar", recorded)
-    worn, table = tmp_path / "worn.yaml", tmp_path / "table.csv"
-    worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
-    grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
-    assert run("simulate", worn, *grid).code == 0
-    told.clear()
-    run("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
-    lines = [line for line, _ in told]
-    assert any(line.startswith("all rows, ") for line in lines)
-    assert any(line.startswith("rotation 2 of 5, search") for line in lines)
-    assert any("effect 2 of 2" in line for line in lines)
-    assert not any(left for line, left in told if line.startswith("rotation 1 of 5"))
-    assert any(re.fullmatch(r"about \d+ s left", left) for line, left in told if line.startswith("rotation 5 of 5"))
 
 
 @pytest.mark.slow

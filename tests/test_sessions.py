@@ -216,3 +216,28 @@ def test_other_parts_of_a_drive_or_machine_have_no_sessions(where: str, what: st
     done = run("check", "bad.yaml")
     assert done.code == 1 and what in done.err
     assert "use `per: session` only for sensors, and for `zero` and `offset` of actuators" in done.err
+
+
+def test_a_session_that_is_off_as_a_whole_is_no_wrong_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive referenced 10 mm away, a hundred ranges: its zero says so; a wrong cell in another session is one row."""
+    Path("m.yaml").write_text(TRIGLIDE.replace("range: 5,", "range: 0.1,"))
+    for name in ZEROS:
+        monkeypatch.setitem(ZEROS, name, (3e-5, -2e-5, 4e-5))
+    measured()
+    kept = Path("wed.csv").read_text().splitlines()[:6]
+    Path("wed.csv").write_text("\n".join([kept[0], *(_moved(line, 0, -10.0) for line in kept[1:])]) + "\n")
+    files = [f"{name}.csv" for name in ZEROS]
+    done = run("calibrate", "m.yaml", *files, "--select", "z*", "--holdout", "none")
+    assert "far off what the others say" not in done.err and "z1[wed]" in done.err
+    lines = Path("mon.csv").read_text().splitlines()
+    lines[4] = _moved(lines[4], 3, 30.0)
+    Path("mon.csv").write_text("\n".join(lines) + "\n")
+    done = run("calibrate", "m.yaml", *files, "--select", "z*", "--holdout", "none")
+    assert done.code == 1 and "1 row is far off what the others say: mon.csv:5, `x` by up to" in done.err
+
+
+def _moved(line: str, column: int, by: float) -> str:
+    """A line with one number changed."""
+    cells = line.split(",")
+    cells[column] = repr(float(cells[column]) + by)
+    return ",".join(cells)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import itertools
 import re
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from pkmcal_cli.base.stages import Stage
+from pkmcal_cli.base.stages import Observer, Stage
 from pkmcal_cli.base.styles import styled, wants_styles
-from pkmcal_cli.report.progress_bar import Clock, progress_bar, words
+from pkmcal_cli.report import progress_bar as bars
+from pkmcal_cli.report.progress_bar import Clock, counted_of, progress_bar, words
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, TRIGLIDE, TRIGLIDE_DATA, run
 from tests.terminals import on_terminal, plain
 
@@ -75,3 +80,29 @@ def test_remaining_time_is_that_of_the_largest_step() -> None:
     now[0] = 30.0
     assert clock.left(Stage("fold", 1, 4)) == "about 90 s left"
     assert words(Stage("fit", 3, inside=Stage("fold", 1, 4))) == "fold 2 of 4, fit: step 3"
+
+
+def test_steps_of_a_search_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rotation and the step in it; how long the rest takes, once a rotation is over. No clock takes part."""
+    told: list[tuple[str, str]] = []
+    seconds = itertools.count()
+
+    @contextlib.contextmanager
+    def recorded(_: object) -> Iterator[Observer]:
+        clock = Clock(lambda: next(seconds))
+        yield lambda stage: told.append((words(stage), clock.left(counted_of(stage))))
+
+    monkeypatch.setattr(bars, "shown_on", lambda *_: True)
+    monkeypatch.setattr(bars, "progress_bar", recorded)
+    worn, table = tmp_path / "worn.yaml", tmp_path / "table.csv"
+    worn.write_text(f"extends: {TRIGLIDE}\neffects: {{backlash@q1: {{b: 300 um}}, backlash@q2: {{b: 200 um}}}}\n")
+    grid = ("--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1", "-o", table)
+    assert run("simulate", worn, *grid).code == 0
+    told.clear()
+    run("improve", TRIGLIDE, table, "--only", "backlash@q1,backlash@q2")
+    lines = [line for line, _ in told]
+    assert any(line.startswith("all rows, ") for line in lines)
+    assert any(line.startswith("rotation 2 of 5, search") for line in lines)
+    assert any("effect 2 of 2" in line for line in lines)
+    assert not any(left for line, left in told if line.startswith("rotation 1 of 5"))
+    assert any(re.fullmatch(r"about \d+ s left", left) for line, left in told if line.startswith("rotation 5 of 5"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.gross_errors.plausibility import GROSS
@@ -17,20 +18,29 @@ _LISTED = 5
 _RUN = 3  # rows; fewer follow one another by chance
 
 
-def far_rows(sample: Sample, place: Callable[[int], str]) -> tuple[str, ...]:
-    """Such rows in words, where most of the others are off by no more than parameters explain."""
+def far_rows(sample: Sample, sessions: NDArray[np.intp], place: Callable[[int], str]) -> tuple[str, ...]:
+    """Such rows in words, where most of the others are off by no more than parameters explain.
+
+    sessions (N,): number of the session of each row; one that is off as a whole is none of single rows.
+    """
     residual = np.abs(sample.seen(sample.readings, sample.predicted) - sample.predicted)
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(np.isfinite(residual) & (sample.prior_rms > 0), residual / sample.prior_rms, 0.0)
     each = relative.max(axis=1, initial=0.0)
-    rows = np.nonzero(each > _FAR)[0]
+    rows = np.nonzero((each > _FAR) & ~_whole_sessions(each > GROSS, sessions[sample.rows]))[0]
     if not 0 < len(rows) <= _MOST * len(each) or np.median(each) > GROSS:
         return ()
-    worst = int(each.argmax())
+    worst = int(rows[each[rows].argmax()])
     k = int(relative[worst].argmax())
     channel = sample.part.model.channels[k]
     off = parse_unit(channel.unit).format(float(residual[worst, k]), 3)
     return (far_off_text(sample.rows[rows].tolist(), place, f", `{channel.name}` by up to {off}"),)
+
+
+def _whole_sessions(off: NDArray[np.bool_], sessions: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Rows (n,) of sessions of which most of the rows are off: something moved between them, a zero, a frame."""
+    whole = [s for s in np.unique(sessions) if (some := off[sessions == s]).sum() > max(1, len(some) / 2)]
+    return np.isin(sessions, whole)
 
 
 def far_off_text(rows: Sequence[int], place: Callable[[int], object], how: str = "") -> str:

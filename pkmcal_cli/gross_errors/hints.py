@@ -95,7 +95,7 @@ def sample_at(loaded: LoadedMachine, problem: Problem, values: Array, states: Wa
 
 def rows_far_off(sample: Sample, measured: Measurements) -> tuple[str, ...]:
     """Rows that spoil a fit by least squares, and that a robust loss does without."""
-    return far_rows(sample, partial(_row_text, measured))
+    return far_rows(sample, np.asarray(measured.session), partial(_row_text, measured))
 
 
 def _to_fit(loaded: LoadedMachine, problem: Problem) -> tuple[str, ...]:
