@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -234,6 +235,27 @@ def test_a_session_that_is_off_as_a_whole_is_no_wrong_row(monkeypatch: pytest.Mo
     Path("mon.csv").write_text("\n".join(lines) + "\n")
     done = run("calibrate", "m.yaml", *files, "--select", "z*", "--holdout", "none")
     assert done.code == 1 and "1 row is far off what the others say: mon.csv:5, `x` by up to" in done.err
+
+
+def test_further_rows_belong_to_the_last_session(tmp_path: Path) -> None:
+    """The earlier ones are over; of a plan of several each is measured as a whole, with the datum at both ends."""
+    measured()
+    lines = {name: Path(f"{name}.csv").read_text().splitlines() for name in ("mon", "tue")}
+    rows = [f"{name},{line}" for name, count in (("mon", 6), ("tue", 4)) for line in lines[name][1 : count + 1]]
+    Path("two.csv").write_text("\n".join(["session," + lines["mon"][0], *rows]) + "\n")
+    aim = ("--next", "--budget", "60", "--aim", "l1 60 um")
+    assert run("plan", "m.yaml", "two.csv", *aim, "-o", "next.csv").code == 0
+    assert set(texts("next.csv", "session")) == {"tue"}
+    assert run("plan", "m.yaml", "two.csv", "-o", "all.csv").code == 0
+    sessions, ids = texts("all.csv", "session"), texts("all.csv", "id")
+    assert sessions == ["mon"] * 7 + ["tue"] * 5
+    assert [k for k, name in enumerate(ids) if name.startswith("datum")] == [0, 6, 7, 11]
+
+
+def texts(path: str, name: str) -> list[str]:
+    """One column of texts."""
+    with Path(path).open(encoding="utf-8") as file:
+        return [row[name] for row in csv.DictReader(line for line in file if not line.startswith("#"))]
 
 
 def _moved(line: str, column: int, by: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem, design_problem
@@ -16,17 +17,22 @@ from pkmcal_cli.prediction.touching import tcp_places, touching
 from pkmcal_cli.workflow.approaches import Approaches, approaches
 from pkmcal_cli.workflow.touched_poses import readings_at_touch
 
+IntArray = NDArray[np.intp]
+
 _ROUNDS = 10  # draws of candidate points, until there are enough in the workspace
 _WIDER = 0.1  # by which share of the plan's box candidates may lie outside it
 
 
 def candidate_points(
-    loaded: LoadedMachine, problem: Problem, values: Array, size: int, seed: int
+    loaded: LoadedMachine, problem: Problem, values: Array, size: int, seed: int, like: IntArray | None = None
 ) -> tuple[Problem, Approaches]:
-    """Random points with covariates of the plan, and how they are approached. Raises BadInput where there is none."""
+    """Random points, and how they are approached. Raises BadInput where there is none.
+
+    like: rows of the plan whose covariates they have, the session among them; all without.
+    """
     model, rng = problem.model, np.random.default_rng(seed)
     poses, readings = _drawn(loaded, tcp_places(model, values, problem.rows), size, rng)
-    some = rng.integers(0, len(problem), len(readings))  # whose covariates they have
+    some = rng.choice(np.arange(len(problem)) if like is None else like, len(readings))
     columns = {name: column[some] for name, column in problem.rows.columns.items()}
     rows = Rows(readings, np.full(readings.shape, np.nan), columns)
     towards = approaches(model, values, rows, poses, rng)

@@ -159,6 +159,12 @@ class _Campaign:
     std: Array
     noise: float
 
+    @property
+    def going_on(self) -> NDArray[np.intp]:
+        """Rows of the last session: the earlier ones are over."""
+        session = self.problem.rows.session
+        return np.nonzero(session == session[-1])[0]
+
 
 def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budget: int, seed: int) -> NextPoints:
     """Next points by the design that the fitted machine asks for, with the noise that was seen."""
@@ -169,7 +175,7 @@ def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budge
     outlook = _Outlook.of(campaign.noise, _design_std(campaign, name), std, goal.limit)
     left = budget - len(campaign.problem) if std > goal.limit else 0
     size, own_seed = max(_POOL, 2 * left), seed + len(campaign.problem)
-    pool, ways = candidate_points(loaded, campaign.problem, campaign.values, size, own_seed)
+    pool, ways = candidate_points(loaded, campaign.problem, campaign.values, size, own_seed, campaign.going_on)
     far = _far(pool.rows.readings, campaign)
     pool, ways = pool.take(far), ways.take(far)
     linear = linear_problem(with_rows(campaign.problem, pool), campaign.values, campaign.selected, [], None)

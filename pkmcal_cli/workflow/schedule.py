@@ -44,18 +44,18 @@ def write_schedule(
     """Write poses in the order of measurement; returns what is to be said of it. Raises OutputError and BadInput.
 
     Rows in random order, each approached from `approach.ACTUATOR`, all drives together, so from its sides
-    (`dir.ACTUATOR`); the first pose again every 20 rows. What joins rows is kept (`to`).
+    (`dir.ACTUATOR`); the first pose again every 20 rows; one session after the other. What joins rows is kept (`to`).
     """
     model = loaded.model
     held = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
     side, begin = ways.side[:, held], (rows.readings + ways.back)[:, held]
-    drawn, together = _order(side, rows.readings[:, held], np.random.default_rng(options.seed))
-    order = _with_datum(drawn)
+    order, together = _in_sessions(rows, side, held, np.random.default_rng(options.seed))
     index = np.array([row for row, _ in order])
     ids = [f"datum_{k}" if datum else f"p{row + 1}" for k, (row, datum) in enumerate(order, start=1)]
     actuators, programmed = [model.actuators[a] for a in held], options.form == "gcode"
     schedule = Schedule(
         machine=model.name, ids=ids, partners=_partners(rows, order, ids),
+        sessions=[rows.session_names[k] for k in rows.session[index]] if rows.session_names else [],
         drives=[(a.name, loaded.machine.actuators[a.name].column or a.name, a.unit) for a in actuators],
         there=rows.readings[index][:, held], begin=begin[index], side=side[index], readings=_readings(loaded),
         ways=_ways(model, rows.readings[index], (rows.readings + ways.back)[index], held) if programmed else (),
@@ -89,6 +89,20 @@ def _told(target: str, order: list[tuple[int, bool]], together: float) -> list[s
     if together > _TOLD:
         sentences.append(f"time goes with sides or poses by a correlation of {together:.2f} at most")
     return sentences
+
+
+def _in_sessions(
+    rows: Rows, side: Array, held: list[int], rng: np.random.Generator
+) -> tuple[list[tuple[int, bool]], float]:
+    """Rows in the order of measurement, each with whether it visits the datum; the worst correlation of a session."""
+    order: list[tuple[int, bool]] = []
+    worst = 0.0
+    for session in np.unique(rows.session):
+        some = np.nonzero(rows.session == session)[0]
+        drawn, together = _order(side[some], rows.readings[some][:, held], rng)
+        order += _with_datum([int(some[k]) for k in drawn])
+        worst = max(worst, together)
+    return order, worst
 
 
 def _order(side: Array, readings: Array, rng: np.random.Generator) -> tuple[list[int], float]:

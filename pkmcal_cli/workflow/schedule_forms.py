@@ -11,6 +11,7 @@ from pkmcal_cli.base.errors import BadInput, Location, UsageError, did_you_mean
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import write_text
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.base.visible import in_line
 from pkmcal_cli.csv_files.origin import Origin
 from pkmcal_cli.csv_files.writer import Values, open_writer
 from pkmcal_cli.tables.columns import APPROACH
@@ -23,14 +24,15 @@ _NGC = "https://www.nist.gov/publications/nist-rs274ngc-interpreter-version-3"
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """Rows in the order of measurement: ids, partners by column, set values (n, h) of drives with units, where each
-    approach begins and its sides (n, h); ways: set values (k, h) on the way from the row before, for programs;
-    readings: headers and units of what is to be filled in.
+    """Rows in the order of measurement: ids, partners by column, sessions (none: one without a name), set values (n, h)
+    of drives with units, where each approach begins and its sides (n, h); ways: set values (k, h) on the way from the
+    row before, for programs; readings: headers and units of what is to be filled in.
     """
 
     machine: str
     ids: Sequence[str]
     partners: Sequence[Sequence[str]]
+    sessions: Sequence[str]
     drives: Sequence[tuple[str, str, str]]  # name, column, unit
     there: Array
     begin: Array
@@ -44,10 +46,12 @@ class Schedule:
 
 def _table(s: Schedule, target: str, inputs: Collection[str], force: bool) -> None:
     headers: list[tuple[str, str | None]] = [("id", None), *[("to", None) for _ in s.partners]]
+    headers += [("session", None)] if s.sessions else []
     headers += [(column, unit) for _, column, unit in s.drives]
     headers += [(f"dir.{name}", None) for name, _, _ in s.drives]
     headers += [(f"{APPROACH}{name}", unit) for name, _, unit in s.drives]
-    columns: list[Values] = [s.ids, *s.partners, *s.there.T, *s.side.T, *s.begin.T]
+    named = [s.sessions] if s.sessions else []
+    columns: list[Values] = [s.ids, *s.partners, *named, *s.there.T, *s.side.T, *s.begin.T]
     blank, origin = np.full(len(s.ids), np.nan), None if is_stream(target) else s.origin
     with open_writer(target, [*headers, *s.readings], inputs, origin=origin, digits=9, force=force) as writer:
         writer.write([*columns, *(blank for _ in s.readings)])
@@ -70,7 +74,8 @@ def _program(s: Schedule, target: str, inputs: Collection[str], force: bool) -> 
     lines = [f"; set values of drives, identity kinematics: {named}; mm, deg", f"; {_NGC}", "G21", "G90", "G94"]
     for k, name in enumerate(s.ids):
         moves = [*s.ways[k], s.begin[k], s.there[k]]
-        lines += [f"; {name}", *(f"G1 {words(row)} F{s.feed:g}" for row in moves)]
+        session = f", session {in_line(s.sessions[k])}" if s.sessions else ""
+        lines += [f"; {name}{session}", *(f"G1 {words(row)} F{s.feed:g}" for row in moves)]
         lines += [f"G4 P{s.dwell:g}"]
     with write_text(target, inputs, force=force) as file:
         file.write("\n".join([*lines, "M2", ""]))
@@ -88,6 +93,7 @@ def _checklist(s: Schedule, target: str, inputs: Collection[str], force: bool) -
             for (n, _, _), u, b, t, side in parts
         ]
         joined = "".join(f", to {column[k]}" for column in s.partners if column[k])
+        joined += f", session {in_line(s.sessions[k])}" if s.sessions else ""
         lines += [f"[ ] {k + 1:>3}  {name}{joined}", *(f"         {m}" for m in moves), f"         {blanks}", ""]
     with write_text(target, inputs, force=force) as file:
         file.write("\n".join(lines))
