@@ -51,8 +51,8 @@ class Correction(Result):
         rows = []
         for kind, figures in self.values["errors"].items():
             row: dict[str, Any] = {"kind": kind}
-            for what in ("before", "u_before", "after", "u"):
-                row |= {f"{name}_{what}": number(figures[what][name]) for name in ("rms", "max")}
+            for figure in ("before", "u_before", "after", "u"):
+                row |= {f"{name}_{figure}": number(figures[figure][name]) for name in ("rms", "max")}
             rows.append(row | {"unit": figures["unit"]})
         return pd.DataFrame(rows).set_index("kind") if rows else pd.DataFrame(rows)
 

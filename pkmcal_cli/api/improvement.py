@@ -123,8 +123,8 @@ class Improvement(Result):
     def _base(self) -> str:
         file = self.machine.file
         if not os.path.exists(file):
-            what = "the improved machine extends a file, but this machine is in none"
-            raise UsageError(what, hint="write it first: `improvement.write(FILE)`, then `load(FILE)`")
+            message = "the improved machine extends a file, but this machine is in none"
+            raise UsageError(message, hint="write it first: `improvement.write(FILE)`, then `load(FILE)`")
         return file
 
     def _overlay(self, base: str) -> str:

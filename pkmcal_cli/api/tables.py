@@ -94,8 +94,8 @@ def parameters_of(given: Parameters | None) -> str | None:
         return file_of(given)
     if isinstance(given, Mapping):
         if wrong := [k for k, v in given.items() if not isinstance(v, str | Real)]:
-            what = f"parameter `{wrong[0]}`: no value: {given[wrong[0]]!r}"
-            raise UsageError(what, hint='give 300.02, or "300.02 mm"')
+            message = f"parameter `{wrong[0]}`: no value: {given[wrong[0]]!r}"
+            raise UsageError(message, hint='give 300.02, or "300.02 mm"')
         values = {str(k): v if isinstance(v, str) else float(v) for k, v in given.items()}
         return AtHand.of("parameters.yaml", json.dumps({"parameters": values}, ensure_ascii=False))
     if not hasattr(given, "parameter_text"):

@@ -30,8 +30,8 @@ def check_target(target: Path | str | None, inputs: Collection[str], *, force: b
     for name in inputs:
         if there is not None and identity(name) == there:
             other = "" if name == str(target) else f", `{input_name(name)}`"
-            what = f"this file is an input of the command{other}"
-            raise OutputError(what, str(target), "choose another name for the result")
+            message = f"this file is an input of the command{other}"
+            raise OutputError(message, str(target), "choose another name for the result")
     with _output_errors(str(target)):
         _check_path(Path(target), force)
 

@@ -97,9 +97,9 @@ class Rails:
         travel = s.machine.bodies[carriage].at[0].number(s.nominal)
         if not 0 < travel < size:
             unit = s.machine.file_units.length
-            what = f"carriage `{carriage}` is not on beam `{beam}`, which is {unit.format(size, 6)} long"
+            message = f"carriage `{carriage}` is not on beam `{beam}`, which is {unit.format(size, 6)} long"
             hint = "`at` is its distance from the beam's first point: give one within the beam"
-            raise BadConfiguration(carriage, what, hint)
+            raise BadConfiguration(carriage, message, hint)
         share = travel / size
         label = f"{carriage}.station"
         point = s.free_point(label, ends[0] + share * (ends[1] - ends[0]))

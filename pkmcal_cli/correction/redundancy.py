@@ -157,8 +157,8 @@ class Redundancy:
                 size = max(least, scale)
                 room = (np.nan_to_num(pose.tension[:, k]) - least * (1 + _TAUT)) / size
                 which = stated[0].name if stated else name
-                what = f"`t_min` of rope `{which}`" if stated else f"rope `{which}`, which would be slack"
-                out.append((-slope / size, room, what))
+                limit = f"`t_min` of rope `{which}`" if stated else f"rope `{which}`, which would be slack"
+                out.append((-slope / size, room, limit))
         return out
 
 

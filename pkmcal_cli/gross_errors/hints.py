@@ -53,9 +53,9 @@ def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
             None,
             "check that this is the right file",
         )
-    what = "no measured channel has a `sigma`, so the readings cannot be weighted"
+    message = "no measured channel has a `sigma`, so the readings cannot be weighted"
     hint = "declare `sigma:` of the sensor or drive, or give a column `sigma.CHANNEL`"
-    return Fault("sigma", what, Location(loaded.model.name), hint)
+    return Fault("sigma", message, Location(loaded.model.name), hint)
 
 
 def measurement_hints(
@@ -117,6 +117,6 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     shown = [" and ".join(str(place_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
     more = f", and {len(groups) - _SHOWN} more" if len(groups) > _SHOWN else ""
     extra = sum(len(group) - 1 for group in groups)
-    what = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"
+    finding = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"
     same = f"{'; '.join(shown)}{more}"
-    return (f"{what} ({same}): not used, as copies add no information",)
+    return (f"{finding} ({same}): not used, as copies add no information",)

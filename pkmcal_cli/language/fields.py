@@ -123,12 +123,12 @@ def _unit_of(*dimensions: Dimension) -> AfterValidator:
         try:
             unit = parse_unit(text, dimensions)
         except UnitError as error:
-            raise fault("unit", error.what, error.hint) from None
+            raise fault("unit", error.message, error.hint) from None
         if dimensions and unit.dimension not in dimensions:
             allowed = " or ".join(d.name for d in dimensions)
             example = ", ".join(u for u, at in UNITS.items() if at.dimension in dimensions)
-            what = f"`{text}` is a unit of {unit.dimension}, not of {allowed}"
-            raise fault("unit", what, f"use one of {example}")
+            message = f"`{text}` is a unit of {unit.dimension}, not of {allowed}"
+            raise fault("unit", message, f"use one of {example}")
         return text
 
     return AfterValidator(check)
@@ -152,7 +152,7 @@ TemperatureUnit = Annotated[str, _unit_of(TEMPERATURE)]
 class Shape:
     """Marks a tuple of quantities: how many in the plane and in space; a scalar where 1 may be."""
 
-    what: str
+    noun: str
     planar: tuple[int, ...]
     spatial: tuple[int, ...]
 
@@ -178,7 +178,7 @@ class Shape:
 
     def _wanted(self, counts: tuple[int, ...]) -> str:
         numbers = " or ".join(str(n) for n in sorted(set(counts)))
-        return f"expected {self.what} of {numbers} number{'' if numbers == '1' else 's'}"
+        return f"expected {self.noun} of {numbers} number{'' if numbers == '1' else 's'}"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_before_validator_function(self.read, handler(source))

@@ -77,8 +77,8 @@ def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid
     motion = tool_motion(loaded)
     held = motion.with_all([a.name for a in axes])
     if held is None:
-        what, hint = unusable_set(loaded, [a.name for a in axes])
-        raise UsageError(f"{option}: {what}", hint=hint)
+        message, hint = unusable_set(loaded, [a.name for a in axes])
+        raise UsageError(f"{option}: {message}", hint=hint)
     grid = Grid(tuple(axes), held)
     if len(grid) > _MOST:
         raise UsageError(f"{option}: more than {_MOST} poses", hint="use a coarser grid")
@@ -111,7 +111,7 @@ def _limit(part: str, text: str, own: Unit, option: str) -> float:
         number, unit = parse_value(text, (own.dimension,))
     except UnitError as error:
         hint = error.hint or f"give a number in {own.text}"
-        raise UsageError(f"{option}: `{part}`: {error.what}", hint=hint) from None
+        raise UsageError(f"{option}: `{part}`: {error.message}", hint=hint) from None
     unit = own if unit.text == "1" else unit
     value = unit.to_si(number)
     if unit.dimension != own.dimension or not math.isfinite(value):

@@ -35,6 +35,6 @@ def _section(machine: str, section: str, deep: int) -> dict[str, Any]:
     if isinstance(base, str) and deep:
         known = _section(os.path.join(os.path.dirname(machine), base), section, deep - 1)
     if isinstance(own, Mapping):
-        known |= {str(name): what for name, what in own.items()}
-        known = {name: what for name, what in known.items() if what is not None or name not in own}
+        known |= {str(name): entry for name, entry in own.items()}
+        known = {name: entry for name, entry in known.items() if entry is not None or name not in own}
     return known

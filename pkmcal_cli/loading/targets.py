@@ -52,12 +52,12 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         raise UsageError("give either a table of targets or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"')
     motion = tool_motion(loaded)
     if not motion.freedoms:
-        what, _ = unusable_set(loaded, [])
-        raise BadInput.single(what, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
+        message, _ = unusable_set(loaded, [])
+        raise BadInput.single(message, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
     targets = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
     if twice := [name for name in at if name in targets.rows.columns]:
-        what = f"--at: the table has a column `{twice[0]}`"
-        raise UsageError(what, hint="give a circumstance in the table or with `--at`, not in both")
+        message = f"--at: the table has a column `{twice[0]}`"
+        raise UsageError(message, hint="give a circumstance in the table or with `--at`, not in both")
     columns = {**targets.rows.columns, **{name: np.full(len(targets), value) for name, value in at.items()}}
     at_reference, words = reference_conditions(loaded.model, columns)
     columns |= {name: np.full(len(targets), value) for name, value in at_reference.items()}
@@ -112,8 +112,10 @@ def _of_table(loaded: LoadedMachine, path: str) -> Targets:
     given = tuple(DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0])
     held = model.tool_motion.with_all(given)
     if held is None:
-        what, hint = unusable_set(loaded, given)
-        raise BadInput.single(what, Location(measured.files[0], 1), hint.replace("`--grid`", "the others"), "targets")
+        message, hint = unusable_set(loaded, given)
+        raise BadInput.single(
+            message, Location(measured.files[0], 1), hint.replace("`--grid`", "the others"), "targets"
+        )
     kept = [name for name in held if name not in given]
     forces = np.array(measured.forces, dtype=float)
     rows = with_covariates(Rows(np.full(forces.shape, np.nan), forces, partner=measured.partners), measured)

@@ -121,11 +121,11 @@ def _told(machine: Machine, label: str, path: Path, value: float, dimension: Dim
     """The warning: the number, the unit that would make it usual, and what is usual."""
     unit = machine.file_units.unit(dimension)
     likely = unit_meant(value / unit.scale, unit, band, dimension)
-    what = f"{label} = {unit.format(value, 3)}"
-    what += f": did you mean {value / unit.scale:g} {likely}?" if likely else " is far outside the usual range"
+    message = f"{label} = {unit.format(value, 3)}"
+    message += f": did you mean {value / unit.scale:g} {likely}?" if likely else " is far outside the usual range"
     usual = f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
     hint = f"check the unit; usual: {usual}"
-    return machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
+    return machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 
 def _there(machine: Machine, path: Path) -> Path:
@@ -166,14 +166,14 @@ def _gravity(machine: Machine) -> Iterator[Fault]:
     least = 0.0 if machine.space == "planar" else _GRAVITY[0]
     unit = machine.file_units.unit(ACCELERATION)
     if not least <= size <= _GRAVITY[1]:
-        what = f"gravity is {unit.format(size, 3)}"
-        what += ": did you mean 9.81 m/s^2?" if size > 2 * _GRAVITY[1] else ", not that of the earth"
+        message = f"gravity is {unit.format(size, 3)}"
+        message += ": did you mean 9.81 m/s^2?" if size > 2 * _GRAVITY[1] else ", not that of the earth"
         hint = "bare numbers are in m/s^2; `gravity: [0, 0, -9.81]`"
-        yield machine.source.fault("magnitude", what, ("gravity",), hint, warning=True)
+        yield machine.source.fault("magnitude", message, ("gravity",), hint, warning=True)
     if pull[-1] > 0.5 * size:
-        what = f"gravity points along +{'y' if machine.space == 'planar' else 'z'}: weight acts upwards"
+        message = f"gravity points along +{'y' if machine.space == 'planar' else 'z'}: weight acts upwards"
         hint = "give a negative number where this axis points up; a machine that is drawn upside down may ignore this"
-        yield machine.source.fault("gravity-up", what, ("gravity",), hint, warning=True)
+        yield machine.source.fault("gravity-up", message, ("gravity",), hint, warning=True)
 
 
 def _ranges(machine: Machine, size: float) -> Iterator[Fault]:
@@ -210,9 +210,9 @@ def _angles(machine: Machine) -> Iterator[Fault]:
         if slipped and label not in reported:
             reported.add(label)
             likely_unit, own = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
-            what = f"{label} = {number:g} {own}: did you mean {number:g} {likely_unit}?"
+            message = f"{label} = {number:g} {own}: did you mean {number:g} {likely_unit}?"
             hint = f"bare angles are in {own}; write `{number:g} {likely_unit}`, if that is meant"
-            yield machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
+            yield machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 
 def _turns(machine: Machine, values: dict[str, float]) -> Iterator[tuple[str, Path, float]]:

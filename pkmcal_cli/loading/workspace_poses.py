@@ -56,8 +56,8 @@ def workspace_poses(loaded: LoadedMachine, workspace: Workspace, count: int) -> 
 def out_of_workspace(loaded: LoadedMachine) -> BadInput:
     """No pose of the workspace can be reached."""
     hint = "correct its limits or their units; the reference configuration is a pose that the machine reaches"
-    what = "the machine reaches no pose of its workspace"
-    return BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
+    message = "the machine reaches no pose of its workspace"
+    return BadInput([loaded.machine.source.fault("workspace", message, ("workspace",), hint, at_key=True)])
 
 
 def _by_coordinates(
@@ -77,9 +77,9 @@ def _by_drives(loaded: LoadedMachine, workspace: Workspace, count: int) -> Itera
     placing = [a for a, d in enumerate(model.topology.drives) if not (d.redundant or d.force_controlled)]
     low, high = workspace.drives[placing].T
     if not np.isfinite(workspace.drives[placing]).all():
-        what = "the workspace limits neither coordinates of the tool point nor all drives that are not redundant"
+        message = "the workspace limits neither coordinates of the tool point nor all drives that are not redundant"
         hint = "add a `box` or a `cylinder`, or `limits` to the actuators"
-        raise BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
+        raise BadInput([loaded.machine.source.fault("workspace", message, ("workspace",), hint, at_key=True)])
     bare = tcp_model(model).with_options(())
     for share in _shares(len(placing), count):
         readings = np.tile(model.reference_readings, (len(share), 1))

@@ -39,7 +39,7 @@ def sensitivity_picture(
     return composed("sensitivity", titles, alt, parts)
 
 
-def _sizes_part(result: Sensitivity, model: Model, kind: str, dimension: str, what: str) -> Part:
+def _sizes_part(result: Sensitivity, model: Model, kind: str, dimension: str, quantity: str) -> Part:
     shifts = {p.name: float(getattr(p, kind)) for p in result.parameters}
     unit = shown_unit(dimension, max((ranked(s) for s in shifts.values()), default=0.0))
     dots = []
@@ -51,7 +51,7 @@ def _sizes_part(result: Sensitivity, model: Model, kind: str, dimension: str, wh
     known = [d.value for d in dots if math.isfinite(d.value)]
     wide = bool(known) and max(known) > 30 * min(known)
     note = " (logarithmic)" if wide else ""
-    return dot_part(dots, Scale(label=f"{what} [{unit.text}]{note}", logarithmic=wide, line=None if wide else 0.0))
+    return dot_part(dots, Scale(label=f"{quantity} [{unit.text}]{note}", logarithmic=wide, line=None if wide else 0.0))
 
 
 def _along_part(result: Sensitivity, model: Model, coordinate: str) -> Part:

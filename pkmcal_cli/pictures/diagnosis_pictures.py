@@ -104,7 +104,7 @@ def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> P
     radius = np.linalg.norm(ray, axis=1)
     radial = [(n, (errors * ray).sum(axis=1) / radius) for n, errors in places.stages]
     labels = [f"{n} {size_text(float(np.sqrt((r**2).mean())))} rms" for n, r in radial]
-    what = f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}"
+    caption = f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}"
 
     def draw(figure: Figure) -> None:
         titles.write(figure)
@@ -117,10 +117,10 @@ def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> P
         ax.set_yticks([2 * largest, 3 * largest, 4 * largest])
         ax.set_yticklabels([f"-{size_text(largest)}", "0", f"+{size_text(largest)}"], fontsize=7)
         ax.set_rlabel_position(11)
-        figure.text(0.5, 1 - 0.62 / size[1], what, ha="center", va="top", size=9)
+        figure.text(0.5, 1 - 0.62 / size[1], caption, ha="center", va="top", size=9)
         figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
 
-    return Picture(name, f"{titles.machine}: {titles.what}", f"{what}: {', '.join(labels)}.", (6.0, 6.4), draw)
+    return Picture(name, f"{titles.machine}: {titles.subject}", f"{caption}: {', '.join(labels)}.", (6.0, 6.4), draw)
 
 
 # --- effects ---------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ def composed(name: str, titles: Titles, alt: str, parts: Sequence[Part]) -> Pict
         for part, pane in zip(parts, panes[1:], strict=True):
             part.draw(pane)
 
-    return Picture(name, f"{titles.machine}: {titles.what}", alt, size, draw)
+    return Picture(name, f"{titles.machine}: {titles.subject}", alt, size, draw)
 
 
 def shown_unit(dimension: str, size: float, usual: Unit | None = None) -> Unit:

@@ -84,7 +84,7 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     return Part(_height(len(drives)), draw)
 
 
-def _by_drive(problem: Problem, what: str, series: Sequence[_Series], dimension: str) -> Part:
+def _by_drive(problem: Problem, quantity: str, series: Sequence[_Series], dimension: str) -> Part:
     """Panels of one kind, one for each drive."""
     unit = shown_unit(dimension, _typical([s.values for s in series]))
     drives = list(range(len(problem.model.actuators)))
@@ -102,7 +102,7 @@ def _by_drive(problem: Problem, what: str, series: Sequence[_Series], dimension:
             ax.axhline(0, color=NOISE, lw=0.8)
             ax.set_xlabel(f"{problem.model.actuators[a].name} [{own.text}]")
             if k % _COLUMNS == 0:
-                ax.set_ylabel(f"{what} [{unit.text}]")
+                ax.set_ylabel(f"{quantity} [{unit.text}]")
         _finish(figure, axes, len(drives))
 
     return Part(_height(len(drives)), draw)

@@ -171,10 +171,10 @@ class SiteInputs(AtSite):
     def _column(self, *names: str) -> Array:
         column = next((self.table.columns[name] for name in names if name in self.table.columns), None)
         if column is None or np.isnan(column).any():
-            what = f"effect `{self.placed.name}` needs the column {' or '.join(f'`{n}`' for n in names)}"
-            what += "" if column is None else " in every row"
+            message = f"effect `{self.placed.name}` needs the column {' or '.join(f'`{n}`' for n in names)}"
+            message += "" if column is None else " in every row"
             hint = "log it with the measurement, or delete the effect from the machine file"
-            raise BadInput.single(what, Location(self.model.name), hint, "csv-missing")
+            raise BadInput.single(message, Location(self.model.name), hint, "csv-missing")
         return np.asarray(column)
 
 

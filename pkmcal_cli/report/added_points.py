@@ -63,10 +63,10 @@ class Added:
         if self.reached is not None:
             own = parameter_unit(model, self.reached.name)
             unit, scale = own.text, own.scale
-        what = "std" if self.reached is not None else "log_determinant" if self.aim.kind == "determine" else "mdb"
+        figure = "std" if self.reached is not None else "log_determinant" if self.aim.kind == "determine" else "mdb"
         return {
             "kind": self.aim.kind,
-            "figure": what,
+            "figure": figure,
             "before": finite(before / scale),
             "after": finite(after / scale),
             "unit": unit,

@@ -108,20 +108,20 @@ class Reporter:
         for k, line in enumerate(laid.lines):
             self._print(Text(visible(line), style="bold" if k in laid.heads else ""))
         if laid.hidden:
-            what = ", ".join(header or "bars" for header in laid.hidden)
-            self._line(f"not shown in {width} columns: {what} (widen the terminal, or use --json)", "dim")
+            columns = ", ".join(header or "bars" for header in laid.hidden)
+            self._line(f"not shown in {width} columns: {columns} (widen the terminal, or use --json)", "dim")
 
     @contextmanager
-    def progress(self, what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    def progress(self, step: str, total: int | None) -> Iterator[Callable[[int], None]]:
         """Who is told how many more of these are done, of how many; None where nobody knows."""
         with self.stages() as observe:
             done = 0
-            observe(Stage(what, done, total))
+            observe(Stage(step, done, total))
 
             def tick(count: int) -> None:
                 nonlocal done
                 done += count
-                observe(Stage(what, done, total))
+                observe(Stage(step, done, total))
 
             yield tick
 

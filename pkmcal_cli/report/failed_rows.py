@@ -61,7 +61,7 @@ def skipped(by_reason: Mapping[str, int], total: int, noun: str = GRID_POINT) ->
     points = count(total, noun)
     if sum(by_reason.values()) == total:
         reasons = "; ".join(f"{reason} ({n})" for reason, n in by_reason.items())
-        what = f"none of {points} can be used: {reasons}"
+        message = f"none of {points} can be used: {reasons}"
         hint = "check the limits of the grid and their units; a grid around the reference configuration has points"
-        raise BadInput([Fault("grid", what, Location("--grid") if noun == GRID_POINT else None, hint)])
+        raise BadInput([Fault("grid", message, Location("--grid") if noun == GRID_POINT else None, hint)])
     return [f"skipped: {n} of {points}: {reason}" for reason, n in by_reason.items()]

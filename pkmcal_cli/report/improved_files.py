@@ -41,8 +41,8 @@ class ImprovedFiles:
     def overlay(self, base: str) -> str:
         """The text of the improved machine."""
         released = [h.at for h in self.improvement.accepted if h.effect == RELEASE]
-        what = "effects found in measurements. Review them before use." if self.improvement.accepted else _NONE
-        lines = [f"# Written by `pkmcal improve`: {what}"]
+        summary = "effects found in measurements. Review them before use." if self.improvement.accepted else _NONE
+        lines = [f"# Written by `pkmcal improve`: {summary}"]
         if self.improvement.accepted and not self.improvement.confirmed:
             lines.append("# NOT CONFIRMED: rows used neither for fitting nor for selection are not predicted better.")
         lines.append(f"extends: {scalar(base)}")

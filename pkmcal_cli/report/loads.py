@@ -138,24 +138,24 @@ class Loads:
             worst = self.over.get(actuator.name, _Worst())
             if worst.rows:
                 limit, value = self._force(actuator.name, actuator.force_limit), self._force(actuator.name, worst.value)
-                what = f"force of `{actuator.name}` above its `force_limit` of {limit}"
-                out.append(f"warning: {what} in {self._rows(worst)}: up to {value} at {worst.place}")
+                message = f"force of `{actuator.name}` above its `force_limit` of {limit}"
+                out.append(f"warning: {message} in {self._rows(worst)}: up to {value} at {worst.place}")
         for rope in self.model.least_tensions:
             worst = self.loose.get(rope.name, _Worst())
             if worst.rows:
                 newton = parse_unit("N")
-                what = f"tension of rope `{rope.name}` below its `t_min` of {handy(rope.tension, newton)}"
+                message = f"tension of rope `{rope.name}` below its `t_min` of {handy(rope.tension, newton)}"
                 least = handy(max(-worst.value, 0.0), newton)
-                out.append(f"warning: {what} in {self._rows(worst)}: down to {least} at {worst.place}")
+                out.append(f"warning: {message} in {self._rows(worst)}: down to {least} at {worst.place}")
         if self.apart.rows:
             expected = handy(self.model.expected_misfit * self.model.length, parse_unit("mm"))
             by_ranges = self.model.explained_misfit > LEAST_MISFIT
             limit = "parameter ranges and noise explain" if by_ranges else f"{LEAST_MISFIT:g} of the machine's size"
             most = handy(self.apart.value, parse_unit("mm"))
-            what = f"the actuators strain the structure by up to {most} in {self._rows(self.apart)}"
+            message = f"the actuators strain the structure by up to {most} in {self._rows(self.apart)}"
             why = f"more than {limit} ({expected}): they disagree, or loads are large"
             force = f"forces up to {self._force(self.drive, self.force.value)} (`{self.drive}` at {self.force.place})"
-            out.append(f"warning: {what}, {why}; {force}")
+            out.append(f"warning: {message}, {why}; {force}")
         return out
 
     @property

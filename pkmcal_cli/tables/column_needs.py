@@ -121,34 +121,34 @@ class Needs:
         lost = [c for c in channels if (c.name, "channel") not in self.columns_found]
         if len(lost) == len(channels) and not known_readings(self.machine):
             names = listed([f"`{c.header}`" for c in channels])
-            what = (
+            message = (
                 f"no measurements: the table has none of the columns {names}" if names else "the machine has no sensors"
             )
-            self._missing(what, *channels)
+            self._missing(message, *channels)
             return
         for index, cell in self.spare.items():
             near = next((c for c in lost if is_near(cell, c)), None)
             if near is not None and self.reader.first_cell(index):
-                what = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
+                message = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
                 place = self.reader.format.header_line, index
-                flaw = Flaw("csv-missing", what, did_you_mean_column(cell, near), *place)
+                flaw = Flaw("csv-missing", message, did_you_mean_column(cell, near), *place)
                 self.log.add(flaw, self.reader.header_source())
 
     def _no_targets(self) -> None:
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
-        what = f"the table has no targets: none of the TCP coordinates {coordinates}"
-        self._missing(what, *(c for c in self.columns.values() if c.role in ("target", "channel")))
+        message = f"the table has no targets: none of the TCP coordinates {coordinates}"
+        self._missing(message, *(c for c in self.columns.values() if c.role in ("target", "channel")))
 
     def _no_pose(self, placing: Sequence[str]) -> None:
         drives = [self.columns[name, "actuator"] for name in placing]
         names = ", ".join(f"`{column.header}`" for column in drives)
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
-        what = f"the table has no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
+        message = f"the table has no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
         others = [c for c in self.columns.values() if c.role in ("target", "channel")]
-        self._missing(what, *drives, *others)
+        self._missing(message, *drives, *others)
 
-    def _missing(self, what: str, *columns: Column) -> None:
-        self.log.add(Flaw("csv-missing", what, self._remedy(columns), self.reader.format.header_line))
+    def _missing(self, message: str, *columns: Column) -> None:
+        self.log.add(Flaw("csv-missing", message, self._remedy(columns), self.reader.format.header_line))
 
     def _remedy(self, columns: Sequence[Column]) -> str:
         """The unused header that may be meant, or what the header has."""

@@ -110,9 +110,9 @@ class _Clock:
             text = datetime.fromtimestamp(self.origin, UTC).isoformat() if zone else first
             self.notes = (f"`time` is counted from {text}, the first row of {reader.name}",)
         if self.plain and self.origin is not None:
-            what = f"column `time` has dates in one file and numbers in another ({self.plain})"
+            message = f"column `time` has dates in one file and numbers in another ({self.plain})"
             line, hint = reader.format.header_line, "use dates in all files, or numbers in all"
-            log.add(Flaw("csv-time", what, hint, line, bound.index), reader.header_source())
+            log.add(Flaw("csv-time", message, hint, line, bound.index), reader.header_source())
 
 
 @dataclass(kw_only=True)
@@ -142,8 +142,8 @@ class _File:
                 self.machine, {b.column.name for b in binding.of("channel")}, self.require == "measured"
             )
             if self.touches.unclear:
-                what, hint = unclear_touches(self.touches.unclear)
-                log.add(Flaw("csv-missing", what, hint, reader.format.header_line), reader.header_source())
+                message, hint = unclear_touches(self.touches.unclear)
+                log.add(Flaw("csv-missing", message, hint, reader.format.header_line), reader.header_source())
             for chunk in reader.chunks(binding.column_rules, log):
                 self.rows += len(chunk.lines)
                 if not log.total:

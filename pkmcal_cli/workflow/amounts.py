@@ -17,7 +17,7 @@ def amount(option: str, text: str, own: Unit | None = None, fitting: tuple[Dimen
     try:
         number, unit = parse_value(text, fitting or (() if own is None else (own.dimension,)))
     except UnitError as error:
-        raise UsageError(f"{option}: {error.what}", hint=error.hint or 'give a value such as "50 um"') from None
+        raise UsageError(f"{option}: {error.message}", hint=error.hint or 'give a value such as "50 um"') from None
     if own is not None and unit.text == "1":
         unit = own
     value = unit.to_si(number)

@@ -136,8 +136,8 @@ def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Arra
             raise UsageError(f"--offset: the machine has no actuator `{name}`", hint=did_you_mean(name, names))
         column = names.index(name)
         if model.topology.drives[column].force_controlled:
-            what = f"--offset: `{name}` is force-controlled and has no set value"
-            raise UsageError(what, hint="offset a position-controlled actuator")
+            message = f"--offset: `{name}` is force-controlled and has no set value"
+            raise UsageError(message, hint="offset a position-controlled actuator")
         own = parse_unit(model.actuators[column].unit)
         moved, unit = amount("--offset", value, own)
         if unit.dimension != own.dimension:

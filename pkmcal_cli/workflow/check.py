@@ -134,9 +134,9 @@ def _run_several(request: CheckRequest) -> int:
     """Check machines one after the other; 1 with a fault in any. Raises UsageError and BadInput."""
     more = [name for name in request.tables if name not in request.others]
     if more or request.parameters is not None or request.as_json:
-        what = f"`{more[0]}`" if more else "--json" if request.as_json else "-p"
+        option = f"`{more[0]}`" if more else "--json" if request.as_json else "-p"
         hint = "check one machine with tables, -p or --json; several machines by themselves"
-        raise UsageError(f"{what} goes with one machine, but `{request.others[0]}` is another", hint=hint)
+        raise UsageError(f"{option} goes with one machine, but `{request.others[0]}` is another", hint=hint)
     files = (request.machine, *request.others)
     return max(run_check(replace(request, machine=file, measurements=None)) for file in files)
 
@@ -195,7 +195,7 @@ def _json(fault: Fault) -> dict[str, Any]:
     where = fault.where
     return {
         "code": fault.code,
-        "message": fault.what,
+        "message": fault.message,
         "file": where.file if where else None,
         "line": (where.line or None) if where else None,
         "column": (where.column or None) if where else None,
@@ -214,24 +214,24 @@ def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
         f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
         for name, value in zip(names, substructure.pose, strict=True)
     )
-    what = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
+    message = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
     hint = "only `--method linear` and `rigid` refer to the actuators that are not redundant; they may fail there"
     if substructure.better:
         hint += f". No such pose was found with {' and '.join(substructure.better[0])} redundant instead"
     source = loaded.machine.source
-    return [source.fault("substructure", what, ("actuators",), hint, at_key=True, warning=True)]
+    return [source.fault("substructure", message, ("actuators",), hint, at_key=True, warning=True)]
 
 
 def idle_faults(loaded: LoadedMachine) -> list[Fault]:
     """Parameters that act nowhere by structure."""
     source, names = loaded.machine.source, idle_parameters(loaded.model)
-    what = "has no effect on any pose, strained or not"
+    finding = "has no effect on any pose, strained or not"
     hint = (
         "positions of nodes and bodies only define the reference configuration: use the parameter in a `length`, a "
         "body's point or the ground, or remove it"
     )
     return [
-        source.fault("idle-parameter", f"parameter `{name}` {what}", ("parameters", name), hint, at_key=True)
+        source.fault("idle-parameter", f"parameter `{name}` {finding}", ("parameters", name), hint, at_key=True)
         for name in names
     ]
 
@@ -285,5 +285,5 @@ def _check_tables(
     loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(place_of, measured), prediction.start)
     loads.show(to)
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
-    counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings]
+    counts["warnings"] = [*(f.message for f in measured.warnings), *copied, *loads.warnings]
     return counts, hints + faults, len(hints) + len(lost)

@@ -27,10 +27,10 @@ class CommandTable(PosedTable):
             turning = name.startswith("r")
             small = "urad" if turning else "um"
             self.columns.append((f"target.{name}", (units.angle if turning else units.length).text))
-            self.columns += [(f"{what}.{name}", small) for what in ("before", "u_before", "after", "u")]
+            self.columns += [(f"{prefix}.{name}", small) for prefix in ("before", "u_before", "after", "u")]
         for drive, actuator in zip(model.topology.drives, model.actuators, strict=True):
             unit = "N" if model.topology.moves_length(drive) else "N m"
-            self.columns += [(f"{what}.{actuator.name}", unit) for what in ("force", "u_force", "load", "internal")]
+            self.columns += [(f"{prefix}.{actuator.name}", unit) for prefix in ("force", "u_force", "load", "internal")]
         self.columns += [(f"{ENERGY}_before", None), (ENERGY, None), ("remarks", None)]
 
     def cells(self, ids: list[str], result: Assessment) -> list[Values]:

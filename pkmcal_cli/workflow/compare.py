@@ -149,8 +149,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
-            what = "this parameter file has no whole section `data`, so what its rows determine is unknown"
-            raise BadInput.single(what, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
+            message = "this parameter file has no whole section `data`, so what its rows determine is unknown"
+            raise BadInput.single(message, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend or limits:
@@ -226,8 +226,8 @@ def _times(known: Sequence[KnownParameters]) -> tuple[tuple[float, ...], str]:
         return (0.0, 1.0), ""
     if any(d is None for d in dates) or len(set(dates)) < len(dates):
         lacking = next((k for k in known if k.created is None), known[0])
-        what = "a trend needs the date of each file; this one has none, or shares it with another"
-        raise BadInput.single(what, Location(lacking.file), "write `created:` in its `provenance:`", "date")
+        message = "a trend needs the date of each file; this one has none, or shares it with another"
+        raise BadInput.single(message, Location(lacking.file), "write `created:` in its `provenance:`", "date")
     first = min(d for d in dates if d is not None)
     return tuple((d - first) / timedelta(days=1) for d in dates if d is not None), "day"
 

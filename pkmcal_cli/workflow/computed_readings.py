@@ -70,8 +70,8 @@ def _words(
         return ()
     factor = float(np.sqrt(count[own].sum() / max(squares[own].sum(), 1e-300)))
     size = f"{factor:.2g} times" if factor < 1e6 else "a million times"
-    what = ", ".join(f"`{name}`" for name in names)
-    return (f"deviations of {what}{origin} are {size} smaller than the stated noise: {why}",)
+    listed = ", ".join(f"`{name}`" for name in names)
+    return (f"deviations of {listed}{origin} are {size} smaller than the stated noise: {why}",)
 
 
 def _by_channel(problem: Problem, calibration: Calibration) -> tuple[Array, Array]:

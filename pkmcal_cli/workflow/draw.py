@@ -88,8 +88,8 @@ def _check(request: DrawingRequest) -> None:
     if request.scale is not None and not (math.isfinite(request.scale) and request.scale > 0):
         raise UsageError(f"--scale: `{request.scale:g}` is no factor", hint="give a positive number, e.g. 200")
     if request.quiet and request.output is None and not request.as_json:
-        what = "-q suppresses the drawing on the terminal"
-        raise UsageError(what, hint="write a picture with `-o FILE.svg`, or leave out -q")
+        message = "-q suppresses the drawing on the terminal"
+        raise UsageError(message, hint="write a picture with `-o FILE.svg`, or leave out -q")
     if request.row is not None and request.poses is None and request.grid is None:
         raise UsageError("--row names a row of a table", hint="add POSES.csv, or --grid")
     one_stdin(request.machine, request.poses, request.parameters)

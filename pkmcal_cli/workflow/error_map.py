@@ -43,8 +43,10 @@ class ErrorMap:
         if method != "exact":
             raise UsageError("--uncertainty needs the exact method", hint="leave out `--method`")
         if start.covariance is None:
-            what = "this parameter file has no `correlations` with `std`, so the uncertainty of its values is unknown"
-            raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
+            message = (
+                "this parameter file has no `correlations` with `std`, so the uncertainty of its values is unknown"
+            )
+            raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
         names, matrix = start.covariance
         return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix)
 

@@ -42,8 +42,8 @@ class NewRequest:
         if self.span is not None and self.kind is None:
             raise UsageError("--span is for a kind of machine; --from knows the dimensions", hint=_EXAMPLE)
         if self.as_json and is_stream(self.output):
-            what = "--json and the machine file both write to stdout"
-            raise UsageError(what, hint="write the machine file with `-o MACHINE.yaml`")
+            message = "--json and the machine file both write to stdout"
+            raise UsageError(message, hint="write the machine file with `-o MACHINE.yaml`")
 
 
 def run_new(request: NewRequest) -> int:
@@ -83,7 +83,7 @@ def _from_template(request: NewRequest, kind: str) -> int:
     if request.as_json:
         result = {"kind": kind, "span": span, "notes": [], "output": request.output}
         emit_json(enveloped("new", "complete", result, provenance({})))
-    to.say(made.what)
+    to.say(made.description)
     to.say(f"span, {made.span}: {text}; dimensions, ranges and sigmas are examples of that size: state your own")
     if not is_stream(request.output):
         to.say(f"written: {request.output}; edit it, and look: `pkmcal check {request.output}`")
@@ -96,7 +96,7 @@ def _span(text: str) -> float:
     try:
         value, unit = amount("--span", text, fitting=(LENGTH,))
     except UsageError as error:
-        raise UsageError(error.what, hint=hint) from None
+        raise UsageError(error.message, hint=hint) from None
     if unit.dimension != LENGTH:
         raise UsageError(f"--span: `{text}` is not a length", hint=hint)
     if not SPANS[0] <= value <= SPANS[1]:

@@ -84,8 +84,8 @@ class NextPoints:
             more = f"about {count(self.needed, 'further row')} needed (then {after} expected)"
             to.say(f"continue: {known}, {aim}; {more}; next {len(self.added.points)}:")
         if self.noise > _NOISY:
-            what = f"warning: residuals are {self.noise:.2g} times the stated noise"
-            to.warn(f"{what}: `pkmcal diagnose` looks for a cause")
+            message = f"warning: residuals are {self.noise:.2g} times the stated noise"
+            to.warn(f"{message}: `pkmcal diagnose` looks for a cause")
         if len(self.added.points):
             self.added.show_points(to, self.loaded.model)
 

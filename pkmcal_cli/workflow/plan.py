@@ -214,8 +214,8 @@ def _read(request: PlanRequest, to: Reporter) -> tuple[LoadedMachine, PoseSet]:
     """The machine, with what sessions have for themselves, and the poses of the plan."""
     loaded = load_machine(request.machine, receptive=True)
     if (request.output or request.aim) and all(d.force_controlled for d in loaded.model.topology.drives):
-        what = "no actuator holds a position, so there are no points to choose or to schedule"
-        raise UsageError(what, hint="leave out --aim and -o")
+        message = "no actuator holds a position, so there are no points to choose or to schedule"
+        raise UsageError(message, hint="leave out --aim and -o")
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
     chosen = request.poses is None and request.grid is None and loaded.model.workspace is not None

@@ -111,9 +111,9 @@ def _copy(folder: str, name: str) -> str:
     """A kept copy of an input. Raises BadInput for a file elsewhere: a folder may come from anybody."""
     path = os.path.join(folder, name)
     if os.path.commonpath([os.path.realpath(folder), os.path.realpath(path)]) != os.path.realpath(folder):
-        what = f"the record of this run names a file outside its folder, `{name}`"
+        message = f"the record of this run names a file outside its folder, `{name}`"
         hint = "give the folder as `--run` made it"
-        raise BadInput.single(what, Location(os.path.join(folder, RECORD)), hint, "file")
+        raise BadInput.single(message, Location(os.path.join(folder, RECORD)), hint, "file")
     return path
 
 
@@ -154,8 +154,8 @@ def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     streams = [f for f in files if f is not None and is_stream(f)]
     if streams:
-        what = "a sheet reads its files several times, but one of them is stdin"
-        raise UsageError(what, hint="give the machine and the tables as files")
+        message = "a sheet reads its files several times, but one of them is stdin"
+        raise UsageError(message, hint="give the machine and the tables as files")
     if request.circle_feed is not None and not request.circle_feed > 0:
         raise UsageError("--circle-feed: not a positive feed", hint="give mm/min, e.g. `--circle-feed 1000`")
     check_target(request.output, given(*files), force=request.force)
@@ -169,7 +169,7 @@ def _improved(request: ReportRequest, to: Reporter) -> tuple[ImprovementReport |
         case, _ = improve_setting(asked, Record())  # what there is to say of the files, the calibration has said
     except BadInput as error:
         if all(fault.code == "measurements" for fault in error.faults):
-            return None, error.faults[0].what
+            return None, error.faults[0].message
         raise
     return improvement_of(case, None, asked, to).report, ""
 

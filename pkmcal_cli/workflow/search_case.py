@@ -132,10 +132,10 @@ def _enough(problem: Problem, measured: Measurements, selected: tuple[str, ...],
     rows = int(problem.measured.any(axis=1).sum())
     if rows >= fewest and problem.count > len(selected):
         return
-    what = f"too few measurements to find an effect: {count(rows, 'row')}, {count(problem.count, 'measured value')}"
+    message = f"too few measurements to find an effect: {count(rows, 'row')}, {count(problem.count, 'measured value')}"
     hint = f"measure {fewest} rows or more, and more values than the {len(selected)} parameters"
     hint += ", or name what to look for (`--only`)" if rows >= FEWEST_ROWS < fewest else ""
-    raise BadInput.single(what, Location(measured.files[0]), hint, "measurements")
+    raise BadInput.single(message, Location(measured.files[0]), hint, "measurements")
 
 
 def _gaps(measured: Measurements) -> list[str]:

@@ -109,6 +109,6 @@ def _absent(loaded: LoadedMachine, model: Model, candidates: Candidates) -> tupl
         for e in catalogue().values()
         if not places(model.sites, e, ("SESSION",))
     ]
-    lacking = [Absent(keyword, at, f"it needs {what}") for keyword, at, what in candidates.lacking]
+    lacking = [Absent(keyword, at, f"it needs {need}") for keyword, at, need in candidates.lacking]
     declared = [Absent(e.effect.keyword, e.at, "the machine file declares it") for e in model.effects]
     return (*nowhere, *lacking, *declared)

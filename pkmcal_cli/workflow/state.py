@@ -60,8 +60,10 @@ class State:
         content = _parsed(file)
         for name in (*content["asked"], *asked):
             if content["asked"].get(name) != asked.get(name):
-                what = f"this state is of another work: {name} was {content['asked'].get(name)}, now {asked.get(name)}"
-                raise BadInput.single(what, Location(file), _OTHER, "state")
+                message = (
+                    f"this state is of another work: {name} was {content['asked'].get(name)}, now {asked.get(name)}"
+                )
+                raise BadInput.single(message, Location(file), _OTHER, "state")
         return cls(file, asked, {int(number): result for number, result in content["results"].items()})
 
     def write(self) -> None:
@@ -83,16 +85,16 @@ def _parsed(file: str) -> dict[str, Any]:
     """The content of a state. Raises BadInput for anything else."""
     with open_input(file) as opened:
         content = opened.read()
-    what = "this file is no state of a work"
+    message = "this file is no state of a work"
     try:
         record = json.loads(content)
         if record["form"] != _FORM and str(record["form"]).startswith(_FORMS):
-            what = f"this state has the form `{str(record['form'])[:40]}`; this release of pkmcal knows `{_FORM}`"
+            message = f"this state has the form `{str(record['form'])[:40]}`; this release of pkmcal knows `{_FORM}`"
         if record["form"] == _FORM and all(number.isdigit() for number in record["results"]) and dict(record["asked"]):
             return dict(record)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         pass
-    raise BadInput.single(what, Location(file), _OTHER, "state")
+    raise BadInput.single(message, Location(file), _OTHER, "state")
 
 
 def all_done(

@@ -70,11 +70,11 @@ def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     """Points of the tool, and set values (n, A) that the control makes of them."""
     held = case.made.aim.held
     if case.turned and case.loaded.machine.space == "spatial":
-        what = f"words for orientations ({', '.join(case.turned)}) differ between controls"
-        raise case.refuse(keyword, what, "use `--as gcode-drives`")
+        message = f"words for orientations ({', '.join(case.turned)}) differ between controls"
+        raise case.refuse(keyword, message, "use `--as gcode-drives`")
     if len(held) != len(case.drives):
-        what = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
-        raise case.refuse(keyword, what, "use `--as gcode-drives`, or tables of single drives")
+        message = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
+        raise case.refuse(keyword, message, "use `--as gcode-drives`, or tables of single drives")
     poses = _moved_points(case, keyword)
     columns = [DIRECTIONS.index(c) for c in held]
     letters = ["C" if c == "rz" else c.upper() for c in held]
@@ -107,8 +107,8 @@ def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     lengths = [case.model.actuators[a].dimension != "angle" for a in case.drives]
     letters = [next(free[length], "") for length in lengths]
     if not all(letters):
-        what = f"{len(letters)} drives are more than there are words ({_LINEAR} linear, {_ROTARY} rotary)"
-        raise case.refuse(keyword, what, "use tables of single drives")
+        message = f"{len(letters)} drives are more than there are words ({_LINEAR} linear, {_ROTARY} rotary)"
+        raise case.refuse(keyword, message, "use tables of single drives")
     words = _Words.rounded(letters, lengths, case.corrected[:, case.drives])
     commands = case.corrected.copy()
     commands[:, case.drives] = words.numbers

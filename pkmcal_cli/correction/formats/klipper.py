@@ -73,8 +73,8 @@ def _motors(case: ExportCase) -> LineMotors:
 def _winch(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
     if not _LEAST_STEPPERS <= count <= _MOST_STEPPERS:
-        what = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
-        raise case.refuse(_KEYWORD, what, "use tables of single drives")
+        message = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
+        raise case.refuse(_KEYWORD, message, "use tables of single drives")
     motors = _motors(case)
     constants = line_constants(case, _KEYWORD, motors)
     turn = 2.0 * np.pi

@@ -113,8 +113,8 @@ class _Spools:
 def _hangprinter(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
     if not len(_ANCHORS) - 1 <= count <= len(_ANCHORS):
-        what = f"the Hangprinter has {len(_ANCHORS) - 1} or {len(_ANCHORS)} anchors, this machine {count} drives"
-        raise case.refuse(_KEYWORD, what, "use `--as klipper`, or tables of single drives")
+        message = f"the Hangprinter has {len(_ANCHORS) - 1} or {len(_ANCHORS)} anchors, this machine {count} drives"
+        raise case.refuse(_KEYWORD, message, "use `--as klipper`, or tables of single drives")
     spools = _Spools(case)
     made = _rounded_lines(_constants(case, spools))
 

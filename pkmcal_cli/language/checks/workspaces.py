@@ -31,5 +31,5 @@ def check_workspace(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
     if cylinder is not None and machine.space == "planar":
         for key in ("axis", "height"):
             if key in cylinder.model_fields_set:
-                what = f"`{key}` does not exist in a planar machine: the cylinder is a circle"
-                fault(what, (*path, "cylinder", key), "delete it", at_key=True)
+                message = f"`{key}` does not exist in a planar machine: the cylinder is a circle"
+                fault(message, (*path, "cylinder", key), "delete it", at_key=True)
