@@ -135,16 +135,16 @@ def _drawn(evidence: Evidence, seed: int) -> Scales:
     rng, given = np.random.default_rng(seed), evidence.tamed()
     kinds, place = np.unique(given.kinds, return_inverse=True)
     shape = (_CHAINS, len(place))
-    tau2, own = np.ones((_CHAINS, len(kinds))), np.ones(shape)
+    tau2, student_weights = np.ones((_CHAINS, len(kinds))), np.ones(shape)
     noise = np.ones((_CHAINS, len(given.counts)))
     drawn: list[tuple[Array, Array, Array]] = []
     for step in range(_STEPS):
-        offsets = _offsets(rng, given, tau2[:, place] / own, noise)
-        own = np.where(given.estimated, _own(rng, offsets**2 / tau2[:, place]), 1.0)
-        tau2 = _of_kinds(rng, own * offsets**2 * given.estimated, place, given.estimated, len(kinds))
+        offsets = _offsets(rng, given, tau2[:, place] / student_weights, noise)
+        student_weights = np.where(given.estimated, _student_weights(rng, offsets**2 / tau2[:, place]), 1.0)
+        tau2 = _of_kinds(rng, student_weights * offsets**2 * given.estimated, place, given.estimated, len(kinds))
         noise = _of_instruments(rng, given, offsets)
         if step >= _WARMING:
-            drawn.append((tau2[:, place] / own, noise, np.sqrt(tau2)))
+            drawn.append((tau2[:, place] / student_weights, noise, np.sqrt(tau2)))
     variances, noises, taus = (np.concatenate(part) for part in zip(*drawn, strict=True))
     return Scales(variances=variances, noise=noises, factors=dict(zip(kinds.tolist(), taus.T, strict=True)))
 
@@ -171,7 +171,7 @@ def _of_instruments(rng: np.random.Generator, given: Evidence, offsets: Array) -
     return np.where(np.isfinite(given.freedom), drawn, 1.0)
 
 
-def _own(rng: np.random.Generator, squares: Array) -> Array:
+def _student_weights(rng: np.random.Generator, squares: Array) -> Array:
     """Weights w (M, q) given squared offsets in tau."""
     return np.asarray(rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares)))
 

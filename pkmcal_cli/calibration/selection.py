@@ -70,7 +70,9 @@ def _matching(model: Model, pattern: str, remove: bool) -> set[str] | None:
         return {p.name for p in free if p.identify or (pattern == "all" and p.name not in held)}
     shapes = {e.name: set(e.parameters) for e in model.effects if e.effect.keyword == UNEXPLAINED}
     of_shapes = [
-        own for name, own in shapes.items() if fnmatchcase(name, pattern.removesuffix(".*")) or own & {pattern}
+        members
+        for name, members in shapes.items()
+        if fnmatchcase(name, pattern.removesuffix(".*")) or members & {pattern}
     ]
     if "@" in pattern and of_shapes:
         return set().union(*of_shapes)

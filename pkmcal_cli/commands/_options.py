@@ -15,8 +15,8 @@ Record = TypeVar("Record")
 
 def as_request(kind: type[Record], options: Mapping[str, Any], **fixed: Any) -> Record:
     """A record whose fields are options of a command, by their names; lists, which may be absent, as tuples."""
-    own = {f.name: options[f.name] for f in fields(cast(Any, kind)) if f.name not in fixed}
-    return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}, **fixed)
+    chosen = {f.name: options[f.name] for f in fields(cast(Any, kind)) if f.name not in fixed}
+    return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in chosen.items()}, **fixed)
 
 
 def _machine(text: str) -> str:

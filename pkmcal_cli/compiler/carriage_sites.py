@@ -84,11 +84,11 @@ def _rotation_is_felt(c: SiteCollector, body: str) -> bool:
     """Whether a beam or joint is fixed to the orientation of a carriage; its guide and drive look along the rail."""
     station = c.structure.rails.stations.get(body)
     travel = c.structure.carriage_travel[body]
-    own = (f"{body}.guidance", *(f"{d.drive.name}.drive" for d in c.drives))
+    guiding = (f"{body}.guidance", *(f"{d.drive.name}.drive" for d in c.drives))
     return any(
         member.element.uses_triads
         and not member.element.slides
-        and member.name not in own
+        and member.name not in guiding
         and any(
             any(t == travel for _, t, _ in connection.point.translations)
             if station is None

@@ -80,8 +80,8 @@ class Rails:
             origin, rotation = self.frame(guide.frame) if guide.frame else (Point(), GROUND)
         kind = "guide" if guide.on_base else "carried guide"
         origin += s.anchored(kind, name, rotation, vector(guide.at), f"{name}.at")
-        own = turn_of(guide.along, aligned(guide.along, s.nominal, slides=True), s.nominal)
-        turn = None if own is None else carried(own, s.orientation(rotation))
+        slide_rotation = turn_of(guide.along, aligned(guide.along, s.nominal, slides=True), s.nominal)
+        turn = None if slide_rotation is None else carried(slide_rotation, s.orientation(rotation))
         tilted = s.tilted(rotation, turn, f"{name}.along")
         return Rail(origin=origin, rotation=rotation, along=self.along(name), tilted=tilted, turn=turn)
 

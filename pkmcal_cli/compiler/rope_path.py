@@ -40,9 +40,11 @@ def swivels_towards(machine: Machine, rope: Rope, visit: int) -> int | None:
 
     On the other side its neighbour is a point of the same body, or there is none.
     """
-    own, last = carrier(machine, rope.between[visit]), len(rope.between) - 1
+    body, last = carrier(machine, rope.between[visit]), len(rope.between) - 1
     led = [
-        side for side in (-1, 1) if not 0 <= visit + side <= last or carrier(machine, rope.between[visit + side]) == own
+        side
+        for side in (-1, 1)
+        if not 0 <= visit + side <= last or carrier(machine, rope.between[visit + side]) == body
     ]
     return -led[0] if len(led) == 1 else None
 

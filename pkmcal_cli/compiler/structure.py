@@ -174,14 +174,14 @@ class Structure(Coordinates):
         """Point of a node, or origin of a body, that a joint places on its other side."""
         joint_name, side = self.placed_by[name]
         joint = self.machine.joints[joint_name]
-        own, other_end = joint.between[side], joint.between[1 - side]
+        end, other_end = joint.between[side], joint.between[1 - side]
         base = self.point(other_end)
         if joint.type in ("prismatic", "cylindrical", "planar"):
             base = base + self._slide(joint_name, joint, name, other_end, 1.0 if side == 1 else -1.0)
-        if own == name:
+        if end == name:
             return base
-        offset = self.machine.bodies[name].points[own]
-        index = self.builder.offset(self.rotation(name), vector(offset), own).offsets[0][2]
+        offset = self.machine.bodies[name].points[end]
+        index = self.builder.offset(self.rotation(name), vector(offset), end).offsets[0][2]
         return base + Point(((self.rotation(name), -1.0, index),), ())
 
     def _slide(self, joint_name: str, joint: Joint, child: str, parent: str, sign: float) -> Point:

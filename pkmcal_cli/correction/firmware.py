@@ -93,8 +93,8 @@ def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, aim
 
     def errors(scaled: Array) -> Array:
         off = formula(nominal + scaled * steps, case.positions) - aimed
-        own = np.einsum("nrd,nd->nr", weights, off[:, drives])
-        return np.concatenate([own.ravel(), (off * gains)[:, others].ravel(), _PRIOR * scaled])
+        weighted = np.einsum("nrd,nd->nr", weights, off[:, drives])
+        return np.concatenate([weighted.ravel(), (off * gains)[:, others].ravel(), _PRIOR * scaled])
 
     optimum = least_squares(errors, np.zeros(len(nominal)), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
     return np.asarray(nominal + optimum.x * steps), steps * _std(case, np.asarray(optimum.jac), aim.slopes)

@@ -100,9 +100,9 @@ class Redundancy:
             back = np.swapaxes(free, 1, 2)
             return back @ work @ free, (back @ slope[..., None])[..., 0]
         if self.choice == "nominal":
-            own = [k for k, a in enumerate(self.drives) if self.tool.machine.topology.drives[a].redundant]
+            redundant = [k for k, a in enumerate(self.drives) if self.tool.machine.topology.drives[a].redundant]
             left = ((readings - self.set_values)[:, self.drives] + there) / self.spans
-            return _squares(free[:, own] / self.spans[own][:, None], left[:, own])
+            return _squares(free[:, redundant] / self.spans[redundant][:, None], left[:, redundant])
         moved = by_force @ free
         forces = np.nan_to_num(pose.force) + (by_force @ there[..., None])[..., 0]
         if self.choice == "preload":

@@ -77,12 +77,12 @@ def places(problem: Problem, values: Array, start: WarmStart | None) -> tuple[Pl
     units = unit_columns(problem, values, start, bare)
     out = []
     for placed in bare:
-        own = tuple(u for u in units if u.placed is placed)
+        sites = tuple(u for u in units if u.placed is placed)
         effect = placed.effect
         assert isinstance(effect, Unexplained)
-        x = tuple(effect.at(u.inputs) for u in own)
-        if own and all(np.isfinite(each).all() for each in x) and max(float(np.ptp(each)) for each in x) > 0:
-            out.append(Place(placed, own, x))
+        x = tuple(effect.at(u.inputs) for u in sites)
+        if sites and all(np.isfinite(each).all() for each in x) and max(float(np.ptp(each)) for each in x) > 0:
+            out.append(Place(placed, sites, x))
     return tuple(out)
 
 
@@ -125,11 +125,11 @@ def _likeliest(linear: Linear, scale: Scale, place: Place, price: float) -> Fitt
 def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: Place, price: float) -> FittedShape:
     """The shape with more knots where it is steepest, as long as its evidence grows by it."""
     for _ in range(_REFINEMENTS):
-        own = shape.effect.shape
+        spline = shape.effect.shape
         steepest = int(np.argmax(np.abs(np.diff(shape.curve)))) if len(shape.curve) else 0
-        between = np.linspace(own.knots[steepest], own.knots[steepest + 1], _PARTS + 1)[1:-1]
-        knots = tuple(sorted((*own.knots, *between.tolist())))
-        finer = _with_spread(linear, scale, place, knots, own.width, price)
+        between = np.linspace(spline.knots[steepest], spline.knots[steepest + 1], _PARTS + 1)[1:-1]
+        knots = tuple(sorted((*spline.knots, *between.tolist())))
+        finer = _with_spread(linear, scale, place, knots, spline.width, price)
         if finer is None or finer.evidence < shape.evidence + 1.0:
             break
         shape = finer

@@ -251,9 +251,9 @@ def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_
 def _off(by_row: _ByRow, good: NDArray[np.bool_], step: Array, inverse: Array) -> tuple[Array, Array, Array]:
     """What a step (p,) leaves of rows (N, C), its variances (N, C), its squares (N,) in standard uncertainties."""
     left = by_row.residual - by_row.jacobian @ step
-    own = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
-    unit = np.eye(own.shape[1])
-    share = unit + np.where(good[:, None, None], -own, own)
+    leverage = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
+    unit = np.eye(leverage.shape[1])
+    share = unit + np.where(good[:, None, None], -leverage, leverage)
     share = share + 1e-9 * unit
     squares = np.einsum("nc,nc->n", left, np.linalg.solve(share, left[..., None])[..., 0])
     return left, np.einsum("ncc->nc", share).copy(), np.maximum(squares, 0.0)

@@ -31,7 +31,7 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
-_OWN = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
+_OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
 _CREDIBLE = 0.95
 
 
@@ -77,8 +77,8 @@ def _found(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale:
     values, _ = nulled(search, removed)
     kinds = places(search.problem, values, search.fit.after.start)
     taken = {shape.placed.at for shape in search.shapes}
-    own = [h for h in search.accepted if h not in removed]
-    free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in own)]
+    accepted = [h for h in search.accepted if h not in removed]
+    free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in accepted)]
     return fitted_shapes(linear, scale, free)
 
 
@@ -107,7 +107,7 @@ def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
 def _is_named(search: Search, shape: FittedShape, linear: Linear) -> bool:
     """Whether a named effect at its site explains nearly all that a shape does."""
     explained = [linear.explained(linear.of(h.parameters))[0] for h in _alike(search, shape)]
-    return max(explained, default=0.0) > _OWN * shape.statistic
+    return max(explained, default=0.0) > _OWN_SHARE * shape.statistic
 
 
 def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale) -> bool:
@@ -128,12 +128,12 @@ def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], shapes
     values = np.append(search.fit.values, np.zeros(len(parameters)))
     problem = replace(search.problem, model=model)
     fitted = replace(search, accepted=kept, shapes=()).selected
-    own = best_fit(problem, values, fitted, shape.parameters)
+    refit = best_fit(problem, values, fitted, shape.parameters)
     others = tuple(h for h in candidates.hypotheses if not any(_of_site(shape, p) for p in h.placed))
     weight = np.exp(np.array([f.evidence - shapes[0].evidence for f in shapes]))
     last = int(np.searchsorted(np.cumsum(weight / weight.sum()), _CREDIBLE)) + 1
     rivals = tuple((f.placed.at, float(w)) for f, w in zip(shapes[:last], weight / weight.sum(), strict=False))
-    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=own)
+    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=refit)
     after = replace(
         search,
         candidates=replace(candidates, model=model, start=start, hypotheses=others),

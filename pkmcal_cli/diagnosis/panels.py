@@ -91,18 +91,18 @@ class Share:
 def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
     """An effect's picture, of several places that where it is largest; None for parameters and for effects that move
     nothing by themselves."""
-    own = _largest(finding)
-    placed = next((e for e in diagnosis.problem.model.effects if e.name == own.name), None)
+    largest = _largest(finding)
+    placed = next((e for e in diagnosis.problem.model.effects if e.name == largest.name), None)
     if placed is None or placed.effect.enters in ("stiffness", "weight", "drive_force", "load"):
         return None
     search, problem, shape = diagnosis.search, diagnosis.problem, diagnosis.problem.readings.shape
     linear = linear_without(search, [finding.hypothesis], [finding.hypothesis])
     every = finding.hypothesis.parameters
-    here = [every.index(n) for n in own.parameters]
+    here = [every.index(n) for n in largest.parameters]
     by_size_of_all = linear.of(every) / linear.scale_of(every)
     columns, estimate = by_size_of_all[:, here], np.array(finding.estimate)[here]
     elsewhere = by_size_of_all @ np.array(finding.estimate) - columns @ estimate
-    index = [search.fit.selected.index(n) for n in own.parameters]
+    index = [search.fit.selected.index(n) for n in largest.parameters]
     unit = _leading(problem, diagnosis, placed, (columns @ estimate).reshape(shape))
     length2 = (unit**2).sum(axis=1)
     used = (length2 > 1e-6 * length2.max()) & problem.measured.any(axis=1)

@@ -48,8 +48,8 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
 def _near(search: Search) -> Array:
     """Values (P,) to begin with: those of the fit before, of what was fitted."""
     near = search.start
-    own = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
-    near[own] = search.fit.values[own]
+    index = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
+    near[index] = search.fit.values[index]
     return near
 
 

@@ -135,9 +135,9 @@ def _unit_of(*dimensions: Dimension) -> AfterValidator:
 
 
 UnitText = Annotated[str, _unit_of()]
-_OWN = (BeforeValidator(unit_definition), WithJsonSchema(UNIT_SCHEMA))
-ReadingUnit = Annotated[str, *_OWN, _unit_of(LENGTH, ANGLE)]
-SensorUnit = Annotated[str, *_OWN, _unit_of(LENGTH, ANGLE, FORCE, TORQUE, NUMBER)]
+_DEFINED_UNIT = (BeforeValidator(unit_definition), WithJsonSchema(UNIT_SCHEMA))
+ReadingUnit = Annotated[str, *_DEFINED_UNIT, _unit_of(LENGTH, ANGLE)]
+SensorUnit = Annotated[str, *_DEFINED_UNIT, _unit_of(LENGTH, ANGLE, FORCE, TORQUE, NUMBER)]
 
 
 LengthUnit = Annotated[str, _unit_of(LENGTH)]

@@ -51,9 +51,9 @@ class ParameterResolver:
 
     def resolve(self, name: str, parameter: WrittenParameter, dimension: Dimension) -> Parameter:
         """The parameter with SI floats; faults are added at their places."""
-        own = parse_unit(parameter.unit) if parameter.unit else None
-        bare = own or self.units.unit(dimension)
-        if own is not None and own.dimension != dimension:
+        parameter_unit = parse_unit(parameter.unit) if parameter.unit else None
+        bare = parameter_unit or self.units.unit(dimension)
+        if parameter_unit is not None and parameter_unit.dimension != dimension:
             bare = self.units.unit(dimension)
         path: Path = ("parameters", name)
         nominal = self._number(parameter.nominal, dimension, bare, (*path, "nominal"))

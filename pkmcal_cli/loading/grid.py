@@ -100,20 +100,22 @@ def _axis(loaded: LoadedMachine, part: str, option: str) -> Axis:
     if not (number.isascii() and number.isdigit() and len(number) < 16 and int(number) > 0):
         raise UsageError(f"{option}: `{number}` is not a number of poses", hint="give an integer of at least 1")
     units = loaded.machine.file_units
-    own = units.angle if name.startswith("r") else units.length
-    start, stop = (_limit(part, text, own, option) for text in limits[:2])
+    expected = units.angle if name.startswith("r") else units.length
+    start, stop = (_limit(part, text, expected, option) for text in limits[:2])
     return Axis(name, start, stop, int(number))
 
 
-def _limit(part: str, text: str, own: Unit, option: str) -> float:
+def _limit(part: str, text: str, expected: Unit, option: str) -> float:
     """A limit of an axis, SI: a number in the file's unit, or a value with a unit."""
     try:
-        number, unit = parse_value(text, (own.dimension,))
+        number, unit = parse_value(text, (expected.dimension,))
     except UnitError as error:
-        hint = error.hint or f"give a number in {own.text}"
+        hint = error.hint or f"give a number in {expected.text}"
         raise UsageError(f"{option}: `{part}`: {error.message}", hint=hint) from None
-    unit = own if unit.text == "1" else unit
+    unit = expected if unit.text == "1" else unit
     value = unit.to_si(number)
-    if unit.dimension != own.dimension or not math.isfinite(value):
-        raise UsageError(f"{option}: `{part}`: `{text.strip()}` is not a limit", hint=f"give a number in {own.text}")
+    if unit.dimension != expected.dimension or not math.isfinite(value):
+        raise UsageError(
+            f"{option}: `{part}`: `{text.strip()}` is not a limit", hint=f"give a number in {expected.text}"
+        )
     return value

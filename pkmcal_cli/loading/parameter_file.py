@@ -183,10 +183,10 @@ def _other_release(root: SourceNode) -> str | None:
     """What to do with a file that another release has written; None for one of this release, or of nobody."""
     provenance = root.child("provenance") if isinstance(root.value, dict) else None
     program = provenance.child("program") if provenance is not None and isinstance(provenance.value, dict) else None
-    own = f"pkmcal {__version__}"
-    if program is None or not isinstance(program.value, str) or program.value == own:
+    this_program = f"pkmcal {__version__}"
+    if program is None or not isinstance(program.value, str) or program.value == this_program:
         return None
-    return f"the file was written by {program.value[:40]}, this is {own}: use that release, or calibrate again"
+    return f"the file was written by {program.value[:40]}, this is {this_program}: use that release, or calibrate again"
 
 
 def _entry_value(

@@ -209,9 +209,9 @@ def _angles(machine: Machine) -> Iterator[Fault]:
         slipped = number > 2 * math.pi + 1e-9 if radians else steps > 0.9 and abs(steps - round(steps)) < _ROUND[1]
         if slipped and label not in reported:
             reported.add(label)
-            likely_unit, own = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
-            message = f"{label} = {number:g} {own}: did you mean {number:g} {likely_unit}?"
-            hint = f"bare angles are in {own}; write `{number:g} {likely_unit}`, if that is meant"
+            likely_unit, file_unit = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
+            message = f"{label} = {number:g} {file_unit}: did you mean {number:g} {likely_unit}?"
+            hint = f"bare angles are in {file_unit}; write `{number:g} {likely_unit}`, if that is meant"
             yield machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 

@@ -45,9 +45,9 @@ def _sizes_part(result: Sensitivity, model: Model, kind: str, dimension: str, qu
     dots = []
     for p in sorted(result.parameters, key=lambda p: -ranked(shifts[p.name])):
         seen = ranked(shifts[p.name]) > 0
-        own = parameter_unit(model, p.name)
+        file_unit = parameter_unit(model, p.name)
         dots.append(Dot(name=p.name, value=shifts[p.name] / unit.scale if seen else math.nan,
-                        text=f"by {handy(p.size, own)}" if seen else "no influence"))  # fmt: skip
+                        text=f"by {handy(p.size, file_unit)}" if seen else "no influence"))  # fmt: skip
     known = [d.value for d in dots if math.isfinite(d.value)]
     wide = bool(known) and max(known) > 30 * min(known)
     note = " (logarithmic)" if wide else ""

@@ -66,8 +66,8 @@ def places_of(problem: Problem, stages: Sequence[tuple[str, Array]]) -> list[Pla
     pairs = [(0, 1)] if len(channels) == 2 else [(0, 1), (0, 2)]
     out = []
     for pair in pairs:
-        own = [channels[k] for k in pair]
-        errors = tuple((n, r[whole][:, own]) for n, r in stages)
+        pair_columns = [channels[k] for k in pair]
+        errors = tuple((n, r[whole][:, pair_columns]) for n, r in stages)
         out.append(Places("".join(letters[k] for k in pair), at[:, list(pair)], errors, sigma))
     return out
 

@@ -101,9 +101,9 @@ def _over_rows(quantity: str, series: Sequence[_Series]) -> list[Part]:
 
 
 def _panel(quantity: str, series: Sequence[_Series], unit: str) -> Part:
-    own = parse_unit(unit)
+    file_unit = parse_unit(unit)
     largest = max(float(np.nanmax(np.abs(s.values))) for s in series)
-    shown = shown_unit(series[0].dimension, largest, own) if own.text in ("N", "kN", "N m") else own
+    shown = shown_unit(series[0].dimension, largest, file_unit) if file_unit.text in ("N", "kN", "N m") else file_unit
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()

@@ -61,8 +61,8 @@ class Added:
         before, after = self.figures
         unit, scale = None, 1.0
         if self.reached is not None:
-            own = parameter_unit(model, self.reached.name)
-            unit, scale = own.text, own.scale
+            file_unit = parameter_unit(model, self.reached.name)
+            unit, scale = file_unit.text, file_unit.scale
         figure = "std" if self.reached is not None else "log_determinant" if self.aim.kind == "determine" else "mdb"
         return {
             "kind": self.aim.kind,

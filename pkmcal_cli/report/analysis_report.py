@@ -71,7 +71,7 @@ def sensitivity_json(model: Model, units: FileUnits, result: Sensitivity, coordi
         along = _along_json(result, coordinate, unit_along(units, coordinate))
     listed = []
     for p in result.parameters:
-        own = parameter_unit(model, p.name)
+        file_unit = parameter_unit(model, p.name)
         listed.append(
             {
                 "name": p.name,
@@ -79,9 +79,9 @@ def sensitivity_json(model: Model, units: FileUnits, result: Sensitivity, coordi
                 "orientation": finite(p.orientation),
                 "unit": units.length.text,
                 "orientation_unit": "rad",
-                "range": ranges[p.name] / own.scale,
-                "range_unit": own.text,
-                "size": p.size / own.scale,
+                "range": ranges[p.name] / file_unit.scale,
+                "range_unit": file_unit.text,
+                "size": p.size / file_unit.scale,
                 **along[p.name],
             }
         )

@@ -167,12 +167,12 @@ class CalibrationReport:
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
         """Parameters of the machine; apart from them where its instruments stand, for which no drawing has a value."""
         frames = tuple(f"frame@{name}." for name in self.model.fitted_frames)
-        own = [r for r in selected if not r.name.startswith(frames)]
+        machine_rows = [r for r in selected if not r.name.startswith(frames)]
         stand = [r for r in selected if r.name.startswith(frames)]
         more = (*self._held_head, *self._interval_head)
-        if own or not stand:
+        if machine_rows or not stand:
             heads = ("name", "nominal", "identified", *more, "range", "remark")
-            to.table("Parameters", heads, [self._row(r) for r in own])
+            to.table("Parameters", heads, [self._row(r) for r in machine_rows])
         if stand:
             cells = [self._row(r) for r in stand]
             to.table("Fitted frames", ("name", "fitted", *more, "remark"), [(c[0], *c[2:-2], c[-1]) for c in cells])
@@ -194,8 +194,8 @@ class CalibrationReport:
     @property
     def _held_head(self) -> tuple[str, ...]:
         """A column for what parameters that are not identified add, where it is worth one."""
-        own = [r for r in self.rows if r.by_data is not None and r.by_held is not None]
-        return (HELD,) if any(r.by_held > _WORTH * r.by_data for r in own) else ()  # type: ignore[operator]
+        split = [r for r in self.rows if r.by_data is not None and r.by_held is not None]
+        return (HELD,) if any(r.by_held > _WORTH * r.by_data for r in split) else ()  # type: ignore[operator]
 
     def _held(self, row: ParameterRow) -> tuple[str, ...]:
         if not self._held_head:

@@ -138,10 +138,12 @@ def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Arra
         if model.topology.drives[column].force_controlled:
             message = f"--offset: `{name}` is force-controlled and has no set value"
             raise UsageError(message, hint="offset a position-controlled actuator")
-        own = parse_unit(model.actuators[column].unit)
-        moved, unit = amount("--offset", value, own)
-        if unit.dimension != own.dimension:
-            raise UsageError(f"--offset: the unit of `{value}` does not fit `{name}`", hint=f"give it in {own.text}")
+        drive_unit = parse_unit(model.actuators[column].unit)
+        moved, unit = amount("--offset", value, drive_unit)
+        if unit.dimension != drive_unit.dimension:
+            raise UsageError(
+                f"--offset: the unit of `{value}` does not fit `{name}`", hint=f"give it in {drive_unit.text}"
+            )
         readings[:, column] += moved
     return readings
 

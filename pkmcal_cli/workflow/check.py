@@ -266,8 +266,8 @@ def _check_tables(
     problem = problem_of(loaded.model, measured)
     values = problem.model.nominal
     if start.inputs:  # a file tells them, but for what stands elsewhere each time
-        own = own_of(problem.model)
-        values = np.where([n in own for n in problem.model.names], values, start.values)
+        of_campaign = own_of(problem.model)
+        values = np.where([n in of_campaign for n in problem.model.names], values, start.values)
     prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]

@@ -182,7 +182,7 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     """The tests."""
     data = [k.data for k in known if k.data is not None]
     odd = _of_other_kinds(known)
-    c = common(data, [k.values for k in known], [_own(k) | odd for k in known])
+    c = common(data, [k.values for k in known], [_per_campaign(k) | odd for k in known])
     test, contrasts = omnibus(c)
     times, unit = _times(known)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
@@ -192,7 +192,7 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     return Compared(c, test, parameter_changes, single, _apart(known, c), unit)
 
 
-def _own(known: KnownParameters) -> set[str]:
+def _per_campaign(known: KnownParameters) -> set[str]:
     """Parameters that a campaign has for itself: those of its sessions, and errors of the measurement."""
     effects = catalogue()
     out = set()

@@ -59,9 +59,9 @@ class Gate:
             known = figures.get(self.otherwise, known)
         if isinstance(known, str):
             return Judged(self, Figure(f"{self.figure} ({known})", math.inf, self.unit))
-        return Judged(self, self._own(known) or Figure(self.text, math.inf, self.unit))
+        return Judged(self, self._matching(known) or Figure(self.text, math.inf, self.unit))
 
-    def _own(self, known: Sequence[Figure]) -> Figure | None:
+    def _matching(self, known: Sequence[Figure]) -> Figure | None:
         """The first figure of its kind, or of its dimension."""
         if self.kind:
             return next((f for f in known if f.kind == self.kind), None)
@@ -117,8 +117,8 @@ def _gate(text: str) -> Gate:
     if name != "std" and (unit.dimension == NUMBER) != (name == "chi2"):
         lacking = "has no unit" if unit.dimension == NUMBER else "is not a number"
         raise UsageError(f"{OPTION}: `{text}`: `{value.strip()}` {lacking}", hint=_EXAMPLE)
-    own = {"figure": figure, "kind": ""} if name == "std" else {"figure": name, "kind": part}
-    return Gate(text=text, limit=limit, unit=unit, **own)
+    target = {"figure": figure, "kind": ""} if name == "std" else {"figure": name, "kind": part}
+    return Gate(text=text, limit=limit, unit=unit, **target)
 
 
 def _largest_rms(text: str) -> Gate:

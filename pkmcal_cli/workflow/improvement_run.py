@@ -56,9 +56,11 @@ def fingerprint_of_improved(overlay: str, inputs: Mapping[str, str]) -> Fingerpr
     try:
         improved = read_machine(overlay)
     except BadInput as error:
-        own = [f.message for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay]
-        if own:  # what was just written, which is no input
-            raise OutputError(f"cannot be written: {own[0]}", overlay) from error
+        overlay_faults = [
+            f.message for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay
+        ]
+        if overlay_faults:  # what was just written, which is no input
+            raise OutputError(f"cannot be written: {overlay_faults[0]}", overlay) from error
         raise
     for name, digest in improved.files[1:]:
         if digest not in inputs.values():

@@ -60,10 +60,12 @@ def _reached(name: str, value: str, model: Model, selected: tuple[str, ...]) -> 
     if name not in model.names:
         hint = did_you_mean(name, model.names, _EXAMPLE)
         raise UsageError(f"{OPTION}: the machine has no parameter `{name}`", hint=hint)
-    own = parse_unit(model.parameters[model.names.index(name)].unit or "1").difference
-    limit, unit = amount(OPTION, value, own)
-    if unit.dimension != own.dimension or limit <= 0:
-        raise UsageError(f"{OPTION}: `{value}` is no uncertainty of `{name}`", hint=f"write e.g. 5 {own.text}")
+    parameter_unit = parse_unit(model.parameters[model.names.index(name)].unit or "1").difference
+    limit, unit = amount(OPTION, value, parameter_unit)
+    if unit.dimension != parameter_unit.dimension or limit <= 0:
+        raise UsageError(
+            f"{OPTION}: `{value}` is no uncertainty of `{name}`", hint=f"write e.g. 5 {parameter_unit.text}"
+        )
     return WantedAim(Aim("determine", (_selected([name], selected),)), (), limit)
 
 

@@ -131,14 +131,14 @@ def _of_run(request: ReportRequest) -> ReportRequest:
     asked, files = record.get("asked"), record.get("inputs")
     try:
         copies = {name: _copy(folder, kept["file"]) for name, kept in files.items()}  # type: ignore[union-attr]
-        own = {k: asked[k] for k in ("select", "loss", "prior", "alpha", "seed") if k in asked}  # type: ignore[operator, index]
+        options = {k: asked[k] for k in ("select", "loss", "prior", "alpha", "seed") if k in asked}  # type: ignore[operator, index]
         return replace(
             request,
             machine=copies[str(record["machine"])],
             measurements=tuple(copies[name] for name in asked["measurements"]),  # type: ignore[index]
             parameters=None if asked["parameters"] is None else copies[asked["parameters"]],  # type: ignore[index]
             after=tables[0] if tables else None,
-            **own,
+            **options,
         )
     except (KeyError, TypeError, AttributeError):
         hint = "give a run of `calibrate`, `diagnose` or `improve`"

@@ -94,9 +94,9 @@ def _predicted(
     rows, measured = with_directions(poses.poses.rows, names), poses.poses.measured
     if not np.isfinite(still.values).any():
         to.notes(["no sensor reads anything at these poses: coordinates of the TCP are shown instead"])
-        own = {"length": units.length.text, "angle": units.angle.text}
+        unit_of = {"length": units.length.text, "angle": units.angle.text}
         model = tcp_model(model)
-        model = replace(model, channels=tuple(replace(c, unit=own[c.dimension]) for c in model.channels))
+        model = replace(model, channels=tuple(replace(c, unit=unit_of[c.dimension]) for c in model.channels))
         still, measured = predict(model, values, rows, Request(forces=True), still.start), None
     problem = design_problem(model, rows, measured)
     return replace(problem, measured=problem.measured & np.isfinite(still.values)), still, poses

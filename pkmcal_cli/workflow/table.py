@@ -33,7 +33,7 @@ class PosedTable:
         self.drives = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
         pulling = [a for a in range(len(model.actuators)) if a not in self.drives]
         stated = [machine.actuators[a.name].force for a in model.actuators]
-        self.unstated = [a for a in pulling if (own := stated[a]) is None or own.otherwise is None]
+        self.unstated = [a for a in pulling if (force := stated[a]) is None or force.otherwise is None]
         self.forces = pulling if given else self.unstated
         self.known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
