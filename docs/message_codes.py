@@ -65,7 +65,7 @@ def makers() -> dict[str, tuple[Maker, ...]]:
             else:
                 continue
             if "code" in names and ("message" in names or "hint" in names):
-                text = names.index("message") if "message" in names else None
+                text = next((names.index(n) for n in ("message", "what") if n in names), None)  # what: of a `Fault`
                 maker = Maker(node.name, names.index("code"), text, defaults.get("code"))
                 found[node.name] = (*found.get(node.name, ()), maker)
     return found

@@ -39,8 +39,8 @@ def faults(folder: Path, text: str) -> list[str]:
     """The head lines of the faults, without the file name."""
     with pytest.raises(BadInput) as caught:
         read(folder, text)
-    return [f"{f.where.line}:{f.where.column} {f.code}: {f.message}" for f in caught.value.faults if f.where]
+    return [f"{f.where.line}:{f.where.column} {f.code}: {f.what}" for f in caught.value.faults if f.where]
 
 
 def warned(folder: Path, text: str) -> list[str]:
-    return [w.message for w in read(folder, text).warnings]
+    return [w.what for w in read(folder, text).warnings]

@@ -127,7 +127,7 @@ def test_the_modulus_of_steel_is_guessed(tmp_path: Path) -> None:
         "beams: {b: {between: [o, n], section: s, material: steel}}\n"
     )
     (warning,) = read(tmp_path, text).warnings
-    assert warning.message == "E = 210 Pa: did you mean 210 GPa?"
+    assert warning.what == "E = 210 Pa: did you mean 210 GPa?"
     assert warning.text().startswith(f"{tmp_path / 'm.yaml'}:5:24: warning[magnitude]: E = 210 Pa")
 
 

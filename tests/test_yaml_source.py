@@ -26,7 +26,7 @@ def refused(folder: Path, text: str | bytes) -> str:
     with pytest.raises(BadInput) as caught:
         read(folder, text)
     assert caught.value.exit_code == 3
-    return caught.value.message
+    return caught.value.what
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def annotation(severity: Severity, message: str, where: Location | None = None, 
 
 def of_fault(fault: Fault) -> str:
     """A fault with its remedy."""
-    text = f"{fault.message}\nhelp: {fault.hint}" if fault.hint else fault.message
+    text = f"{fault.what}\nhelp: {fault.hint}" if fault.hint else fault.what
     return annotation(fault.severity, text, fault.where, fault.code)
 
 
@@ -32,7 +32,7 @@ def of_error(error: PkmcalError) -> list[str]:
     if isinstance(error, BadInput):
         return [of_fault(fault) for fault in error.faults]
     named = isinstance(error.where, str)
-    message = f"{error.where}: {error.message}" if named else error.message
+    message = f"{error.where}: {error.what}" if named else error.what
     return [of_fault(Fault(error.code, message, None if isinstance(error.where, str) else error.where, error.hint))]
 
 

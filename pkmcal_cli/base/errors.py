@@ -46,7 +46,7 @@ class Fault:
     """
 
     code: str
-    message: str
+    what: str
     where: Location | None = None
     hint: str | None = None
     source: str | None = None
@@ -55,7 +55,7 @@ class Fault:
     def text(self) -> str:
         """The fault as it is shown: head line, source line, caret line, help."""
         head = f"{self.where}: " if self.where is not None else ""
-        lines = [f"{head}{self.severity}[{self.code}]: {visible(self.message)}"]
+        lines = [f"{head}{self.severity}[{self.code}]: {visible(self.what)}"]
         if self.where is not None and self.source is not None and self.where.column:
             lines += _excerpt(self.source, self.where.column)
         if self.hint:
@@ -96,7 +96,7 @@ class PkmcalError(Exception):
         hint: str | None = None,
         code: str | None = None,
     ) -> None:
-        self.message = message
+        self.what = message
         self.where = where
         self.hint = hint
         self.code = code or self.usual_code
@@ -105,9 +105,9 @@ class PkmcalError(Exception):
     def text(self) -> str:
         """The error as it is shown to the user."""
         if isinstance(self.where, Location) or self.where is None:
-            return Fault(self.code, self.message, self.where, self.hint).text()
+            return Fault(self.code, self.what, self.where, self.hint).text()
         tail = f"\nhelp: {self.hint}" if self.hint else ""
-        return visible(f"{in_line(self.where)}: error[{self.code}]: {self.message}{tail}")
+        return visible(f"{in_line(self.where)}: error[{self.code}]: {self.what}{tail}")
 
     def __str__(self) -> str:
         return self.text()
@@ -133,7 +133,7 @@ class BadInput(PkmcalError):
         first = faults[0] if faults else Fault("input", "the input is invalid")
         self.faults: tuple[Fault, ...] = tuple(faults)
         self.total = len(self.faults) if total is None else total
-        super().__init__(first.message, first.where, first.hint, first.code)
+        super().__init__(first.what, first.where, first.hint, first.code)
 
     def __reduce__(self) -> tuple[type[BadInput], tuple[tuple[Fault, ...], int]]:
         return BadInput, (self.faults, self.total)
@@ -216,7 +216,7 @@ class FaultList:
 
 def _sorted(faults: Iterable[Fault]) -> list[Fault]:
     nowhere = Location("", 0, 0)
-    return sorted(faults, key=lambda f: (f.where or nowhere, f.message))
+    return sorted(faults, key=lambda f: (f.where or nowhere, f.what))
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

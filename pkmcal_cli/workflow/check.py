@@ -195,7 +195,7 @@ def _json(fault: Fault) -> dict[str, Any]:
     where = fault.where
     return {
         "code": fault.code,
-        "message": fault.message,
+        "message": fault.what,
         "file": where.file if where else None,
         "line": (where.line or None) if where else None,
         "column": (where.column or None) if where else None,
@@ -285,5 +285,5 @@ def _check_tables(
     loads = Loads.of(problem.model, problem.model.nominal, problem.rows, partial(place_of, measured), prediction.start)
     loads.show(to)
     counts = {"n_rows": len(problem), "n_values": problem.count, "sessions": list(measured.sessions)}
-    counts["warnings"] = [*(f.message for f in measured.warnings), *copied, *loads.warnings]
+    counts["warnings"] = [*(f.what for f in measured.warnings), *copied, *loads.warnings]
     return counts, hints + faults, len(hints) + len(lost)

@@ -57,7 +57,7 @@ def fingerprint_of_improved(overlay: str, inputs: Mapping[str, str]) -> Fingerpr
         improved = read_machine(overlay)
     except BadInput as error:
         overlay_faults = [
-            f.message for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay
+            f.what for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay
         ]
         if overlay_faults:  # what was just written, which is no input
             raise OutputError(f"cannot be written: {overlay_faults[0]}", overlay) from error

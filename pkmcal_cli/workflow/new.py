@@ -96,7 +96,7 @@ def _span(text: str) -> float:
     try:
         value, unit = amount("--span", text, fitting=(LENGTH,))
     except UsageError as error:
-        raise UsageError(error.message, hint=hint) from None
+        raise UsageError(error.what, hint=hint) from None
     if unit.dimension != LENGTH:
         raise UsageError(f"--span: `{text}` is not a length", hint=hint)
     if not SPANS[0] <= value <= SPANS[1]:

@@ -169,7 +169,7 @@ def _improved(request: ReportRequest, to: Reporter) -> tuple[ImprovementReport |
         case, _ = improve_setting(asked, Record())  # what there is to say of the files, the calibration has said
     except BadInput as error:
         if all(fault.code == "measurements" for fault in error.faults):
-            return None, error.faults[0].message
+            return None, error.faults[0].what
         raise
     return improvement_of(case, None, asked, to).report, ""
 
