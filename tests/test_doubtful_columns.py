@@ -24,7 +24,7 @@ def test_days_of_a_spreadsheet_are_no_seconds(tmp_path: Path) -> None:
     days = found(tmp_path, HEAD, *(f"{ROW},{44546.4375 + k / 144:.6f}" for k in range(5)))
     (told,) = days.warnings
     assert (told.code, told.severity) == ("csv-time", "warning")
-    assert "looks like a spreadsheet's day (2021-12-16)" in told.message
+    assert "looks like a spreadsheet's day (2021-12-16)" in told.what
     assert not found(tmp_path, HEAD, *(f"{ROW},{44546 + 600 * k}" for k in range(5))).warnings
 
 

@@ -131,8 +131,8 @@ def _contrasts(c: Common) -> Array:
     if not free.shape[1]:
         return free
     by_change = np.hstack([(free * (c.place == k)[:, None]).T @ c.matrix for k in range(len(c.sets))])
-    turn, size, _ = np.linalg.svd(by_change, full_matrices=False)
-    return np.asarray(free @ turn[:, size > _WORTH])
+    basis, size, _ = np.linalg.svd(by_change, full_matrices=False)
+    return np.asarray(free @ basis[:, size > _WORTH])
 
 
 def _freedom(c: Common, share: Array) -> float:

@@ -64,12 +64,12 @@ class Evidence:
         less found.
         """
         p, q = len(spread), len(self.centre)
-        turn = np.eye(q)
-        turn[:p, :p] = spread
+        transform = np.eye(q)
+        transform[:p, :p] = spread
         return replace(
             self,
-            information=turn.T @ self.information @ turn,
-            score=self.score @ turn,
+            information=transform.T @ self.information @ transform,
+            score=self.score @ transform,
             centre=np.append(-errors, np.zeros(q - p)),
             estimated=np.zeros(q, dtype=bool),
         )

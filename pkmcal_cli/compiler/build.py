@@ -182,8 +182,8 @@ def _aim_at(structure: Structure, at: ConnectionPoint) -> tuple[int, ...]:
     if at.rotation == GROUND:
         return (place,)
     filed = builder.filed.get(at.rotation, structure.orientation(at.rotation))
-    turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
-    return place, builder.aim(OrientationElement(turns), "aim.turn", (base, at), triad=filed.T)
+    rotations = ("rz",) if structure.planar else ("rx", "ry", "rz")
+    return place, builder.aim(OrientationElement(rotations), "aim.turn", (base, at), triad=filed.T)
 
 
 def _model(machine: Machine, draft: _Draft, topology: Topology, length: float) -> Model:

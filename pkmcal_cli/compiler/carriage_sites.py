@@ -44,7 +44,7 @@ def guides(c: SiteCollector) -> Named:
 
 
 def carriages(c: SiteCollector) -> Named:
-    """Turns of carriages: of the rail's side of the springs where they tilt, else as moves of their points.
+    """Tilts of carriages: of the rail's side of the springs where they tilt, else as moves of their points.
 
     Not where members feel the orientation of a carriage that does not tilt.
     """
@@ -68,7 +68,7 @@ def carriages(c: SiteCollector) -> Named:
 
 
 def _tilts(c: SiteCollector, body: str, a: int) -> Named:
-    """Turns at which the springs of a carriage that tilts are at rest."""
+    """Tilts at which the springs of a carriage that tilts are at rest."""
     for _, e, group in c.places_of(f"{body}.guidance"):
         strains = group.element.strains
         for m, strain in enumerate(strains):

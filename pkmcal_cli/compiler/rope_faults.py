@@ -129,7 +129,7 @@ def _planar_faults(structure: Structure, name: str, path: RopePath) -> Iterator[
         if point not in rope.pulleys:
             continue
         where = ("ropes", name, "pulleys", point)
-        if visit in (0, len(rope.between) - 1) and _turns(structure, point):
+        if visit in (0, len(rope.between) - 1) and _rotates(structure, point):
             message = f"rope `{name}` ends on a pulley at `{point}`, which turns: what lies on it would turn too"
             hint = "end the rope at the point, or let the pulley's point be fixed or on a carriage"
             yield source.fault("pulley", message, where, hint, at_key=True)
@@ -141,7 +141,7 @@ def _planar_faults(structure: Structure, name: str, path: RopePath) -> Iterator[
             yield source.fault("pulley", message, (*where, "side"), hint, warning=True)
 
 
-def _turns(structure: Structure, point: str) -> bool:
+def _rotates(structure: Structure, point: str) -> bool:
     """Whether a point belongs to something that turns against the base."""
     rotation = structure.rotations.get(structure.owner.get(point, point))
     return rotation is not None and structure.builder.rotations[rotation][0] != RotationKind.FIXED

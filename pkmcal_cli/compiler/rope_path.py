@@ -149,8 +149,8 @@ def _wrap(before: float, after: float, radius: float) -> float:
     """Angle (rad) on a pulley between two directions, of the sign of its radius, less than a turn."""
     if radius == 0:
         return 0.0
-    turn = float((np.sign(radius) * (after - before)) % (2 * np.pi))
-    return float(np.sign(radius)) * (0.0 if 2 * np.pi - turn < _WHOLE else turn)
+    swept = float((np.sign(radius) * (after - before)) % (2 * np.pi))
+    return float(np.sign(radius)) * (0.0 if 2 * np.pi - swept < _WHOLE else swept)
 
 
 # --- in space ------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, exp
-from pkmcal_cli.compiler.axes import depends, joint_turns, nominal_axis
+from pkmcal_cli.compiler.axes import depends, joint_tilts, nominal_axis
 from pkmcal_cli.compiler.coefficient_values import constant_vector, is_zero, number, unit, vector
 from pkmcal_cli.compiler.coordinates import Coordinates
 from pkmcal_cli.compiler.joint_tree import joint_tree
@@ -188,7 +188,7 @@ class Structure(Coordinates):
         """Travels of a sliding joint along its free axes, carried by the parent."""
         rotation = self.rotation(parent)
         filed = self.filed_orientation(rotation)
-        tilted = self.tilted(rotation, joint_turns(joint, self.nominal)[0], f"{joint_name}.axis", filed)
+        tilted = self.tilted(rotation, joint_tilts(joint, self.nominal)[0], f"{joint_name}.axis", filed)
         reference = self.filed_place(child) - self.filed_place(parent)
         axis = self.slide_axis(joint, sign * reference)
         axes = [axis] if joint.type != "planar" else list(np.linalg.svd(axis[None])[2][1:])

@@ -138,10 +138,10 @@ class _Scheme:
         grams = np.stack([x[rows].T @ x[rows] for rows in used])  # (F, d + Q, d + Q)
         rng = np.random.default_rng([seed, 11])
         drawn = np.stack([_root(g) @ rng.normal(size=(len(g), _DRAWS)) for g in grams])  # (F, d + Q, D)
-        turn = np.eye(len(grams[0]))  # parameters to directions, after drawing: these are not the same everywhere
+        transform = np.eye(len(grams[0]))  # parameters to directions, after drawing: these are not the same everywhere
         size = len(linear.projected)
-        turn[:size, :size] = linear.spectrum.vectors
-        grams, noise = turn @ grams @ turn.T, turn @ drawn
+        transform[:size, :size] = linear.spectrum.vectors
+        grams, noise = transform @ grams @ transform.T, transform @ drawn
         count = [int(rows.sum()) for rows in used]
         whole, score = grams.sum(axis=0), noise.sum(axis=0)
         normal = whole[:d, :d] + _at_least(prior, _SMALL**2)

@@ -49,13 +49,13 @@ class DriverPanel:
     fitted: Array
     band: Array
     side: Array | None
-    turns: bool
+    rotary: bool
     per_kelvin: bool = False
 
     @property
     def displaced_in(self) -> Unit:
         """Unit of the displacements where they are shown."""
-        return parse_unit(("urad" if self.turns else "um") + ("/K" if self.per_kelvin else ""))
+        return parse_unit(("urad" if self.rotary else "um") + ("/K" if self.per_kelvin else ""))
 
     @property
     def quantity(self) -> str:
@@ -125,7 +125,7 @@ def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
         fitted=by_size @ estimate,
         band=1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
         side=None if side is None else side[used],
-        turns=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
+        rotary=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
     )
     return _by_temperature(panel, problem, placed, search.fit.values, used)
 

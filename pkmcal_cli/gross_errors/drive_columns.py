@@ -98,9 +98,9 @@ def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
     for dimension in sorted({actuators[a].dimension for a in used}):
         group = [a for a in used if actuators[a].dimension == dimension]
         if kind == "rotated" and len(group) > 2:
-            for turn in (1, -1):
+            for shift in (1, -1):
                 source = plain.copy()
-                source[group] = np.roll(group, turn)
+                source[group] = np.roll(group, shift)
                 yield _Change("rotated", tuple(group), source, ones)
         if kind == "swapped":
             for i, j in combinations(group, 2):

@@ -184,11 +184,11 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     return (*first, *(replace(h, message=f"alternatively, {h.message}") for o in others for h in o))
 
 
-def _channels(sample: Sample, turns: bool) -> _Reason:
-    """What explains the measured channels; `turns`: with turns by the shorter way."""
+def _channels(sample: Sample, rotated: bool) -> _Reason:
+    """What explains the measured channels; `rotated`: with turns by the shorter way."""
     names, units = _named(sample)
     readings, predicted = sample.readings, sample.predicted
-    seen = sample.seen(readings, predicted) if turns else np.where(sample.informative, readings, np.nan)
+    seen = sample.seen(readings, predicted) if rotated else np.where(sample.informative, readings, np.nan)
     firm = seen.copy()
     firm[:, sample.of_unknown_frames] = np.nan
     explanation = explain_columns(firm, predicted, names, units, sample.prior_rms)

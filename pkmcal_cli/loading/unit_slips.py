@@ -203,7 +203,7 @@ def _angles(machine: Machine) -> Iterator[Fault]:
     """Angles of more than a turn in a file in radians; in one in degrees, multiples of 15 degrees in radians."""
     values, radians = machine.nominal_values(), machine.file_units.angle.scale == 1.0
     reported: set[str] = set()
-    for label, path, written in _turns(machine, values):
+    for label, path, written in _orientations(machine, values):
         number = abs(written / machine.file_units.angle.scale)
         steps = number / _ROUND[0]
         slipped = number > 2 * math.pi + 1e-9 if radians else steps > 0.9 and abs(steps - round(steps)) < _ROUND[1]
@@ -215,13 +215,13 @@ def _angles(machine: Machine) -> Iterator[Fault]:
             yield machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 
-def _turns(machine: Machine, values: dict[str, float]) -> Iterator[tuple[str, Path, float]]:
+def _orientations(machine: Machine, values: dict[str, float]) -> Iterator[tuple[str, Path, float]]:
     """Angles as drawn."""
     for name, parameter in machine.parameters.items():
         if parameter.dimension == ANGLE:
             yield f"nominal of {name}", ("parameters", name, "nominal"), parameter.nominal
     for kind in ("frames", "bodies"):
         for name, entity in getattr(machine, kind).items():
-            turn: Sequence[Quantity] = entity.turn
-            for quantity in turn:
+            orientation: Sequence[Quantity] = entity.turn
+            for quantity in orientation:
                 yield f"turn of {name}", (kind, name, "turn"), quantity.number(values)

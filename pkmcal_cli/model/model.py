@@ -246,7 +246,7 @@ class Model:
             coordinates=names,
             gains=np.array([self.actuators[a].gain_coefficient for a in drives], dtype=np.intp),
             size=np.where(lengths, self.length, 1.0),
-            turn=np.where(lengths, np.inf, 2 * np.pi),
+            period=np.where(lengths, np.inf, 2 * np.pi),
             home=posed.reference[[DIRECTIONS.index(n) for n in names]] / unit,
             commanded=commanded,
             reference=self.reference_coefficients[0, commanded],

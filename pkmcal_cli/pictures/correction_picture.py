@@ -29,7 +29,7 @@ class _Moved:
 
     name: str
     by: Array
-    turns: bool
+    angular: bool
 
 
 def correction_picture(
@@ -41,8 +41,8 @@ def correction_picture(
     places = _places(result, held)
     parts = [map_part(p, length) for p in places]
     moved = _moved(model, result)
-    for turns in (False, True):
-        alike = [m for m in moved if m.turns == turns]
+    for angular in (False, True):
+        alike = [m for m in moved if m.angular == angular]
         parts += [_moved_part(alike[k : k + len(LOOKS)]) for k in range(0, len(alike), len(LOOKS))]
     count = len(result.correction.good)
     errors = errors_in_words(places) + " " if places else ""
@@ -80,7 +80,7 @@ def _moved(model: Model, result: Assessment) -> list[_Moved]:
 
 def _moved_part(moved: Sequence[_Moved]) -> Part:
     largest = max(float(np.nanmax(np.abs(m.by))) for m in moved)
-    unit = shown_unit("angle" if moved[0].turns else "length", largest)
+    unit = shown_unit("angle" if moved[0].angular else "length", largest)
 
     def draw(figure: SubFigure) -> None:
         from matplotlib.ticker import MaxNLocator

@@ -27,8 +27,8 @@ def show_sensitivity(to: Reporter, model: Model, units: FileUnits, result: Sensi
     largest = max((ranked(p.position) for p in result.parameters), default=0.0) or 1.0
     table = []
     for p in result.parameters:
-        shift, turn = _shift(p.position, units.length), _shift(p.orientation, units.angle)
-        table.append((p.name, _size(model, p), shift, bar(ranked(p.position) / largest), turn))
+        shift, rotation = _shift(p.position, units.length), _shift(p.orientation, units.angle)
+        table.append((p.name, _size(model, p), shift, bar(ranked(p.position) / largest), rotation))
     rows = count(int(result.prediction.solved.sum()), "position")
     title = f"Mean TCP shift and rotation per parameter {word}, {rows} (eq. 23)"
     to.table(title, ("parameter", word, "shift", "", "rotation"), table, spare=("",))

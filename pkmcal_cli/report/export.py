@@ -54,7 +54,7 @@ class ExportReport:
 
     def _columns(self, kind: str) -> list[int]:
         turning = self.case.tool.turning
-        return [k for k, turns in enumerate(turning) if turns == (kind == "orientation")]
+        return [k for k, angular in enumerate(turning) if angular == (kind == "orientation")]
 
     def _sizes(self, variant: str, kind: str) -> Array:
         """Sizes (n,) of an error; nan where the machine finds no pose."""

@@ -33,10 +33,10 @@ def _parameter(name: str, value: Stated, note: str = "", more: str = "") -> str:
     return f"  {name}: {{{', '.join(entries)}}}"
 
 
-def _towers(names: Sequence[str], turn: Callable[[str], str], rod: Callable[[str], str], radius: str) -> list[str]:
-    """Guides, carriages and rods of a delta; `turn`, `rod`: by tower."""
+def _towers(names: Sequence[str], angle: Callable[[str], str], rod: Callable[[str], str], radius: str) -> list[str]:
+    """Guides, carriages and rods of a delta; `angle`, `rod`: by tower."""
     lines = ["", "frames: # the bed is the base: plane, horizontal, at height 0", "  bed: {at: [0, 0, 0]}"]
-    lines += [f"  tower_{t}: {{turn: [0, 0, {turn(t)}]}}" for t in names]
+    lines += [f"  tower_{t}: {{turn: [0, 0, {angle(t)}]}}" for t in names]
     lines += ["guides:", *(f"  rail_{t}: {{frame: tower_{t}, along: z}}" for t in names)]
     lines += ["nodes: {nozzle: [0, 0, 0]}", "bodies:"]
     for t in names:
