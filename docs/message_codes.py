@@ -163,6 +163,6 @@ def messages() -> dict[str, tuple[str, ...]]:
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found |= {code: {} for code in _SHOWN.findall(node.value) if code not in found}
-            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "usual_code":
+            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "default_code":
                 found.setdefault(ast.literal_eval(node.value), {})
     return {code: tuple(sorted(texts)) for code, texts in sorted(found.items())}

@@ -87,7 +87,7 @@ class PkmcalError(Exception):
     """
 
     exit_code = 70
-    usual_code = "error"
+    default_code = "error"
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class PkmcalError(Exception):
         self.what = message
         self.where = where
         self.hint = hint
-        self.code = code or self.usual_code
+        self.code = code or self.default_code
         super().__init__(message)
 
     def text(self) -> str:
@@ -121,7 +121,7 @@ class UsageError(PkmcalError):
     """The command line is wrong (exit code 2)."""
 
     exit_code = 2
-    usual_code = "usage"
+    default_code = "usage"
 
 
 class BadInput(PkmcalError):
@@ -173,7 +173,7 @@ class OutputError(PkmcalError):
     """A result cannot be written (exit code 4)."""
 
     exit_code = 4
-    usual_code = "output"
+    default_code = "output"
 
 
 @dataclass

@@ -240,7 +240,7 @@ def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) ->
     return Alone(c.names[best], value, std, float(p_values[best]), rivals, sufficient)
 
 
-def changed(found: Changes, single: Alone | None, test: Omnibus, alpha: float) -> tuple[str, ...]:
+def changed(changes: Changes, single: Alone | None, test: Omnibus, alpha: float) -> tuple[str, ...]:
     """Names of what has changed, at a level: none unless the test of all alarms.
 
     Parameters by their own tests (Holm). Where a single change explains everything, those of them that do not so alone
@@ -249,7 +249,7 @@ def changed(found: Changes, single: Alone | None, test: Omnibus, alpha: float) -
     """
     if not test.p_value < alpha:
         return ()
-    significant = tuple(name for name, p in zip(found.names, found.holm, strict=True) if p < alpha)
+    significant = tuple(name for name, p in zip(changes.names, changes.holm, strict=True) if p < alpha)
     if single is None or not single.explains:
         return significant
     return tuple(name for name in significant if name in single.sufficient) or (single.name, *single.rivals)

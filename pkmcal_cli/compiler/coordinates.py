@@ -46,13 +46,13 @@ class Coordinates:
 
     def new_travel(self, name: str, reference: float, coefficient: int = -1) -> int:
         """A travel, at its assembled value where there is one."""
-        return self.builder.translation(self.configuration.travels.get(name, reference), name, coefficient)
+        return self.builder.translation(self.configuration.translations.get(name, reference), name, coefficient)
 
     def free_point(self, name: str, at: Array) -> Point:
         """A point free to move along the base axes."""
         axes = np.eye(3)[: 2 if self.planar else 3]
-        travels = (self.new_travel(f"{name}.{c}", float(v)) for v, c, _ in zip(at, "xyz", axes, strict=False))
-        return Point((), tuple((GROUND, t, tuple(axis)) for t, axis in zip(travels, axes, strict=True)))
+        translations = (self.new_travel(f"{name}.{c}", float(v)) for v, c, _ in zip(at, "xyz", axes, strict=False))
+        return Point((), tuple((GROUND, t, tuple(axis)) for t, axis in zip(translations, axes, strict=True)))
 
     def position(self, point: Point) -> Array:
         """Place of a point in the reference configuration, base axes (3,), m."""

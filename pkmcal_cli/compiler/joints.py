@@ -220,7 +220,7 @@ def add_joint_link(
     numbers = [_direction_stiffness(stiffness, r, extra or {}) for r in rows]
     couplings = [_coupling(stiffness, a, b) for i, a in enumerate(rows) for b in rows[i + 1 :]]
     triads = tuple(structure.orientation(p.rotation).T @ triad for p in connections)
-    rests = rest or {}
+    rest_values = rest or {}
     first, second = (
         replace(at, rotation=structure.tilted(at.rotation, tilt, f"{name}.{side}.axis"))
         for at, tilt, side in zip(connections, tilts, "ij", strict=True)
@@ -229,7 +229,7 @@ def add_joint_link(
         element,
         name,
         (first, second),
-        rest=[rests.get(r, 0.0) for r in rows],
+        rest=[rest_values.get(r, 0.0) for r in rows],
         stiffness=[n or 0.0 for n in numbers] + couplings,
         rigid=[n is None for n in numbers],
         triads=(triads[0], triads[1]),

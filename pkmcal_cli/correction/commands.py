@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.internal_force import InternalForces
 from pkmcal_cli.correction.redundancy import Choice
-from pkmcal_cli.correction.set_values import Aim, Found, set_values
+from pkmcal_cli.correction.set_values import Aim, SetValues, set_values
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.mechanism.topology import Index
@@ -80,17 +80,17 @@ def depends_on_sides(model: Model) -> bool:
 
 def _from_own_sides(
     model: Model, values: Array, aim: Aim, columns: Mapping[str, Array], strainless: DrivePositions, choice: Choice
-) -> tuple[Found, NDArray[np.bool_]]:
+) -> tuple[SetValues, NDArray[np.bool_]]:
     """Set values, and which rows (n,) they approach from another side; `columns`: columns that stay."""
     solution = set_values(model, values, aim, strainless, choice)
     if not depends_on_sides(model):
         return solution, np.zeros(len(aim.rows), dtype=bool)
     for left in reversed(range(_ROUNDS)):
-        own = _directed(model, replace(solution.rows, columns=columns))
-        turned = _differ(solution.rows, own)
+        directed = _directed(model, replace(solution.rows, columns=columns))
+        turned = _differ(solution.rows, directed)
         if not (turned.any() and left):
             break
-        nominal = replace(own, readings=aim.rows.readings)
+        nominal = replace(directed, readings=aim.rows.readings)
         solution = set_values(model, values, replace(aim, rows=nominal), strainless, choice)
     return solution, turned
 

@@ -23,7 +23,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 Choice = Literal["min-force", "min-energy", "preload", "nominal"]
 BOUNDED: tuple[Choice, ...] = ("min-force", "min-energy")
 """Choices that keep limits of force and tension."""
-_LOOSE = 1e-9  # of the largest change of force by a step: less is none
+_NO_RESISTANCE = 1e-9  # of the largest change of force by a step: less is none
 _TAUT = 1e-6  # share by which tensions stay above, and forces below, their limits: rounding does not break them
 
 
@@ -79,7 +79,7 @@ class Redundancy:
         size = np.abs(changed).max(axis=(1, 2), initial=0.0, keepdims=True)
         size[size == 0.0] = 1.0
         upper = np.asarray(np.linalg.qr(changed / size, mode="r"))  # (N, r, r)
-        weak = (np.abs(np.einsum("nkk->nk", upper)) < _LOOSE).astype(float)  # motions that no force resists
+        weak = (np.abs(np.einsum("nkk->nk", upper)) < _NO_RESISTANCE).astype(float)  # motions that no force resists
         upper = upper + weak[:, :, None] * np.eye(free.shape[2])
         return np.asarray(np.swapaxes(np.linalg.solve(np.swapaxes(upper, 1, 2), np.swapaxes(free, 1, 2)), 1, 2) / size)
 

@@ -24,7 +24,7 @@ from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 _POSES = 200
 _FEWEST = 0.25  # share of the poses that must be reached
-_TOLD = 1.0  # chi-square over the table by which a unit weight is told from parameters; less is hidden in them
+_DISTINCT = 1.0  # chi-square over the table by which a unit weight is told from parameters; less is hidden in them
 _FREE = 0.01  # chi-square of what parameters imitate of a unit weight, below which it moves nothing
 
 
@@ -54,7 +54,7 @@ def best_fit(problem: Problem, values: Array, parameters: tuple[str, ...], weigh
     imitated = q.T @ shape  # (d, K)
     left = shape - q @ imitated
     eigenvalues, vectors = np.linalg.eigh(left.T @ left)
-    hidden = vectors[:, eigenvalues < _TOLD]
+    hidden = vectors[:, eigenvalues < _DISTINCT]
     hidden = hidden[:, ((imitated @ hidden) ** 2).sum(axis=0) > _FREE]
     return BestFit(parameters, hidden.T, -moved @ np.linalg.solve(upper, imitated @ hidden))
 

@@ -43,7 +43,7 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     ways = []
     for removed in _removals(search):
         linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
-        shapes = _found(search, removed, linear, scale)
+        shapes = _fitted_shapes(search, removed, linear, scale)
         if shapes and _stands_out(search, shapes[0], linear, scale):
             gain = shapes[0].evidence - evidence_of_effects(search, removed, linear, scale)
             ways.append((gain, removed, shapes))
@@ -62,7 +62,7 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     linear, scale = first.linear, first.scale
     if search.accepted or chance_of_noise(linear) > _SURE:
         return search
-    shapes = _found(search, (), linear, scale)
+    shapes = _fitted_shapes(search, (), linear, scale)
     named = float(first.log_bayes.max(initial=0.0))
     if not shapes or shapes[0].evidence < named + _BETTER or _is_named(search, shapes[0], linear):
         return search
@@ -72,7 +72,7 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
 
 
-def _found(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> list[FittedShape]:
+def _fitted_shapes(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> list[FittedShape]:
     """Shapes at places that have none, where no accepted effect is but removed ones; best first."""
     values, _ = nulled(search, removed)
     kinds = places(search.problem, values, search.fit.after.start)

@@ -48,9 +48,9 @@ class Campaigns:
     alpha: float
     seed: int
 
-    def told(self, effect: Visibility | None, number: int) -> str:
+    def outcome(self, effect: Visibility | None, number: int) -> str:
         """What becomes of a campaign with an effect of the size detected in 80 %, of either sign; None: none."""
-        return _told(self._diagnosis(effect, _size(effect), number), effect)
+        return _outcome(self._diagnosis(effect, _size(effect), number), effect)
 
     def _diagnosis(self, effect: Visibility | None, size: float, number: int) -> Diagnosis | None:
         """Of one campaign; None where it cannot be predicted."""
@@ -96,7 +96,7 @@ class PowerWork:
     def __call__(self, number: int, observe: Observer = unobserved) -> str:
         """What becomes of a campaign, as `Rates` counts it."""
         effect, campaign = divmod(number, self.count)
-        return self.campaigns.told(self.effects[effect], campaign)
+        return self.campaigns.outcome(self.effects[effect], campaign)
 
     def rates(self, outcomes: Mapping[int, str]) -> tuple[Rates, ...]:
         """Counted, by effect."""
@@ -135,7 +135,7 @@ def chosen(visibilities: Sequence[Visibility], names: Sequence[str]) -> list[Vis
     return list(hardest.values())
 
 
-def _told(d: Diagnosis | None, effect: Visibility | None) -> str:
+def _outcome(d: Diagnosis | None, effect: Visibility | None) -> str:
     """What became of a campaign, as `Rates` counts it."""
     if d is None:
         return "lost"

@@ -82,7 +82,7 @@ class Diagnosis:
         search = self.search
         return {**search.failed, **reasons(search.problem, search.fit.after)}
 
-    def not_told_from(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
+    def indistinguishable_from(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
         """An accepted effect, first, and those that explain all rows as well."""
         if shape := next((s for s in self.shapes if s.hypothesis == hypothesis), None):
             return tuple(nameless_at(at) for at, _ in shape.places)

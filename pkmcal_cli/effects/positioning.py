@@ -19,9 +19,9 @@ def _wave(at: Inputs, c: Any, s: Any) -> Any:
 
 
 def _eccentric(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
-    angle, arm = at.reading, at.length
+    angle, lever = at.reading, at.length
     first = c1 * (np.cos(angle) - 1) + s1 * np.sin(angle)
-    return arm * (first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle))
+    return lever * (first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle))
 
 
 def _unwinding(at: Inputs, b: Any) -> Any:

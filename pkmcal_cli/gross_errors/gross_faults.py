@@ -111,8 +111,8 @@ class _Table:
 
 def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:
     """Suspicions by some rows (n,) alone, which `words` tell."""
-    found = _suspected(table.take(rows))
-    return [replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)) for h in found]
+    suspicions = _suspected(table.take(rows))
+    return [replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)) for h in suspicions]
 
 
 def _from_a_row(table: _Table) -> tuple[Hint, ...]:

@@ -166,17 +166,17 @@ class Shape:
         if isinstance(raw, dict) and set(raw) == {"at"}:
             raw = raw["at"]
         if raw is None or isinstance(raw, dict | bool):
-            raise fault("type", f"{self._wanted(counts)}, found {kind_of(raw)}", _form(counts))
+            raise fault("type", f"{self._expectation(counts)}, found {kind_of(raw)}", _form(counts))
         if not isinstance(raw, tuple):
             if 1 in counts:
                 return (raw,)
-            raise fault("type", f"{self._wanted(counts)}, found {kind_of(raw)}", _form(counts))
+            raise fault("type", f"{self._expectation(counts)}, found {kind_of(raw)}", _form(counts))
         if len(raw) not in counts or (raw == () and 0 not in counts):
             where = f" in a {space} machine" if space in ("planar", "spatial") else ""
-            raise fault("value", f"{self._wanted(counts)}{where}, found {len(raw)}", _form(counts))
+            raise fault("value", f"{self._expectation(counts)}{where}, found {len(raw)}", _form(counts))
         return raw
 
-    def _wanted(self, counts: tuple[int, ...]) -> str:
+    def _expectation(self, counts: tuple[int, ...]) -> str:
         numbers = " or ".join(str(n) for n in sorted(set(counts)))
         return f"expected {self.noun} of {numbers} number{'' if numbers == '1' else 's'}"
 

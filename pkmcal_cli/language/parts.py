@@ -37,12 +37,12 @@ from pkmcal_cli.language.fields import (
     Point,
     RotationalStiffness,
     RotationCoupling,
+    RotationVector,
     SecondMoment,
     TemperatureUnit,
     TimeUnit,
     Torque,
     TranslationCoupling,
-    RotationVector,
     UnitText,
 )
 from pkmcal_cli.language.quantities import F, Measure, V, WrittenNumber

@@ -122,7 +122,7 @@ class PoseSource:
     tool: ToolPoint | None = None
 
     def __post_init__(self) -> None:
-        self.travels = TravelLimits(self.loaded.model)
+        self.travel_limits = TravelLimits(self.loaded.model)
         both = self.path is not None and self.grid is not None
         if both or (self.path is None and self.grid is None and not self.stands):
             raise UsageError(
@@ -139,7 +139,7 @@ class PoseSource:
         model = self.loaded.model
         whole = bool(model.effects) or any(p.per_session for p in model.parameters)  # these see the whole table
         for poses in [_joined(model, list(self._blocks()))] if whole else self._blocks():
-            self.travels.add(poses.rows.readings)
+            self.travel_limits.add(poses.rows.readings)
             yield poses
 
     @property
@@ -176,7 +176,7 @@ class PoseSource:
         if self.points is not None and len(self.points) > _TOGETHER:
             raise UsageError(f"--grid: more than {_TOGETHER} poses", hint="use a coarser grid")
         poses = _joined(self.loaded.model, list(self._blocks()))
-        self.travels.add(poses.rows.readings)
+        self.travel_limits.add(poses.rows.readings)
         if poses.lost and self.points is None:
             raise failed_rows(poses.place, poses.lost)
         return poses if self.points is None else replace(poses, sides=None)

@@ -61,7 +61,7 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
     columns = {**targets.rows.columns, **{name: np.full(len(targets), value) for name, value in at.items()}}
     at_reference, words = reference_conditions(loaded.model, columns)
     columns |= {name: np.full(len(targets), value) for name, value in at_reference.items()}
-    if settled := _settled(loaded, columns):
+    if time_note := _time_note(loaded, columns):
         columns["time"], at_reference["time"] = np.zeros(len(targets)), 0.0
     poses = targets.poses.copy()
     kept = [DIRECTIONS.index(c) for c in targets.held if c not in targets.coordinates]
@@ -71,11 +71,11 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         poses=poses,
         rows=replace(targets.rows, columns=columns),
         covariates=tuple(dict.fromkeys([*targets.covariates, *at, *at_reference])),
-        notes=(*targets.notes, *filter(None, [words, settled]), *_idle(loaded, at)),
+        notes=(*targets.notes, *filter(None, [words, time_note]), *_idle(loaded, at)),
     )
 
 
-def _settled(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
+def _time_note(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
     """What is to be said where parts lag behind temperatures that never change, and nobody gives the time."""
     lagging = any(p.name == "lag" for e in loaded.model.effects if e.sites for p in e.effect.parameters)
     felt = [column for name, column in columns.items() if name.partition(".")[0] == "T"]

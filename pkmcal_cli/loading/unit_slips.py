@@ -114,17 +114,19 @@ def _written_at(machine: Machine, number: _Number) -> Path:
 
 
 def _warning(machine: Machine, number: _Number, path: Path, value: float) -> Fault:
-    return _told(machine, number.label, path, value, number.quantity.dimension, number.band)
+    return _doubt(machine, number.label, path, value, number.quantity.dimension, number.band)
 
 
-def _told(machine: Machine, label: str, path: Path, value: float, dimension: Dimension, band: Band) -> Fault:
+def _doubt(machine: Machine, label: str, path: Path, value: float, dimension: Dimension, band: Band) -> Fault:
     """The warning: the number, the unit that would make it usual, and what is usual."""
     unit = machine.file_units.unit(dimension)
     likely = unit_meant(value / unit.scale, unit, band, dimension)
     message = f"{label} = {unit.format(value, 3)}"
     message += f": did you mean {value / unit.scale:g} {likely}?" if likely else " is far outside the usual range"
-    usual = f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
-    hint = f"check the unit; usual: {usual}"
+    band_text = (
+        f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
+    )
+    hint = f"check the unit; usual: {band_text}"
     return machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 
@@ -149,11 +151,11 @@ def _unlike(machine: Machine, reported: set[Path]) -> Iterator[Fault]:
             numbers = [n for name, m in members for n in _keys((kind, name), m, {key: (0.0, math.inf)})]
             stated = [number.quantity.number(values) for number in numbers]
             for number, value in zip(numbers, stated, strict=True) if len(stated) > 2 else ():
-                usual, path = sorted(stated)[len(stated) // 2], _written_at(machine, number)
-                if not usual / _LIKE <= value <= usual * _LIKE and path not in reported:
+                median, path = sorted(stated)[len(stated) // 2], _written_at(machine, number)
+                if not median / _LIKE <= value <= median * _LIKE and path not in reported:
                     reported.add(path)
-                    band = (usual / _LIKE, usual * _LIKE)
-                    yield _told(machine, number.label, path, value, number.quantity.dimension, band)
+                    band = (median / _LIKE, median * _LIKE)
+                    yield _doubt(machine, number.label, path, value, number.quantity.dimension, band)
 
 
 def _gravity(machine: Machine) -> Iterator[Fault]:
@@ -186,7 +188,7 @@ def _ranges(machine: Machine, size: float) -> Iterator[Fault]:
             continue
         if (dimension, value) not in reported:
             reported.add((dimension, value))
-            yield _told(machine, f"range of {name}", ("parameters", name, "range"), value, dimension, band)
+            yield _doubt(machine, f"range of {name}", ("parameters", name, "range"), value, dimension, band)
 
 
 def _band_of_range(dimension: Dimension, size: float, nominal: float) -> Band | None:

@@ -91,8 +91,8 @@ def _values(known: KnownValues, observed: Array, coefficients: Array) -> Array:
 def _chained(sensor: PlacedSensor, outputs: Index, slopes: Mapping[Variable, Array], by_coefficient: Array) -> Array:
     """Derivatives (N, c, S) of some of the readings of a sensor's kind by all coefficients."""
     total = np.zeros((len(by_coefficient), len(outputs), by_coefficient.shape[2]))
-    for variable, mine_all in slopes.items():
-        known, derivative = sensor.known[variable], mine_all[:, outputs]  # (N, c, w)
+    for variable, all_outputs in slopes.items():
+        known, derivative = sensor.known[variable], all_outputs[:, outputs]  # (N, c, w)
         seen, set_ = known.observed >= 0, known.coefficients >= 0
         if seen.any():
             total += derivative[:, :, seen] @ by_coefficient[:, known.observed[seen]]

@@ -48,13 +48,13 @@ class Reporter:
 
     def warn(self, finding: str | Fault, where: Location | None = None) -> None:
         """A warning; `where`: the place that a text is about."""
-        self._found(finding, "yellow")
+        self._finding(finding, "yellow")
         if not self.quiet:
             self.mark(finding, where, "warning")
 
     def fail(self, finding: str | Fault) -> None:
         """Why the verdict is negative: shown even when quiet."""
-        self._found(finding, "red", always=True)
+        self._finding(finding, "red", always=True)
         self.mark(finding, None, "error")
 
     def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
@@ -72,7 +72,7 @@ class Reporter:
 
             self._print(Text(visible(text), style=style or ""))
 
-    def _found(self, finding: str | Fault, colour: str, always: bool = False) -> None:
+    def _finding(self, finding: str | Fault, colour: str, always: bool = False) -> None:
         """A sentence in a colour; a fault with its parts apart."""
         if isinstance(finding, str):
             self._line(finding, colour, always)

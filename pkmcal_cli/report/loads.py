@@ -60,7 +60,7 @@ class Loads:
     model: Model
     total: int = 0
     over: dict[str, _Worst] = field(default_factory=dict)  # by actuator
-    loose: dict[str, _Worst] = field(default_factory=dict)  # by rope; values are negative tensions
+    low_tension: dict[str, _Worst] = field(default_factory=dict)  # by rope; values are negative tensions
     apart: _Worst = field(default_factory=_Worst)  # drives that no pose satisfies, m
     force: _Worst = field(default_factory=_Worst)  # largest drive force in those rows
     drive: str = ""  # whose
@@ -116,8 +116,8 @@ class Loads:
             over = solved & (forces[:, k] > actuator.force_limit)
             self.over.setdefault(actuator.name, _Worst()).add(over, forces[:, k], place)
         for k, rope in enumerate(self.model.least_tensions):
-            loose = solved & (tensions[:, k] < rope.tension)
-            self.loose.setdefault(rope.name, _Worst()).add(loose, -tensions[:, k], place)
+            below = solved & (tensions[:, k] < rope.tension)
+            self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], place)
 
     def _add_disagreement(self, prediction: Prediction, place: Callable[[int], Place]) -> None:
         """Rows whose drives hold positions that no pose satisfies within ranges and noise."""
@@ -141,7 +141,7 @@ class Loads:
                 message = f"force of `{actuator.name}` above its `force_limit` of {limit}"
                 out.append(f"warning: {message} in {self._rows(worst)}: up to {value} at {worst.place}")
         for rope in self.model.least_tensions:
-            worst = self.loose.get(rope.name, _Worst())
+            worst = self.low_tension.get(rope.name, _Worst())
             if worst.rows:
                 newton = parse_unit("N")
                 message = f"tension of rope `{rope.name}` below its `t_min` of {handy(rope.tension, newton)}"
@@ -182,7 +182,8 @@ class Loads:
                 for n, limit in limits.items()
             ],
             "t_min": [
-                {"rope": n, "limit": t, **self.loose.get(n, _Worst()).json("least", -1.0)} for n, t in least.items()
+                {"rope": n, "limit": t, **self.low_tension.get(n, _Worst()).json("least", -1.0)}
+                for n, t in least.items()
             ],
             "disagreement": self.apart.json("largest"),
             "slack": {"n_rows": self.slack_rows, "ropes": dict(self.slack)},

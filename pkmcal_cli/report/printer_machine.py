@@ -85,8 +85,8 @@ def _reprap_delta(c: Constants) -> list[str]:
         last = t == "z"
         note = f"M665 {name}; {_FRAME}" if last else f"M665 {name}"
         lines.append(_parameter(f"corner_{t}", c[f"corner_{t}"], note, f"unit: deg, {_HELD}" if last else "unit: deg"))
-    usual = {"x": "210", "y": "330", "z": "90"}
-    lines += _towers("xyz", lambda t: f"{usual[t]} + corner_{t}", lambda t: f"rod_{t}", "radius")
+    standard = {"x": "210", "y": "330", "z": "90"}
+    lines += _towers("xyz", lambda t: f"{standard[t]} + corner_{t}", lambda t: f"rod_{t}", "radius")
     drives = {t.upper(): t for t in "xyz"}
     return lines + _switches(drives, lambda t: f"height + stop_{t}", lambda t: f"rod_{t}", "radius")
 

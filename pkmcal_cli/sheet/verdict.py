@@ -22,13 +22,13 @@ def verdict(results: Results) -> Verdict:
         return Verdict("IMPLAUSIBLE", first, tuple(reasons))
     judged = results.judged
     if judged is None:
-        return Verdict(_found(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
+        return Verdict(_word(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
     worst = _worst(results, judged)
     lines = [_judged_error(results, judged), _share(results, judged), *_lines(results)]
     return Verdict(_BY_TOLERANCE[judged.verdict], "; ".join([worst, *_causes(results)]), tuple(lines))
 
 
-def _found(results: Results) -> Word:
+def _word(results: Results) -> Word:
     report = results.diagnosis
     return "DONE" if report is None else _BY_DIAGNOSIS.get(report.diagnosis.verdict, "UNKNOWN")
 

@@ -12,7 +12,7 @@ from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.poses import OUT_OF_REACH, Place, PoseSource, reference_poses
-from pkmcal_cli.pictures.machine_picture import machine_picture, newtons, usual_scale
+from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture, newtons
 from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
 from pkmcal_cli.pictures.picture import check_picture, write_picture
 from pkmcal_cli.pictures.text_machine import BELIEVED, LEGEND, text_machine
@@ -68,7 +68,7 @@ def run_drawing(request: DrawingRequest) -> int:
         to.warn(text)
     to.notes(row.notes)
     shape = _solved(loaded, start, row)
-    factor = usual_scale(shape) if request.scale is None else request.scale
+    factor = default_scale(shape) if request.scale is None else request.scale
     _show(request, shape, factor, row, to)
     if request.output is not None:
         inputs = loaded.inputs | start.inputs | row.inputs

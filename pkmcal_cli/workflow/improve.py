@@ -93,8 +93,8 @@ def run_improvement(request: ImproveRequest) -> int:
     machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
     result = improved.json(machine, parameters, accept=request.accept)
-    code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
-    result = enveloped("improve", result["verdict"], result | gates_told, head)
+    code, gates_json = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
+    result = enveloped("improve", result["verdict"], result | gates_json, head)
     if request.as_json:
         emit_json(result)
     if improvement.broken is not None:

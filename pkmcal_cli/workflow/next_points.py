@@ -34,7 +34,7 @@ from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.arguments import selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
-from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _POOL = 1000
@@ -125,7 +125,7 @@ def next_points(
         raise BadInput([nothing_measured(loaded, problem)])
     selected = selection(problem.model, select)
     start = load_parameters(problem.model, parameters)
-    goal = wanted_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
+    goal = requested_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
     if goal is None or goal.limit is None:
         raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
     try:
@@ -160,7 +160,7 @@ class _Campaign:
     noise: float
 
 
-def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budget: int, seed: int) -> NextPoints:
+def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, budget: int, seed: int) -> NextPoints:
     """Next points by the design that the fitted machine asks for, with the noise that was seen."""
     ((name,),) = goal.aim.parameters
     assert goal.limit is not None

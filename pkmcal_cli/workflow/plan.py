@@ -41,7 +41,7 @@ from pkmcal_cli.workflow.approaches import Approaches, approaches
 from pkmcal_cli.workflow.arguments import given, one_stdin, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
-from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.plots import Plot, check_plot
@@ -103,7 +103,7 @@ def run_plan(request: PlanRequest) -> int:
     problem = design_problem(candidates.model, rows, channels)
     require_measured(problem)
     problem, used, ways = _predicted(problem, used, ways, values, to)
-    goal = wanted_aim(request.aim, candidates, loaded.model, selected)
+    goal = requested_aim(request.aim, candidates, loaded.model, selected)
     tool = used.tool if goal is None else _posed(loaded, to, used)
     with to.step("what each effect would show"):
         plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
@@ -278,7 +278,7 @@ def _added(
     plan: Plan,
     values: Array,
     selected: tuple[str, ...],
-    goal: WantedAim,
+    goal: RequestedAim,
     request: PlanRequest,
 ) -> tuple[Added, Approaches]:
     """Points to add, out of reachable ones within and a little around the plan, and how they are approached."""
@@ -295,6 +295,6 @@ def _added(
     return Added(goal.aim, pool.take(chosen.rows), chosen, reached), ways.take(chosen.rows)
 
 
-def _points(request: PlanRequest, goal: WantedAim) -> int:
+def _points(request: PlanRequest, goal: RequestedAim) -> int:
     """How many points are added at most."""
     return request.points or (_FEW if goal.limit is None else _MANY)

@@ -92,8 +92,8 @@ def _notes(
     """What is known by which file, what is not, and what has no partner."""
     matched = sum(n in known.names and n not in loosened for n in selected)
     out = [f"prior: {matched} of {len(selected)} identified parameters known by {known.file}"]
-    if loose := [n for n in selected if n in loosened]:
-        out.append(f"prior: known to their ranges only (loosened): {', '.join(loose)}")
+    if loosened_names := [n for n in selected if n in loosened]:
+        out.append(f"prior: known to their ranges only (loosened): {', '.join(loosened_names)}")
     if new := [n for n in selected if n not in known.names and n not in loosened]:
         out.append(f"prior: without partner in {known.file}, known to their ranges: {', '.join(new)}")
     if gone := [n for n in known.parameters if n not in model.names]:

@@ -105,10 +105,10 @@ def prepare(
         start=start,
         loss=loss,
     )
-    return replace(case, hints=_told(case, to))
+    return replace(case, hints=_hints(case, to))
 
 
-def _told(case: Case, to: Listener) -> tuple[str, ...]:
+def _hints(case: Case, to: Listener) -> tuple[str, ...]:
     """What is to be said of the files before all else; the hints at gross mistakes among it."""
     measured, problem = case.measured, case.problem
     to.notes(measured.notes)

@@ -185,7 +185,7 @@ class Simulation:
         source, tool = self.source, self.tool
         to.notes(source.notes if source.tool is not None or tool is None else [tool.text, *source.notes])
         to.notes([] if self.model.channels else ["the machine has no sensors: the table has no readings"])
-        for text in (*source.travels.warnings(), *self.skipped):
+        for text in (*source.travel_limits.warnings(), *self.skipped):
             to.warn(text)
         if self.tally.touched:
             to.notes([touches_text(self.model, self.tally.touched, self.tally.rows)])

@@ -126,7 +126,7 @@ def _program(
         waits = [wait] if seconds else ["M400", wait]  # printers: after all motion has ended
 
         def texts(remarks: Sequence[str]) -> Mapping[str, str]:
-            lines = [f"{comment} {line}" for line in (*_told(case, keyword, rows), *remarks)]
+            lines = [f"{comment} {line}" for line in (*_header(case, keyword, rows), *remarks)]
             lines += ["G21", "G90", *(["G94"] if seconds else [])]
             for name, row in zip(case.names, rows.lines(), strict=True):
                 lines += [f"{comment} target {name}", f"G1 {row} F{case.feed:g}", *waits]
@@ -137,7 +137,7 @@ def _program(
     return draft
 
 
-def _told(case: ExportCase, keyword: str, rows: _Words) -> list[str]:
+def _header(case: ExportCase, keyword: str, rows: _Words) -> list[str]:
     if keyword != "gcode-drives":
         return ["points of the tool; the control has the kinematics of the nominal machine"]
     words = (f"{letter} = {case.name(a)}" for letter, a in zip(rows.letters, case.drives, strict=True))

@@ -18,7 +18,7 @@ from pkmcal_cli.correction.linear_delta import DeltaConstants, fitted_delta
 
 _KEYWORD = "reprapfirmware"
 _MM = 1e-3
-_USUAL = np.array([210.0, 330.0, 90.0])  # deg, of towers X, Y, Z
+_STANDARD_ANGLES = np.array([210.0, 330.0, 90.0])  # deg, of towers X, Y, Z
 _DIGITS = 4  # of mm, deg and percent
 _ANCHORS = "ABCDI"
 _LEAST_BUILDUP = 2e-6  # m: with less the firmware, in 32 bit, loses more digits than a line without build-up needs
@@ -36,12 +36,12 @@ def _mm(values: Array | float) -> str:
 def _delta(case: ExportCase) -> Draft:
     fit = fitted_delta(case, _KEYWORD, tilted=True)
     constants, u = fit.constants, fit.u
-    corrections = _rounded((constants.angles - _USUAL + 180.0) % 360.0 - 180.0)
+    corrections = _rounded((constants.angles - _STANDARD_ANGLES + 180.0) % 360.0 - 180.0)
     height = float(_rounded(np.array(constants.stops.mean()), _MM))
     stops = _rounded(constants.stops - height, _MM)
     tilt = _rounded(100.0 * constants.tilt)
     made = DeltaConstants(
-        radius=float(_rounded(np.array(constants.radius), _MM)), angles=_USUAL + corrections,
+        radius=float(_rounded(np.array(constants.radius), _MM)), angles=_STANDARD_ANGLES + corrections,
         rods=_rounded(constants.rods, _MM), stops=height + stops, tilt=tilt / 100.0,
     )  # fmt: skip
 

@@ -51,7 +51,7 @@ class MagnitudeCheck:
     source: SourceMap
     faults: FaultList
     values: dict[str, float] = field(init=False)
-    _told: set[Path] = field(default_factory=set)
+    _reported: set[Path] = field(default_factory=set)
     _warned: int = 0
 
     def __post_init__(self) -> None:
@@ -91,9 +91,9 @@ class MagnitudeCheck:
                 written = nominal
         else:
             own = ""
-        if path in self._told:
+        if path in self._reported:
             return
-        self._told.add(path)
+        self._reported.add(path)
         unit = written.unit or (parse_unit(own) if own else self.units.unit(quantity.dimension))
         self._warn(path, label, value, unit, plausible, quantity.dimension)
 
