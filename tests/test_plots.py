@@ -281,7 +281,7 @@ def test_a_picture_replaces_no_input_and_no_other_result(tmp_path: Path, monkeyp
     done = run("sensitivity", "m.svg", *GRIDDED, "--plot", "m.svg", "--force")
     assert done.code == 4 and "input of the command" in done.err and Path("m.svg").read_bytes() == before
     both = run("simulate", TRIGLIDE, *GRIDDED, "-o", "x.svg", "--plot", "./x.svg")
-    assert both.code == 2 and "is to hold another result" in both.err
+    assert both.code == 2 and "is already used for another result" in both.err
     for wrong in ("x.gif", "x", "-"):
         done = run("diagnose", SCISSORS, SHOPFLOOR, "--plot", wrong)  # told at once, before the search
         assert done.code == 2 and f"--plot: `{wrong}` is no picture" in done.err

@@ -185,5 +185,5 @@ def _lost(cluster: str | None) -> tuple[type[BaseException], ...]:
 
 
 def _given_up(left: int, error: BaseException) -> PkmcalError:
-    message = f"workers end {_ATTEMPTS} times before their tasks do; {left} tasks are left"
-    return PkmcalError(message, None, f"is there memory for fewer `--jobs` only? ({type(error).__name__})", "workers")
+    message = f"workers stopped {_ATTEMPTS} times before finishing; {left} tasks are left"
+    return PkmcalError(message, None, f"if memory is short, use fewer `--jobs` ({type(error).__name__})", "workers")

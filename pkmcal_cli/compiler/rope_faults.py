@@ -130,7 +130,7 @@ def _planar_faults(structure: Structure, name: str, path: RopePath) -> Iterator[
             continue
         where = ("ropes", name, "pulleys", point)
         if visit in (0, len(rope.between) - 1) and _rotates(structure, point):
-            message = f"rope `{name}` ends on a pulley at `{point}`, which turns: what lies on it would turn too"
+            message = f"rope `{name}` ends on a pulley at `{point}`, which rotates: the rope on it would rotate too"
             hint = "end the rope at the point, or let the pulley's point be fixed or on a carriage"
             yield source.fault("pulley", message, where, hint, at_key=True)
         wrap = abs(float(path.geometry.sizes[0, visit, 3])) if 0 < visit < len(rope.between) - 1 else 0.0

@@ -95,7 +95,7 @@ def _at_origin(case: ExportCase, keyword: str, values: Array | None) -> Array:
     """Readings (A,) of the unstrained machine with its tool at x = y = z = 0. Raises BadInput out of reach."""
     inverse = drive_positions(case.model, _origin(case), values, case.made.aim.held)
     if not inverse.reached.all():
-        message = "the tool cannot stand at x = y = z = 0, where the firmware is homed"
+        message = "the tool cannot reach x = y = z = 0, where the firmware is homed"
         raise case.refuse(keyword, message, "shift the coordinates of the machine file")
     return np.asarray(inverse.readings[0])
 

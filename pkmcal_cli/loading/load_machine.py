@@ -134,7 +134,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
 def _status_text(path: str, status: str, accepted: tuple[str, ...]) -> str:
     """What is to be said of a fit that did not end well, and was accepted or not, or that leaves more than noise."""
     if status == "incomplete":
-        return f"note: {path}: incomplete: the fit leaves more than the stated noise (`pkmcal diagnose` tells why)"
+        return f"note: {path}: incomplete: residuals exceed the stated noise (`pkmcal diagnose` looks for the cause)"
     if accepted:
         return f"note: {path}: implausible, but accepted: {'; '.join(accepted)}"
     return f"warning: {path}: the fit ended with status `{status}`"

@@ -259,7 +259,7 @@ class TablePoses:
         if apart <= _APART * (1.0 if turning else self.loaded.model.length):
             return text
         unit = units.angle if turning else units.length
-        return f"{text}; in the table it is up to {unit.format(apart, 3)} from where it follows"
+        return f"{text}; the table differs by up to {unit.format(apart, 3)} from the value that follows"
 
 
 def _given(block: Measurements) -> tuple[str, ...]:

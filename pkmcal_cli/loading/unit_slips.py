@@ -126,7 +126,7 @@ def _doubt(machine: Machine, label: str, path: Path, value: float, dimension: Di
     band_text = (
         f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
     )
-    hint = f"check the unit; usual: {band_text}"
+    hint = f"check the unit; typical: {band_text}"
     return machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 

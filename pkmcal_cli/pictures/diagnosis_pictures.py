@@ -233,6 +233,6 @@ def rivals_part(diagnosis: Diagnosis) -> Part:
                         bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
         ax.set_yticks(range(len(rivals)), [plain(near.name) for near in rivals])
         ax.grid(axis="y", visible=False)
-        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not told apart)")
+        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not distinguishable)")
 
     return Part(0.75 + 0.3 * max(len(rivals), 1), draw)

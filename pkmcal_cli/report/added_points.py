@@ -112,7 +112,11 @@ class Added:
             if self.reached.done and not len(self.points):
                 return f"no further point: standard uncertainty of {self.reached.name} {before}, wanted {limit}"
             words = f"{points}: standard uncertainty of {self.reached.name} {before} -> {after}, wanted {limit}"
-            return words if self.reached.done else f"{words}: NOT REACHED; more points (--points), or measure otherwise"
+            return (
+                words
+                if self.reached.done
+                else f"{words}: NOT REACHED; use more points (--points), or other measurements"
+            )
         words = {
             "see": "smallest detectable size",
             "separate": "smallest separable size",

@@ -252,7 +252,7 @@ class CalibrationReport:
         lines = [
             {
                 "converged": f"converged in {steps}",
-                "incomplete": f"INCOMPLETE, though converged in {steps}: more is left than noise (next: `diagnose`)",
+                "incomplete": f"INCOMPLETE, though converged in {steps}: residuals exceed the noise (next: `diagnose`)",
                 "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
                 "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
                 "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",

@@ -58,7 +58,7 @@ def _indistinguishable(report: DiagnosisReport) -> Table | None:
     ]
     if not rows:
         return None
-    return Table("Not told from", ("cause", "or", "probability", "cosine"), tuple(rows), left=2)
+    return Table("Not distinguished from", ("cause", "or", "probability", "cosine"), tuple(rows), left=2)
 
 
 def _correlations(results: Results) -> Table | None:

@@ -136,7 +136,7 @@ def _run_several(request: CheckRequest) -> int:
     if more or request.parameters is not None or request.as_json:
         option = f"`{more[0]}`" if more else "--json" if request.as_json else "-p"
         hint = "check one machine with tables, -p or --json; several machines by themselves"
-        raise UsageError(f"{option} goes with one machine, but `{request.others[0]}` is another", hint=hint)
+        raise UsageError(f"{option} takes one machine, but `{request.others[0]}` is another", hint=hint)
     files = (request.machine, *request.others)
     return max(run_check(replace(request, machine=file, measurements=None)) for file in files)
 

@@ -149,8 +149,8 @@ def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[G
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
-            message = "this parameter file has no whole section `data`, so what its rows determine is unknown"
-            raise BadInput.single(message, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
+            message = "this parameter file has no complete section `data`, so it is unknown what its rows determine"
+            raise BadInput.single(message, Location(k.file), "write it again with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend or limits:

@@ -23,7 +23,7 @@ def _of_box(loaded: LoadedMachine, text: str) -> Region:
     """A box of coordinates that move independently; the others are as in the reference configuration."""
     for part in text.split(","):
         if part.count("=") != 1 or part.count(":") != 1:
-            message = f"{_OPTION}: `{part.strip()}` is no side of a box"
+            message = f"{_OPTION}: `{part.strip()}` is not a side of a box"
             raise UsageError(message, hint='write NAME=LOWEST:HIGHEST, e.g. "x=0:950,y=160:390"')
     axes = parse_grid(loaded, ",".join(f"{part}:2" for part in text.split(",")), _OPTION).axes
     for axis in axes:

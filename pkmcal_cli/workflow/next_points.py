@@ -41,7 +41,9 @@ _POOL = 1000
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
 _NOISY = 1.5  # times the stated noise, from which on it is worth a word
-_NO_WORKSPACE = "help: points were looked for around those measured; with `workspace:` in the machine file, all over it"
+_NO_WORKSPACE = (
+    "help: candidate points lie around the measured ones; declare `workspace:` in the machine file to use all of it"
+)
 _EXAMPLE = 'write e.g. --aim "l1 5 um"'
 
 
@@ -76,7 +78,7 @@ class NextPoints:
         if self.status == "reached":
             to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {aim}")
         elif self.status == "not_reached":
-            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; measure otherwise, or more")
+            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; use other measurements, or more")
             if self.loaded.model.workspace is None and self.rows < self.budget:
                 to.say(_NO_WORKSPACE)
         else:

@@ -66,7 +66,7 @@ def _reached(name: str, value: str, model: Model, selected: tuple[str, ...]) -> 
     limit, unit = amount(OPTION, value, parameter_unit)
     if unit.dimension != parameter_unit.dimension or limit <= 0:
         raise UsageError(
-            f"{OPTION}: `{value}` is no uncertainty of `{name}`", hint=f"write e.g. 5 {parameter_unit.text}"
+            f"{OPTION}: `{value}` is not an uncertainty of `{name}`", hint=f"write e.g. 5 {parameter_unit.text}"
         )
     return RequestedAim(Aim("determine", (_selected([name], selected),)), (), limit)
 

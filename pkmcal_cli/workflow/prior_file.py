@@ -39,7 +39,7 @@ def earlier_calibration(
     dimensions = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
     known = known_parameters(path).of_dimensions(dimensions)
     if known.covariance is None:
-        message = "this parameter file has no whole `correlations` with `std`, so nothing is known of its errors"
+        message = "this parameter file has no complete `correlations` with `std`, so its uncertainties are unknown"
         raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
     free = [p for p in model.parameters if not p.fixed and p.range > 0 and p.kind != UNEXPLAINED]
     of_file = set(known.names) if all_known else set()

@@ -84,10 +84,10 @@ def _correlation_lines(target: str, order: list[tuple[int, bool]], together: flo
     minutes = max(1, round(len(order) * PACE / 60))
     sentences = [
         f"written: {target} ({len(order)} rows in the order of measurement, {visits} of them at the datum pose)",
-        f"about {minutes} min at {PACE:g} s a row; warm up first: go to and fro until the datum pose reads the same",
+        f"about {minutes} min at {PACE:g} s a row; warm up first: move to and fro until the datum pose reads the same",
     ]
     if together > _NOTABLE:
-        sentences.append(f"time goes with sides or poses by a correlation of {together:.2f} at most")
+        sentences.append(f"time is correlated with sides or poses (largest correlation {together:.2f})")
     return sentences
 
 

@@ -102,7 +102,7 @@ def _counts(text: str) -> tuple[int, ...]:
     good = all(p.isascii() and p.isdigit() and len(p) < 7 and 0 < int(p) <= _MOST for p in parts)
     counts = tuple(sorted({int(p) for p in parts})) if good else ()
     if len(counts) < len(parts):
-        message = f"--points: `{text}` is no list of different numbers of points, up to {_MOST}"
+        message = f"--points: `{text}` is not a list of distinct numbers of points, up to {_MOST}"
         raise UsageError(message, hint="write e.g. --points 10,20,40,80")
     return counts
 
@@ -146,10 +146,8 @@ def _loaded(file: str, to: Reporter) -> LoadedMachine:
     if not model.channels:
         raise BadInput.single(NO_SENSORS, Location(model.name), SENSOR, "sensors")
     if known_channels(model).any():
-        message = "a study has no places where a probe touches"
-        raise BadInput.single(
-            message, Location(model.name), "use `plan` and `simulate` for machines that touch", "sensors"
-        )
+        message = "`study` does not support machines with touch probes"
+        raise BadInput.single(message, Location(model.name), "use `plan` and `simulate` instead", "sensors")
     tool_motion(loaded)
     return loaded.for_sessions(Rows.at(model.reference_readings[None]).session_names)
 
@@ -179,7 +177,7 @@ def _sigma(model: Model, text: str) -> Array:
     value, unit = amount("--noise", text, fitting=tuple(dict.fromkeys(dimensions)))
     fits = [dimension == unit.dimension for dimension in dimensions]
     if not any(fits) or value <= 0:
-        message = f"--noise: `{text}` is no noise of a channel of {model.name}"
+        message = f"--noise: `{text}` is not a noise of a channel of {model.name}"
         raise UsageError(message, hint='give declared, or a value above zero such as "10 um"')
     sigma[fits] = value
     return sigma

@@ -81,7 +81,7 @@ def _draft(case: ExportCase) -> Draft:
         values[case.model.names.index(each.name)] += each.change * each.unit.scale
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
-        comments = ["nominal less identified value: change each by so much; u: standard uncertainty", *remarks]
+        comments = ["nominal minus identified value: change each by this amount; u: standard uncertainty", *remarks]
         return {"": "\n".join([*(f"# {line}" for line in comments), *(each.line for each in made), ""])}
 
     entries = [

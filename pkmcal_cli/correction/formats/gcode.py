@@ -98,7 +98,7 @@ def _moved_points(case: ExportCase, keyword: str) -> Array:
         poses[:, columns] += step
         if (np.abs(step) < _THERE * size).all():
             return poses
-    raise case.refuse(keyword, "the nominal machine cannot stand at the corrected set values", "correct fewer targets")
+    raise case.refuse(keyword, "the nominal machine cannot reach the corrected set values", "correct fewer targets")
 
 
 def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
@@ -107,7 +107,7 @@ def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     lengths = [case.model.actuators[a].dimension != "angle" for a in case.drives]
     letters = [next(free[length], "") for length in lengths]
     if not all(letters):
-        message = f"{len(letters)} drives are more than there are words ({_LINEAR} linear, {_ROTARY} rotary)"
+        message = f"{len(letters)} drives exceed the number of axis words ({_LINEAR} linear, {_ROTARY} rotary)"
         raise case.refuse(keyword, message, "use tables of single drives")
     words = _Words.rounded(letters, lengths, case.corrected[:, case.drives])
     commands = case.corrected.copy()

@@ -40,7 +40,7 @@ class ConsistencyCheck:
         self._check_bodies()
         for name, parameter in machine.parameters.items():
             if parameter.adjustable and parameter.per:
-                message = "what is adjusted has one value, not one per session"
+                message = "an adjusted value is the same in all sessions"
                 self._fault(message, ("parameters", name, "adjustable"), "delete `adjustable` or `per`", at_key=True)
         for name, section in machine.sections.items():
             self._check_section(("sections", name), section)
