@@ -61,8 +61,8 @@ def _wound_at_zero(structure: Structure, actuator: Actuator, cable: Cable) -> Nu
     if actuator.zero == "home":
         paths = cable.paths(structure)
         return reference_length(structure, paths[0].shape, [link for path in paths for link in path.links])
-    given = any(rope.length is not None for rope in cable.ropes.values())
-    base = stated_length(structure, cable) if given else 0.0
+    lengths_stated = any(rope.length is not None for rope in cable.ropes.values())
+    base = stated_length(structure, cable) if lengths_stated else 0.0
     return combined(lambda a, b: a + b, number(actuator.zero), base)  # type: ignore[arg-type]
 
 
@@ -90,8 +90,8 @@ def as_travel(quantity: Quantity, actuator: Actuator, nominal: Mapping[str, floa
 def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDrive:
     """One actuator; its element exists already, or a drive spring is added here."""
     gain_coefficient = structure.builder.coefficient(gain(actuator), f"{name}.gain")
-    given = None if actuator.force is None else actuator.force.otherwise
-    force_coefficient = structure.builder.coefficient(number(given), f"{name}.force.given")
+    force = None if actuator.force is None else actuator.force.otherwise
+    force_coefficient = structure.builder.coefficient(number(force), f"{name}.force.given")
     if actuator.moves is not None or (actuator.drives in structure.carriage_travel):
         made = _travel_drive(structure, name, actuator)
     elif actuator.turns is not None:

@@ -80,8 +80,8 @@ def _free_directions(
 def _indefinite(machine: Machine, path: Path, stiffness: Stiffness) -> list[Fault]:
     """A block whose energy is not positive in every direction, at nominal parameters."""
     nominal = machine.nominal_values()
-    given = {d: getattr(stiffness, d) or (stiffness.radial if d in _TRANSLATIONS else None) for d in SPATIAL}
-    size = {d: q.number(nominal) ** 0.5 for d, q in given.items() if q is not None}
+    by_direction = {d: getattr(stiffness, d) or (stiffness.radial if d in _TRANSLATIONS else None) for d in SPATIAL}
+    size = {d: q.number(nominal) ** 0.5 for d, q in by_direction.items() if q is not None}
     block = np.eye(len(size))
     couplings = []
     for i, a in enumerate(size):

@@ -60,11 +60,11 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
         return None
     kept_aim, strainless = aim.take(kept), strainless.take(kept)
     commands = np.where(nominal.reached[kept, None], nominal.readings[kept], strainless.readings)
-    given = replace(kept_aim.rows, readings=commands)
-    kept_aim = replace(kept_aim, rows=_directed(model, given))
+    kept_rows = replace(kept_aim.rows, readings=commands)
+    kept_aim = replace(kept_aim, rows=_directed(model, kept_rows))
     before = LoadedTool(model, aim.held).at(values, kept_aim.rows, kept_aim.targets)
     before = before.without(np.nonzero(~nominal.reached[kept])[0])
-    solution, turned = _from_own_sides(model, values, kept_aim, given.columns, strainless, choice)
+    solution, turned = _from_own_sides(model, values, kept_aim, kept_rows.columns, strainless, choice)
     failed = {int(k): OUT_OF_REACH for k in np.setdiff1d(np.arange(len(aim.rows)), kept)}
     failed |= {int(kept[k]): why for k, why in solution.failed.items()}
     return Correction(

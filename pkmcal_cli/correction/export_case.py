@@ -41,7 +41,7 @@ class ExportCase:
     values: Array
     assessment: Assessment
     choice: Choice
-    given: Rows
+    rows: Rows
     names: Sequence[str]
     covariance: tuple[tuple[str, ...], Array] | None
     dwell: float
@@ -91,7 +91,7 @@ class ExportCase:
     @property
     def circumstances(self) -> Rows:
         """Rows (n,) as they were given."""
-        return self.given.take(self.usable)
+        return self.rows.take(self.usable)
 
     @property
     def sided(self) -> bool:

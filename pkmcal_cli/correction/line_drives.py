@@ -109,7 +109,7 @@ def _origin(case: ExportCase) -> Array:
 def _home(case: ExportCase, keyword: str) -> tuple[Array, Array | None]:
     """Readings (A,) of the machine homed there, those that bring the tool there, if any do; their slopes (1, D, p)."""
     out = _at_origin(case, keyword, case.values).copy()
-    rows = replace(case.given.take(np.zeros(1, dtype=np.intp)), readings=np.full((1, len(out)), np.nan))
+    rows = replace(case.rows.take(np.zeros(1, dtype=np.intp)), readings=np.full((1, len(out)), np.nan))
     aim = Aim(poses=_origin(case), held=case.made.aim.held, rows=rows)
     there = corrected(case.model, case.values, aim, case.choice)
     if there is None or not len(there.good):

@@ -17,10 +17,10 @@ _ROTATION_PARAMETERS = tuple(
 _DIRECTIONS = {**{c: f"shift along {c}" for c in "xyz"}, "n": "shift of a single number"}
 
 
-def _parts(**given: Any) -> list[Any]:
+def _parts(**vectors: Any) -> list[Any]:
     """The numbers of the entry, those of some of its parts as given."""
     out: list[Any] = [0.0] * WIDTHS["frame"]
-    for name, values in given.items():
+    for name, values in vectors.items():
         out[FRAME_PARTS[name]] = values
     return out
 

@@ -102,11 +102,11 @@ class EffectResolver:
     def _number(self, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path) -> EffectNumber:
         changes: dict[str, Any] = {}
         for field in ("value", "std", "range", "bounds", "interval"):
-            given = getattr(entry, field)
-            if isinstance(given, WrittenValue):
-                changes[field] = self._bound(given, unit, (*path, field), field != "value")
-            elif isinstance(given, tuple):
-                parts = [self._bound(d, unit, (*path, field), False) for d in given]
+            value = getattr(entry, field)
+            if isinstance(value, WrittenValue):
+                changes[field] = self._bound(value, unit, (*path, field), field != "value")
+            elif isinstance(value, tuple):
+                parts = [self._bound(d, unit, (*path, field), False) for d in value]
                 changes[field] = tuple(parts)
                 if not parts[0] < parts[1]:
                     self._fault("range", "the first limit must be below the second", path, "write [from, to]")

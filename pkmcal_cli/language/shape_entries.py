@@ -61,7 +61,7 @@ def _in_si(
     resolver: Resolver, key: str, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path
 ) -> EffectNumber | None:
     """One entry with SI numbers; None, with a fault, where it has another form than its key asks for."""
-    given = entry.interval or entry.numbers
+    values = entry.interval or entry.numbers
     if key == "cov":
         rows = entry.matrix
         if rows is None:
@@ -74,16 +74,16 @@ def _in_si(
             ),
         )
     if key in ("knots", "values"):
-        if given is None:
+        if values is None:
             resolver.fault(
                 "value", f"`{key}` must be a list of numbers", path, f"write, for example, {key}: [0, 10, 20]"
             )
             return None
         return _with(
-            entry, interval=None, numbers=tuple(resolver.bound(x, unit, (*path, i)) for i, x in enumerate(given))
+            entry, interval=None, numbers=tuple(resolver.bound(x, unit, (*path, i)) for i, x in enumerate(values))
         )
     value = resolver.bound(entry.value, unit, path)
-    if given is not None or entry.matrix is not None or not value >= SMALLEST:
+    if values is not None or entry.matrix is not None or not value >= SMALLEST:
         resolver.fault(
             "value", f"`{key}` must be a positive number", path, f"write, for example, {key}: 20 {unit.text}"
         )

@@ -162,7 +162,7 @@ class PoseSource:
             self.inputs |= block.inputs
             poses = table.of(block)
             self.forces = self.forces or not np.isnan(block.forces).all()
-            self.covariates = self.covariates or _given(block)
+            self.covariates = self.covariates or _stated_covariates(block)
             yield poses
         self.notes, self.tool = (*stream.notes, *table.notes), table.tool
 
@@ -232,11 +232,11 @@ class TablePoses:
     def _inverse(self, poses: Array) -> DrivePositions:
         """Drive readings for poses (N, 6), held at the coordinates that are given, so far as they are independent."""
         motion, self.tool = tool_motion(self.loaded), required_tool_point(self.loaded)
-        given = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
-        held = motion.most_of(given)
-        self.lacking = tuple(c for c in held if c not in given)
+        coordinates = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
+        held = motion.most_of(coordinates)
+        self.lacking = tuple(c for c in held if c not in coordinates)
         inverse = drive_positions(self.loaded.model, poses, held=held)
-        for name in given:
+        for name in coordinates:
             if name not in held:
                 k = DIRECTIONS.index(name)
                 apart = np.nan_to_num(np.abs(poses[:, k] - inverse.poses[:, k])).max()
@@ -262,7 +262,7 @@ class TablePoses:
         return f"{text}; the table differs by up to {unit.format(apart, 3)} from the value that follows"
 
 
-def _given(block: Measurements) -> tuple[str, ...]:
+def _stated_covariates(block: Measurements) -> tuple[str, ...]:
     """Columns that a table gives beside its positions."""
     return (*block.covariates, *(("session",) if "session" in block.labels else ()))
 

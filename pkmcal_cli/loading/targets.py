@@ -109,20 +109,20 @@ def _of_table(loaded: LoadedMachine, path: str) -> Targets:
         raise BadInput.single(f"more than {_MOST} targets", Location(measured.files[0]), "split the table", "targets")
     poses = np.full((len(measured), len(DIRECTIONS)), np.nan)
     poses[:, [DIRECTIONS.index(c) for c in measured.coordinates]] = measured.targets
-    given = tuple(DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0])
-    held = model.tool_motion.with_all(given)
+    coordinates = tuple(DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0])
+    held = model.tool_motion.with_all(coordinates)
     if held is None:
-        message, hint = unusable_set(loaded, given)
+        message, hint = unusable_set(loaded, coordinates)
         raise BadInput.single(
             message, Location(measured.files[0], 1), hint.replace("`--grid`", "the others"), "targets"
         )
-    kept = [name for name in held if name not in given]
+    kept = [name for name in held if name not in coordinates]
     forces = np.array(measured.forces, dtype=float)
     rows = with_covariates(Rows(np.full(forces.shape, np.nan), forces, partner=measured.partners), measured)
     sessions = ("session",) if "session" in measured.labels else ()
     forced = [a for a, d in enumerate(model.topology.drives) if d.force_controlled]
     return Targets(
-        poses=poses, held=held, coordinates=given, rows=rows, place=lambda row: place_of(measured, row), tool=tool,
-        covariates=(*measured.covariates, *sessions), forces=bool(np.isfinite(forces[:, forced]).any()), grid=False,
+        poses=poses, held=held, coordinates=coordinates, rows=rows, tool=tool,
+        place=lambda row: place_of(measured, row), covariates=(*measured.covariates, *sessions), forces=bool(np.isfinite(forces[:, forced]).any()), grid=False,
         notes=(*measured.notes, tool.text, *([kept_note(kept)] if kept else [])), inputs=measured.inputs,
     )  # fmt: skip

@@ -97,8 +97,8 @@ def _numbers(machine: Machine, size: float) -> Iterator[_Number]:
 def _keys(path: Path, entity: Any, bands: dict[str, Band]) -> Iterator[_Number]:
     """Those keys of an entity that are given."""
     for key, band in bands.items():
-        given = getattr(entity, key, None)
-        for quantity in given if isinstance(given, tuple) else (given,):
+        value = getattr(entity, key, None)
+        for quantity in value if isinstance(value, tuple) else (value,):
             if isinstance(quantity, Quantity):
                 yield _Number(f"{key} of {path[-1]}", (*path, key), quantity, band)
 

@@ -53,9 +53,9 @@ class Needs:
     def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
         """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""
         placing = [name for name, actuator in self.machine.actuators.items() if actuator.holds]
-        given = [name for name in placing if (b := self.columns_found.get((name, "actuator"))) and self._filled(b)]
+        filled = [name for name in placing if (b := self.columns_found.get((name, "actuator"))) and self._filled(b)]
         targets = [b for b in self.targets() if self._filled(b)]
-        by_actuators = bool(given) or require != "poses" or not targets or not placing
+        by_actuators = bool(filled) or require != "poses" or not targets or not placing
         required = self._forces()
         if require == "targets":
             by_actuators = False

@@ -173,8 +173,8 @@ class _File:
         machine, rows = self.machine, len(chunk.lines)
         drives = tuple(machine.actuators)
         channels = tuple(c.name for c in columns_of(machine) if c.role == "channel")
-        coordinates, given = coordinates_of(machine), channel_of_target(machine)
-        places = tuple(channels.index(given[c]) if c in given else -1 for c in coordinates)
+        coordinates, channel_names = coordinates_of(machine), channel_of_target(machine)
+        places = tuple(channels.index(channel_names[c]) if c in channel_names else -1 for c in coordinates)
         get = _Getter(chunk, binding, rows, self.clock.origin)
         labels = {b.column.name: tuple(chunk.texts[b.index]) for b in binding.of("label")}
         sessions, session = self._sessions(labels, rows)

@@ -22,7 +22,7 @@ def one_stdin(*inputs: str | None) -> None:
         raise UsageError("only one input can be `-` (stdin)", hint="give the others as files")
 
 
-def given(*texts: str | None) -> list[str]:
+def present(*texts: str | None) -> list[str]:
     """Those arguments that were given."""
     return [text for text in texts if text is not None]
 

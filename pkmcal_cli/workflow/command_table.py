@@ -18,9 +18,9 @@ class CommandTable(PosedTable):
     """Columns of commands: first those that `simulate` reads, then errors, forces, energies, remarks."""
 
     def __init__(
-        self, machine: Machine, model: Model, given: bool, covariates: Sequence[str], held: Sequence[str]
+        self, machine: Machine, model: Model, forces_stated: bool, covariates: Sequence[str], held: Sequence[str]
     ) -> None:
-        super().__init__(machine, model, given, covariates)
+        super().__init__(machine, model, forces_stated, covariates)
         self._add_forces()
         units = machine.file_units
         for name in held:

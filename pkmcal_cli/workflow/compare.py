@@ -26,7 +26,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.arguments import given
+from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
 from pkmcal_cli.workflow.plots import check_plot, write_plot
@@ -56,7 +56,7 @@ def run_comparison(request: ComparisonRequest) -> int:
     limits = gates(request.fail_above or ())
     if sum(is_stream(t) for t in request.things):
         raise UsageError("compare reads no stdin", hint="give files or folders of runs")
-    check_plot(request.plot, given(*request.things, request.machine), force=request.force)
+    check_plot(request.plot, present(*request.things, request.machine), force=request.force)
     kinds = [_kind(t) for t in request.things]
     _check_limits(limits, kinds)
     if kinds == ["runs"] and request.plot is not None:

@@ -22,7 +22,7 @@ from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import given, one_stdin, require_forces
+from pkmcal_cli.workflow.arguments import one_stdin, present, require_forces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,7 @@ def _check(request: DrawingRequest) -> None:
     if request.row is not None and request.poses is None and request.grid is None:
         raise UsageError("--row names a row of a table", hint="add POSES.csv, or --grid")
     one_stdin(request.machine, request.poses, request.parameters)
-    inputs = given(request.machine, request.poses, request.parameters)
+    inputs = present(request.machine, request.poses, request.parameters)
     check_picture(request.output, inputs, force=request.force, option="-o")
 
 

@@ -64,9 +64,9 @@ def exported(
 ) -> ExportReport:
     """The draft of a format and what remains. Raises BadInput where the format cannot hold the machine."""
     made = result.correction
-    given = targets.rows.take(made.kept)
+    usable_rows = targets.rows.take(made.kept)
     case = ExportCase(
-        loaded=loaded, model=model, values=start.values, assessment=result, choice=export.choice, given=given,
+        loaded=loaded, model=model, values=start.values, assessment=result, choice=export.choice, rows=usable_rows,
         names=[], covariance=start.covariance, dwell=export.dwell, feed=export.feed,
     )  # fmt: skip
     if not len(case.usable):

@@ -28,7 +28,7 @@ from pkmcal_cli.sheet.sheet_json import sheet_json
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.calibration import Calibrated, CalibrationRequest, calibration, parameter_text, setting
 from pkmcal_cli.workflow.improve import ImproveRequest, improvement_of
 from pkmcal_cli.workflow.improve import setting as improve_setting
@@ -158,7 +158,7 @@ def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
         raise UsageError(message, hint="give the machine and the tables as files")
     if request.circle_feed is not None and not request.circle_feed > 0:
         raise UsageError("--circle-feed: not a positive feed", hint="give mm/min, e.g. `--circle-feed 1000`")
-    check_target(request.output, given(*files), force=request.force)
+    check_target(request.output, present(*files), force=request.force)
     return tolerance_of(request.tolerance)
 
 

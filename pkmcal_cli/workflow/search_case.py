@@ -89,8 +89,8 @@ def prepare(
     problem = with_prior(problem_of(candidates_.model, measured), selected, request.prior)
     start = load_parameters(model, request.parameters)
     if request.parameters is not None:
-        given = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
-        candidates_ = replace(candidates_, start=at_frames(given, candidates_.model, problem.model))
+        values = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
+        candidates_ = replace(candidates_, start=at_frames(values, candidates_.model, problem.model))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     _enough(problem, measured, selected, fewest)

@@ -102,17 +102,17 @@ class ConsistencyCheck:
 
     def _check_section(self, path: Path, section: Any) -> None:
         forms = ("square", "rectangle", "round", "tube", "area")
-        given = [form for form in forms if getattr(section, form) is not None]
-        if len(given) != 1:
+        stated = [form for form in forms if getattr(section, form) is not None]
+        if len(stated) != 1:
             message = "a section needs exactly one of square, rectangle, round, tube, area"
-            hint = f"keep only one of {', '.join(given)}" if given else "add, for example, `square: 20 mm`"
+            hint = f"keep only one of {', '.join(stated)}" if stated else "add, for example, `square: 20 mm`"
             self._fault(message, path, hint, at_key=True)
-        elif given != ["area"]:
+        elif stated != ["area"]:
             for extra in ("Iy", "Iz", "J"):
                 if getattr(section, extra) is not None:
-                    message = f"`{extra}` is already determined by `{given[0]}`"
+                    message = f"`{extra}` is already determined by `{stated[0]}`"
                     self._fault(
-                        message, (*path, extra), f"delete it, or use `area` instead of `{given[0]}`", at_key=True
+                        message, (*path, extra), f"delete it, or use `area` instead of `{stated[0]}`", at_key=True
                     )
 
     def _check_beam(self, path: Path, beam: Beam[Written]) -> None:
@@ -175,16 +175,16 @@ class ConsistencyCheck:
     def _check_stiffness(self, path: Path, stiffness: Stiffness[Written] | None) -> None:
         if stiffness is None:
             return
-        given = [key for key in Stiffness.model_fields if getattr(stiffness, key) is not None]
-        for key in given:
+        stated = [key for key in Stiffness.model_fields if getattr(stiffness, key) is not None]
+        for key in stated:
             parts = key.split("_")
             if self.planar and key != "radial" and not set(parts) <= set(PLANAR):
                 self._fault(f"`{key}` does not exist in a planar machine", (*path, key), "delete it", at_key=True)
-            missing = [part for part in parts if part not in given]
+            missing = [part for part in parts if part not in stated]
             if len(parts) == 2 and missing:
                 message = f"coupling `{key}` needs the stiffness `{missing[0]}`"
                 self._fault(message, (*path, key), f"give both `{parts[0]}` and `{parts[1]}`", at_key=True)
-            if "radial" in given and key in ("x", "y", "z"):
+            if "radial" in stated and key in ("x", "y", "z"):
                 message = f"`{key}` and `radial` cannot both be given"
                 self._fault(message, (*path, key), "delete one of them", at_key=True)
 

@@ -13,9 +13,9 @@ _CARRIERS = ("frame", "body", "beam")
 def check_guides(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
     """Checks the guides and frames of a machine as written; `fault(what, path, hint, at_key=...)` takes each fault."""
     for name, guide in machine.guides.items():
-        given = [key for key in _CARRIERS if getattr(guide, key) is not None]
-        for extra in given[1:]:
-            message = f"guide `{name}` cannot have both `{given[0]}` and `{extra}`"
+        carriers = [key for key in _CARRIERS if getattr(guide, key) is not None]
+        for extra in carriers[1:]:
+            message = f"guide `{name}` cannot have both `{carriers[0]}` and `{extra}`"
             fault(message, ("guides", name, extra), "keep the one that carries it", at_key=True)
         for key in ("at", "along"):
             if guide.beam is not None and key in guide.model_fields_set:

@@ -136,8 +136,8 @@ class NameCheck:
         taken: dict[tuple[str, str], str] = {}
         for name, actuator in self.machine.actuators.items():
             for key, sections in driven_sections().items():
-                given: str | dict[str, Written] | None = getattr(actuator, key)
-                for target in (given,) if isinstance(given, str) else tuple(given or ()):
+                driven: str | dict[str, Written] | None = getattr(actuator, key)
+                for target in (driven,) if isinstance(driven, str) else tuple(driven or ()):
                     path: Path = ("actuators", name, key, target)
                     listed = isinstance(self.source.node(path[:3]).value, dict)
                     self._refer_any(sections, target, path, at_key=listed)

@@ -93,16 +93,16 @@ def _check_unit(machine: WrittenMachine, path: Path, sensor: Sensor[Written], fa
 
 
 def _check_keys(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]) -> None:
-    kind, given = kind_of_sensor(sensor), sensor.model_fields_set
+    kind, stated = kind_of_sensor(sensor), sensor.model_fields_set
     for key in kind.needs:
-        if key not in given:
+        if key not in stated:
             fault(
                 f"sensor kind `{kind.keyword}` needs `{key}`",
                 path,
                 f"add, for example, `{_EXAMPLES[key]}`",
                 at_key=True,
             )
-    for key in given:
+    for key in stated:
         if key not in (*kind.keys, "kind"):
             hint = "delete it; keys of this kind: " + ", ".join(kind.keys)
             fault(f"sensor kind `{kind.keyword}` has no `{key}`", (*path, key), hint, at_key=True)
