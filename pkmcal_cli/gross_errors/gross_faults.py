@@ -104,7 +104,7 @@ class _Table:
     def take(self, rows: IntArray) -> _Table:
         """Some rows (n,)."""
         states = None if self.states is None else self.states.take(rows)
-        place = _Places(self.place, rows)
+        place = _RowNames(self.place, rows)
         problem, sessions = self.problem.take(rows), self.sessions[rows]
         return replace(self, problem=problem, sessions=sessions, place=place, states=states, known=None)
 
@@ -128,7 +128,7 @@ def _from_a_row(table: _Table) -> tuple[Hint, ...]:
 
 
 @dataclass(frozen=True)
-class _Places:
+class _RowNames:
     """Words for a row of a part of the table."""
 
     place: Callable[[int], str]

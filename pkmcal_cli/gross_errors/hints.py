@@ -17,7 +17,7 @@ from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import find_limit_faults
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.loading.poses import Place, place_of
+from pkmcal_cli.loading.poses import RowOrigin, place_of
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
@@ -27,7 +27,7 @@ _REACH = 20.0  # sizes of the machine: no TCP is as far away
 _SHOWN = 5  # groups of copied rows told one by one
 
 
-def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
+def absurd_rows(problem: Problem, place: Callable[[int], RowOrigin]) -> list[Fault]:
     """Readings beyond all measure, with which nothing can be computed."""
     with np.errstate(over="ignore", invalid="ignore"):
         far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)

@@ -289,7 +289,7 @@ SensorScale = Annotated[V, Measure(NUMBER, (FORCE, TORQUE, LENGTH, ANGLE), sign=
 
 # --- tuples of them ------------------------------------------------------------------------
 Point = Annotated[tuple[Length[V], ...], Shape("a point", (2,), (3,))]
-Place = Annotated[tuple[Length[V], ...], Shape("a point or a travel", (1, 2), (1, 3))]
+PointOrTravel = Annotated[tuple[Length[V], ...], Shape("a point or a travel", (1, 2), (1, 3))]
 RotationVector = Annotated[tuple[Angle[V], ...], Shape("an angle or rotation vector", (1,), (3,))]
 Gravity = Annotated[tuple[Acceleration[V], ...], Shape("a vector", (2,), (3,))]
 ForceVector = Annotated[tuple[Force[V], ...], Shape("a vector", (2,), (3,))]

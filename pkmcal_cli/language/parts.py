@@ -33,8 +33,8 @@ from pkmcal_cli.language.fields import (
     Moment,
     Name,
     Number,
-    Place,
     Point,
+    PointOrTravel,
     RotationalStiffness,
     RotationCoupling,
     RotationVector,
@@ -221,7 +221,9 @@ class Body(Entity, Generic[V]):
     driven_by: ClassVar[tuple[str, ...]] = ("moves", "turns")
     renamed: ClassVar[Mapping[str, str]] = MappingProxyType({"on": "guide"})
 
-    at: Place[V] = Field(description="Position of the origin in the reference configuration; on a guide: the travel")
+    at: PointOrTravel[V] = Field(
+        description="Position of the origin in the reference configuration; on a guide: the travel"
+    )
     turn: RotationVector[V] = Field(default=(), description="Orientation in the reference configuration; default: 0")
     guide: str | None = Field(default=None, description="Guide on which the body is a carriage")
     points: dict[Name, Point[V]] = Field(default={}, description="Points of the body, in its own axes")

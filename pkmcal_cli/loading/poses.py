@@ -34,7 +34,7 @@ _APART = 1e-9  # of the machine's size, or rad: less is rounding
 
 
 @dataclass(frozen=True)
-class Place:
+class RowOrigin:
     """Where a row came from: file, line and `id`, or the number of a grid point; a pose that was drawn has a name."""
 
     file: str | None
@@ -59,13 +59,13 @@ class Place:
         return Fault("row", f"row `{self.id}`: {reason}" if self.id else reason, Location(self.file, self.line), hint)
 
 
-def place_of(measurements: Measurements, row: int) -> Place:
+def place_of(measurements: Measurements, row: int) -> RowOrigin:
     """Where a row of a table stands."""
     name = measurements.ids[row] if "id" in measurements.labels else ""
-    return Place(measurements.files[measurements.file_index[row]], int(measurements.line[row]), name)
+    return RowOrigin(measurements.files[measurements.file_index[row]], int(measurements.line[row]), name)
 
 
-def failed_rows(place: Callable[[int], Place], reasons: dict[int, str]) -> BadInput:
+def failed_rows(place: Callable[[int], RowOrigin], reasons: dict[int, str]) -> BadInput:
     """Rows that cannot be predicted, as one error with all of them."""
     shown = sorted(reasons)[:_SHOWN]
     return BadInput([place(row).fault(reasons[row]) for row in shown], len(reasons))
@@ -83,7 +83,7 @@ class Poses:
 
     rows: Rows
     reachable: NDArray[np.bool_]
-    place: Callable[[int], Place]
+    place: Callable[[int], RowOrigin]
     measured: NDArray[np.bool_] | None = None
     touched: NDArray[np.bool_] | None = None
     sides: NDArray[np.float64] | None = None
@@ -185,14 +185,14 @@ class PoseSource:
 def reference_poses(model: Model) -> Poses:
     """The reference configuration alone."""
     rows = at_rest(model, Rows.at(model.reference_readings[None]))
-    return Poses(rows, np.ones(1, dtype=bool), lambda _: Place(None, 0, ""))
+    return Poses(rows, np.ones(1, dtype=bool), lambda _: RowOrigin(None, 0, ""))
 
 
 def _joined(model: Model, blocks: list[Poses]) -> Poses:
     """All blocks as one, with the directions of motion in the order of all rows."""
     starts = [0, *accumulate(len(b) for b in blocks)]
 
-    def place(row: int) -> Place:
+    def place(row: int) -> RowOrigin:
         k = bisect_right(starts, row) - 1
         return blocks[k].place(row - starts[k])
 
@@ -271,4 +271,4 @@ def _grid_blocks(loaded: LoadedMachine, grid: Grid) -> Iterator[Poses]:
     for first in range(0, len(grid), _BLOCK):
         inverse = drive_positions(loaded.model, grid.poses(first, min(first + _BLOCK, len(grid))), held=grid.held)
         rows = at_rest(loaded.model, Rows.at(inverse.readings))
-        yield Poses(rows, inverse.reached, lambda row, first=first: Place(None, first + row + 1, ""))  # type: ignore[misc]
+        yield Poses(rows, inverse.reached, lambda row, first=first: RowOrigin(None, first + row + 1, ""))  # type: ignore[misc]

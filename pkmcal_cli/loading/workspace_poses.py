@@ -13,7 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.covariates import at_rest
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.nearby_poses import rows_before
-from pkmcal_cli.loading.poses import Place, Poses
+from pkmcal_cli.loading.poses import Poses, RowOrigin
 from pkmcal_cli.loading.tool_coordinates import kept_note, tool_motion
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
@@ -50,7 +50,7 @@ def workspace_poses(loaded: LoadedMachine, workspace: Workspace, count: int) -> 
     rows = at_rest(model, replace(Rows.at(readings), partner=rows_before(model, len(readings))))
     kept = [c for c in held if c not in spread] if spread else []
     notes = (kept_note(kept),) if kept else ()
-    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: Place(None, row + 1, "")), notes
+    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: RowOrigin(None, row + 1, "")), notes
 
 
 def out_of_workspace(loaded: LoadedMachine) -> BadInput:

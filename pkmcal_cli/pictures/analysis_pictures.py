@@ -90,7 +90,7 @@ def observability_picture(result: Observability, model: Model, titles: Titles) -
 
 
 @dataclass(frozen=True)
-class PlanPlaces:
+class PlannedPositions:
     """Positions (N, K), m, of planned points and of those that are added, in coordinates of the tool point."""
 
     planned: Array
@@ -98,7 +98,7 @@ class PlanPlaces:
     names: tuple[str, ...]
 
 
-def plan_picture(plan: Plan | None, titles: Titles, length: Unit, places: PlanPlaces | None) -> Picture:
+def plan_picture(plan: Plan | None, titles: Titles, length: Unit, places: PlannedPositions | None) -> Picture:
     """Where the points are; what they detect, by the smallest size as a share of what is plausible."""
     parts, sentences = [], []
     if places is not None and len(places.planned) + len(places.added) and planes(places.names):

@@ -12,7 +12,7 @@ from pkmcal_cli.base.outputs import check_target, make_folder
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals, waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
-from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
+from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text, three_digits
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
@@ -75,7 +75,7 @@ def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, units: FileUnits) ->
     return composed("diagnosis", titles, " ".join(words), parts)
 
 
-def diagnosed_places(diagnosis: Diagnosis) -> list[Places]:
+def diagnosed_places(diagnosis: Diagnosis) -> list[PlaneErrors]:
     """Positions and errors, calibrated and with the effects found; none without positions."""
     stages = [(_CALIBRATED, diagnosis.before.after.residual)]
     if diagnosis.findings or diagnosis.shapes:
@@ -97,7 +97,7 @@ def is_circle(at: Array) -> bool:
 
 
 # --- circular run ----------------------------------------------------------------------------
-def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> Picture:
+def circle_picture(places: PlaneErrors, titles: Titles, length: Unit, name: str) -> Picture:
     """Radial errors of a circular run, by stage, magnified."""
     middle = 0.5 * (places.at.min(axis=0) + places.at.max(axis=0))
     ray = places.at - middle

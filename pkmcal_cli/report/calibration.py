@@ -22,7 +22,7 @@ from pkmcal_cli.calibration.residual import lost_rows
 from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.evidence import evidence_of
@@ -56,7 +56,7 @@ class CalibrationReport:
         problem: Problem,
         calibration: Calibration,
         held_out: HeldOut | str,
-        place: Callable[[int], Place],
+        place: Callable[[int], RowOrigin],
         mistakes: tuple[str, ...] = (),
     ) -> None:
         fit, intervals = calibration.robust.fit, calibration.intervals

@@ -15,7 +15,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.report.number_format import handy
@@ -28,9 +28,9 @@ class _Worst:
 
     rows: int = 0
     value: float = 0.0
-    place: Place | None = None
+    place: RowOrigin | None = None
 
-    def add(self, beyond: NDArray[np.bool_], values: Array, place: Callable[[int], Place]) -> None:
+    def add(self, beyond: NDArray[np.bool_], values: Array, place: Callable[[int], RowOrigin]) -> None:
         """Count rows (N,) and keep the one with the largest value (N,) of them."""
         self.rows += int(beyond.sum())
         if beyond.any():
@@ -69,7 +69,7 @@ class Loads:
 
     @classmethod
     def of(
-        cls, model: Model, values: Array, rows: Rows, place: Callable[[int], Place], start: WarmStart | None = None
+        cls, model: Model, values: Array, rows: Rows, place: Callable[[int], RowOrigin], start: WarmStart | None = None
     ) -> Loads:
         """The loads of rows at parameter values (P,), SI."""
         loads = cls(model=model)
@@ -77,11 +77,11 @@ class Loads:
         return loads
 
     @classmethod
-    def of_fit(cls, problem: Problem, fit: Fit, place: Callable[[int], Place]) -> Loads:
+    def of_fit(cls, problem: Problem, fit: Fit, place: Callable[[int], RowOrigin]) -> Loads:
         """The loads of the rows of a fit."""
         return cls.of(problem.model, fit.values, problem.rows.moved(fit.shift), place, fit.last.start)
 
-    def add(self, values: Array, rows: Rows, prediction: Prediction, place: Callable[[int], Place]) -> None:
+    def add(self, values: Array, rows: Rows, prediction: Prediction, place: Callable[[int], RowOrigin]) -> None:
         """Count the solved rows of a prediction at parameter values (P,), SI; `place`: where its rows stand."""
         self.total += int(prediction.solved.sum())
         if prediction.forces is not None and prediction.tension is not None:
@@ -109,7 +109,7 @@ class Loads:
         return np.asarray(compared & redundant & self.model.in_doubt(prediction.misfit))
 
     def _add_limits(
-        self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], Place]
+        self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], RowOrigin]
     ) -> None:
         """Forces (N, A) above limits and tensions (N, R) below theirs."""
         for k, actuator in enumerate(self.model.actuators):
@@ -119,7 +119,7 @@ class Loads:
             below = solved & (tensions[:, k] < rope.tension)
             self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], place)
 
-    def _add_disagreement(self, prediction: Prediction, place: Callable[[int], Place]) -> None:
+    def _add_disagreement(self, prediction: Prediction, place: Callable[[int], RowOrigin]) -> None:
         """Rows whose drives hold positions that no pose satisfies within ranges and noise."""
         assert prediction.forces is not None
         forces, solved = np.abs(np.nan_to_num(prediction.forces)), prediction.solved

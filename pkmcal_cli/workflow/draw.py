@@ -11,7 +11,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
-from pkmcal_cli.loading.poses import OUT_OF_REACH, Place, PoseSource, reference_poses
+from pkmcal_cli.loading.poses import OUT_OF_REACH, PoseSource, RowOrigin, reference_poses
 from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture, newtons
 from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
 from pkmcal_cli.pictures.picture import check_picture, write_picture
@@ -48,7 +48,7 @@ class _Row:
 
     rows: Rows
     number: int
-    place: Place
+    place: RowOrigin
     inputs: dict[str, str]
     notes: tuple[str, ...] = ()
 
@@ -145,7 +145,7 @@ def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row
         to.table("Axial forces of members (+ pulls)", ("member", "force"), members)
 
 
-def _place_text(place: Place) -> str:
+def _place_text(place: RowOrigin) -> str:
     """Where a row stands, in a title that names its file."""
     if place.file is None:
         return str(place).removeprefix("the ").removeprefix("--")
