@@ -64,4 +64,4 @@ class _Tree:
         if joint.type not in ("fixed", "prismatic") or child not in self.machine.bodies:
             return True
         orientations = [self.machine.bodies[n].turn if n in self.machine.bodies else () for n in (child, parent)]
-        return all(q.number(self.nominal) == 0.0 for turn in orientations for q in turn)
+        return all(q.number(self.nominal) == 0.0 for angles in orientations for q in angles)

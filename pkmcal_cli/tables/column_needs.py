@@ -48,12 +48,12 @@ class Needs:
     ) -> None:
         self.reader, self.machine, self.bound, self.spare, self.log = reader, machine, bound, spare, log
         self.columns = {(c.name, c.role): c for c in columns_of(machine)}
-        self.columns_found = {(b.column.name, b.column.role): b for b in bound}
+        self.columns_bound = {(b.column.name, b.column.role): b for b in bound}
 
     def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
         """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""
         placing = [name for name, actuator in self.machine.actuators.items() if actuator.holds]
-        filled = [name for name in placing if (b := self.columns_found.get((name, "actuator"))) and self._filled(b)]
+        filled = [name for name in placing if (b := self.columns_bound.get((name, "actuator"))) and self._filled(b)]
         targets = [b for b in self.targets() if self._filled(b)]
         by_actuators = bool(filled) or require != "poses" or not targets or not placing
         required = self._forces()
@@ -64,13 +64,13 @@ class Needs:
             required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
         elif not by_actuators:
             required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
-        elif require == "poses" and placing and not any((n, "actuator") in self.columns_found for n in placing):
+        elif require == "poses" and placing and not any((n, "actuator") in self.columns_bound for n in placing):
             self._no_pose(placing)
         else:
             required |= self._actuators(placing)
         if require == "measured":
             self._channels()
-        session = self.columns_found.get(("session", "label"))
+        session = self.columns_bound.get(("session", "label"))
         if session is not None:
             required[session.index] = "give the session in every row"
         blank = set()
@@ -92,7 +92,7 @@ class Needs:
     def _actuators(self, names: Sequence[str]) -> dict[int, str]:
         required = {}
         for name in names:
-            b = self.columns_found.get((name, "actuator"))
+            b = self.columns_bound.get((name, "actuator"))
             if b is None:
                 column = self.columns[name, "actuator"]
                 self._missing(f"missing column `{column.header}` (actuator {name})", column)
@@ -106,7 +106,7 @@ class Needs:
         for name, actuator in self.machine.actuators.items():
             if actuator.control == "force" and (actuator.force is None or actuator.force.otherwise is None):
                 column = self.columns[f"{name}.force", "force"]
-                b = self.columns_found.get((column.name, "force"))
+                b = self.columns_bound.get((column.name, "force"))
                 if b is None:
                     self._missing(f"missing column `{column.header}` (force of actuator {name})", column)
                 else:
@@ -118,7 +118,7 @@ class Needs:
     def _channels(self) -> None:
         """Some channel, and none whose column is there under a name that is nearly its own."""
         channels = [c for c in self.columns.values() if c.role == "channel"]
-        lost = [c for c in channels if (c.name, "channel") not in self.columns_found]
+        lost = [c for c in channels if (c.name, "channel") not in self.columns_bound]
         if len(lost) == len(channels) and not known_readings(self.machine):
             names = listed([f"`{c.header}`" for c in channels])
             message = (

@@ -86,15 +86,15 @@ class MagnitudeCheck:
             label = written.tree.id
             path = ("parameters", label, "nominal")
             nominal = self.declared[label].nominal
-            own = self.declared[label].unit
+            unit_text = self.declared[label].unit
             if isinstance(nominal, WrittenValue):
                 written = nominal
         else:
-            own = ""
+            unit_text = ""
         if path in self._reported:
             return
         self._reported.add(path)
-        unit = written.unit or (parse_unit(own) if own else self.units.unit(quantity.dimension))
+        unit = written.unit or (parse_unit(unit_text) if unit_text else self.units.unit(quantity.dimension))
         self._warn(path, label, value, unit, plausible, quantity.dimension)
 
     def _warn(
