@@ -210,7 +210,7 @@ def drawn() -> str:
         for row, line in enumerate(panel.lines()):
             page.text(left + 8 * line.startswith(" "), 322 + 14 * row, f"`{line.strip()}`", DARK)
     first = "A carriage has the axes of its guide's frame, whatever `along` is."
-    page.text(12, 424, f"{first} Turns are positive from x to y (rz), from y to z (rx), from z to x (ry).")
+    page.text(12, 424, f"{first} Tilts are positive from x to y (rz), from y to z (rx), from z to x (ry).")
     style = "text{font:12px sans-serif}text.b{font-weight:bold}.m{font:10.5px monospace}"
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}">'
     white = '<rect width="100%" height="100%" fill="white"/>'

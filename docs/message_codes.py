@@ -20,7 +20,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "pkmcal_cli"
 
 @dataclass(frozen=True)
 class Maker:
-    """A callable with a parameter `code`: the places of `code` and `what` among its arguments, the default code."""
+    """A callable with a parameter `code`: the places of `code` and `message` among its arguments, the default code."""
 
     name: str
     place: int
@@ -64,8 +64,8 @@ def makers() -> dict[str, tuple[Maker, ...]]:
                 names, defaults = _arguments(node)
             else:
                 continue
-            if "code" in names and ("what" in names or "hint" in names):
-                text = names.index("what") if "what" in names else None
+            if "code" in names and ("message" in names or "hint" in names):
+                text = next((names.index(n) for n in ("message", "what") if n in names), None)  # what: of a `Fault`
                 maker = Maker(node.name, names.index("code"), text, defaults.get("code"))
                 found[node.name] = (*found.get(node.name, ()), maker)
     return found
@@ -139,9 +139,9 @@ def _of_call(call: ast.Call, function: ast.AST) -> Iterator[tuple[str, str]]:
     for maker in known or (Maker(name, 99, None, None),):
         given = _argument(call, "code", maker.place)
         if given is None and maker.default:
-            yield maker.default, _text(_argument(call, "what", maker.text), function) if len(known) == 1 else ""
+            yield maker.default, _text(_argument(call, "message", maker.text), function) if len(known) == 1 else ""
         for code in _codes(given, _constants()):
-            yield code, _text(_argument(call, "what", maker.text), function)
+            yield code, _text(_argument(call, "message", maker.text), function)
 
 
 def _calls(node: ast.AST, function: ast.AST) -> Iterator[tuple[ast.Call, ast.AST]]:
@@ -163,6 +163,6 @@ def messages() -> dict[str, tuple[str, ...]]:
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found |= {code: {} for code in _SHOWN.findall(node.value) if code not in found}
-            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "usual_code":
+            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "default_code":
                 found.setdefault(ast.literal_eval(node.value), {})
     return {code: tuple(sorted(texts)) for code, texts in sorted(found.items())}

@@ -98,8 +98,8 @@ def _failed(error: Exception, arguments: list[str]) -> int:
     if isinstance(error, OSError) and error.filename is None:  # typer's own output, such as help
         error = OutputError(f"cannot be written: {error.strerror or error}", "<stdout>")
     elif isinstance(error, OSError):  # of a file that was looked at: results have their own words
-        what = f"the file cannot be read: {error.strerror or error}"
-        error = BadInput.single(what, Location(str(error.filename), 1), "check the path and the rights", "file")
+        message = f"the file cannot be read: {error.strerror or error}"
+        error = BadInput.single(message, Location(str(error.filename), 1), "check the path and the rights", "file")
     if isinstance(error.__cause__, BrokenPipeError):
         return OutputError.exit_code  # the reader has gone: nobody wants to know
     if type(error).__name__ == "LinAlgError":
@@ -144,8 +144,8 @@ def _usage_or_internal(error: Exception, arguments: list[str]) -> int:
     if message is None or not hasattr(error, "exit_code"):
         if os.environ.get("PKMCAL_DEBUG"):
             raise error
-        what = f"internal error: {type(error).__name__}: {error}"
-        _tell(f"{what}\nhelp: run again with PKMCAL_DEBUG=1 and report the trace")
+        internal = f"internal error: {type(error).__name__}: {error}"
+        _tell(f"{internal}\nhelp: run again with PKMCAL_DEBUG=1 and report the trace")
         return PkmcalError.exit_code
     if type(error).__name__ == "NoArgsIsHelpError":
         _tell(str(message()))

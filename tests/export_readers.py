@@ -153,7 +153,7 @@ def klipper_winch(path: Path, positions: Array) -> tuple[Array, Array]:
 
 
 def hangprinter(path: Path, positions: Array) -> Array:
-    """Turns (N, A) of the motors, as in HangprinterKinematics.cpp, in double precision."""
+    """Tilts (N, A) of the motors, as in HangprinterKinematics.cpp, in double precision."""
     found = commands(path)
     about = {c: np.array(v) for c, v in found["M666"].items()}
     anchors = np.array([found["M669"][c] for c in "ABCD"])

@@ -93,7 +93,7 @@ def test_what_is_far_beyond_its_range_is_found_last_and_said_to_be_unusual(tmp_p
     assert names(done) == {"backlash A"}
     found, std, unit = value(done, "backlash@A.b")
     assert unit == "um" and abs(found - 8000) < 4 * std < 2000
-    assert "its size is beyond what is usual" in done.err and done.json["effects"][0]["provisional"]
+    assert "its size is beyond the plausible range" in done.err and done.json["effects"][0]["provisional"]
     (shown,) = (d for d in done.json["invisible"] if (d["effect"], d["at"]) == ("backlash", "B"))
     assert shown["effect"] == "backlash", "what cannot be seen within its range is still told"
 

@@ -88,7 +88,7 @@ def test_a_coordinate_that_does_not_move_freely_is_said_or_refused() -> None:
     Path("turned.csv").write_text("x,y,rz\n0,0,0.1\n")
     done = run("simulate", SCISSORS, "turned.csv", "-o", "out.csv")
     assert done.code == 0 and "not used: `rz`, which the mechanism does not move independently" in done.err
-    assert "in the table it is up to 0.1 rad from where it follows" in done.err
+    assert "the table differs by up to 0.1 rad from the value that follows" in done.err
     refused = run("simulate", SCISSORS, "--grid", "rz=0:0.1:2")
     assert refused.code == 2 and "no degree of freedom moves `rz` of tool point `platform`" in refused.err
 

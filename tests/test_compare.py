@@ -274,7 +274,7 @@ def test_pairs_are_resampled_together() -> None:
     [
         (["one.yaml"], 2, "nothing to compare"),
         (["one.yaml", "-"], 2, "no stdin"),
-        (["one.yaml", "plain.yaml"], 3, "no whole section `data`"),
+        (["one.yaml", "plain.yaml"], 3, "no complete section `data`"),
         (["one.yaml", "list.yaml"], 3, "must be a map"),
         (["one.yaml", "words.yaml"], 3, "neither"),
         (["one.yaml", "none.yaml"], 3, "error[file]"),
@@ -282,7 +282,7 @@ def test_pairs_are_resampled_together() -> None:
         ([BIGLIDE, "a.csv"], 2, "in pairs"),
         (["empty"], 3, "no run"),
         (["one.yaml", "empty"], 2, "not the folder of one run"),
-        (["one.yaml", "spoilt.yaml"], 3, "no whole section `data`"),
+        (["one.yaml", "spoilt.yaml"], 3, "no complete section `data`"),
         (["one.yaml", "one.yaml", "--alpha", "2"], 2, "--alpha"),
         (["one.yaml", "other.yaml", "--machine", "none.yaml"], 3, "error[file]"),
     ],

@@ -149,10 +149,10 @@ def test_a_table_of_poses_in_any_coordinates_says_how_far_the_others_are() -> No
     done = run("simulate", "head.yaml", "six.csv", "-o", "out.csv")
     assert [column("out.csv", f"q{k}")[0] for k in (1, 2, 3)] == pytest.approx(drives[0] * 1e3, abs=1e-8)
     assert "not used: `rz`, which the mechanism does not move independently" in done.err
-    assert "from where it follows" not in done.err
+    assert "from the value that follows" not in done.err
     Path("turned.csv").write_text(f"z,rx,ry,rz\n600,{cells[3]!r},{cells[4]!r},5\n")
     done = run("simulate", "head.yaml", "turned.csv", "-o", "out.csv", "--force")
-    assert "not used: `rz`" in done.err and "in the table it is up to 5 deg from where it follows" in done.err
+    assert "not used: `rz`" in done.err and "the table differs by up to 5 deg from the value that follows" in done.err
     assert [column("out.csv", f"q{k}")[0] for k in (1, 2, 3)] == pytest.approx(drives[0] * 1e3, abs=1e-8)
 
 

@@ -12,7 +12,7 @@ import pytest
 from pkmcal_cli.base.errors import BadInput
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine
 from pkmcal_cli.loading.poses import reference_poses
-from pkmcal_cli.pictures.machine_picture import machine_picture, usual_scale
+from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture
 from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
 from pkmcal_cli.pictures.text_machine import text_machine
 from pkmcal_cli.pictures.titles import titles
@@ -135,9 +135,9 @@ def test_the_picture_shows_displacements_as_large_as_it_says() -> None:
 def test_the_usual_scale_is_round_and_shows_something() -> None:
     for off in (1e-7, 1e-5, 1e-3):
         shape = shape_of(TRIGLIDE, l3=off)
-        scale = usual_scale(shape)
+        scale = default_scale(shape)
         assert f"{scale:.6e}"[0] in "125" and 0.02 < scale * shape.largest[1] / shape.length < 0.09
-    assert usual_scale(shape_of(TRIGLIDE)) == 1.0 and shape_of(TRIGLIDE).largest[1] == 0.0
+    assert default_scale(shape_of(TRIGLIDE)) == 1.0 and shape_of(TRIGLIDE).largest[1] == 0.0
 
 
 def test_effects_see_the_whole_table() -> None:
@@ -164,7 +164,7 @@ def test_no_text_lies_on_another(name: str) -> None:
         told = " ".join(t.text for t in texts)
         assert len(figure.axes) == (1 if shape.planar else 4)
         assert all(drive in told for drive in shape.readings)
-    rows = text_machine(shape, usual_scale(shape))
+    rows = text_machine(shape, default_scale(shape))
     assert max(len(line) for line in rows) <= 78
     assert all(any(drive in line for line in rows) for drive in shape.readings)
 
@@ -207,7 +207,7 @@ def test_machines_of_pages_and_odd_ones_are_drawn(name: str, written: Path) -> N
         assert done.code == 3 and "Traceback" not in done.err
         return
     assert collisions(machine_picture(shape, titles(name, "", []))) == []
-    assert max((len(line) for line in text_machine(shape, usual_scale(shape))), default=0) <= 78
+    assert max((len(line) for line in text_machine(shape, default_scale(shape))), default=0) <= 78
 
 
 # --- the command ---------------------------------------------------------------------------

@@ -28,7 +28,7 @@ def test_every_cause_has_a_remedy() -> None:
 
 def test_no_error_is_without_a_code_of_its_own() -> None:
     """The code of the base class is never shown: it is raised by no one."""
-    assert PkmcalError.usual_code in NEVER
+    assert PkmcalError.default_code in NEVER
     raised = [f for f in (ROOT / "pkmcal_cli").rglob("*.py") if "raise PkmcalError(" in f.read_text(encoding="utf-8")]
     assert raised == []
 

@@ -32,7 +32,7 @@ def test_places_behind_a_power_are_those_in_the_text(power: str) -> None:
     text = f"  r{power}2/r + l{power}2*k/r"
     with pytest.raises(Slip, match="cannot combine") as slip:
         bound(text)
-    assert slip.value.what.startswith(f"cannot combine `r{power}2/r` (a length)")
+    assert slip.value.message.startswith(f"cannot combine `r{power}2/r` (a length)")
     assert text[slip.value.offset :] == f"l{power}2*k/r"
 
 

@@ -55,7 +55,11 @@ def turned(head: list[str], rows: Rows) -> None:
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [(drifting_far, "of the machine's size"), (one_far, "far off what the others say"), (turned, "ranges off nominal")],
+    [
+        (drifting_far, "of the machine's size"),
+        (one_far, "far from what the other rows predict"),
+        (turned, "ranges off nominal"),
+    ],
 )
 def test_a_result_that_nobody_should_believe(
     change: Callable[[list[str], Rows], None], words: str, tmp_path: Path

@@ -20,7 +20,7 @@ from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures
 from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
-from pkmcal_cli.pictures.error_map import Places, error_map, places_of
+from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, places_of
 from pkmcal_cli.pictures.parameter_picture import parameter_picture
 from pkmcal_cli.pictures.parts import composed, number, rounded, shown_unit, size_text
 from pkmcal_cli.pictures.picture import LOOKS, Picture
@@ -45,10 +45,10 @@ def grid(count: int = 6, size: float = 0.2) -> np.ndarray:  # type: ignore[type-
     return np.array([(x, y) for x in across for y in across])
 
 
-def places(before: float, after: float, sigma: float = 1e-6) -> Places:
+def places(before: float, after: float, sigma: float = 1e-6) -> PlaneErrors:
     at = grid()
     errors = RNG.normal(size=at.shape)
-    return Places("xy", at, (("before", before * errors), ("after", after * errors[::-1])), sigma)
+    return PlaneErrors("xy", at, (("before", before * errors), ("after", after * errors[::-1])), sigma)
 
 
 def quivers(picture: Picture) -> list[tuple[Quiver, object]]:
@@ -122,7 +122,7 @@ def test_rms_and_noise_are_told() -> None:
 )
 def test_odd_errors_are_drawn(at: np.ndarray, before: float, after: float, sigma: float) -> None:  # type: ignore[type-arg]
     errors = RNG.normal(size=at.shape)
-    shown = Places("xz", at, (("before", before * errors), ("after", after * errors)), sigma)
+    shown = PlaneErrors("xz", at, (("before", before * errors), ("after", after * errors)), sigma)
     picture = error_map([shown, shown], TITLES, MM)
     assert collisions(picture) == []
     assert all(np.isfinite(q.U).all() for q, _ in quivers(picture))
@@ -281,7 +281,7 @@ def test_a_picture_replaces_no_input_and_no_other_result(tmp_path: Path, monkeyp
     done = run("sensitivity", "m.svg", *GRIDDED, "--plot", "m.svg", "--force")
     assert done.code == 4 and "input of the command" in done.err and Path("m.svg").read_bytes() == before
     both = run("simulate", TRIGLIDE, *GRIDDED, "-o", "x.svg", "--plot", "./x.svg")
-    assert both.code == 2 and "is to hold another result" in both.err
+    assert both.code == 2 and "is already used for another result" in both.err
     for wrong in ("x.gif", "x", "-"):
         done = run("diagnose", SCISSORS, SHOPFLOOR, "--plot", wrong)  # told at once, before the search
         assert done.code == 2 and f"--plot: `{wrong}` is no picture" in done.err

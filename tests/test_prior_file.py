@@ -90,8 +90,8 @@ def test_names_without_partner_are_listed(folder: Path) -> None:
         (["--prior", "old.yaml", "--loosen", "m*"], 2, "no parameter `m*`"),
         (["--prior", "none.yaml"], 3, "No such file"),
         (["--prior", "rangse"], 2, "not a valid value"),
-        (["--prior", "plain.yaml"], 3, "no whole `correlations`"),
-        (["--prior", "spoilt.yaml"], 3, "no whole `correlations`"),
+        (["--prior", "plain.yaml"], 3, "no complete `correlations`"),
+        (["--prior", "spoilt.yaml"], 3, "no complete `correlations`"),
         (["--prior", BIGLIDE], 3, "must have a finite `value`"),
     ],
 )

@@ -92,7 +92,7 @@ def test_values(text: str | float, dimension: Dimension, value: float) -> None:
 def test_slips(text: str, what: str) -> None:
     with pytest.raises(Slip) as caught:
         bound(text)
-    assert caught.value.what == what
+    assert caught.value.message == what
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def test_every_file_says_where_to_change_it(kind: str) -> None:
     assert head[0].startswith("# yaml-language-server: $schema=") and "# Arranged otherwise:" in head
     assert sum(line.startswith("# - ") for line in head) >= 3
     assert made["channels"] and "workspace" in yaml.safe_load(text)
-    assert template(kind).what in text and template(kind).span in text
+    assert template(kind).description in text and template(kind).span in text
     assert max(map(len, text.splitlines())) <= 240
 
 

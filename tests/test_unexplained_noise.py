@@ -52,7 +52,7 @@ def test_it_is_told_written_and_repeated_as_a_note(tmp_path: Path) -> None:
     written = yaml.safe_load(file.read_text(encoding="utf-8"))["provenance"]
     assert written["status"] == "incomplete"
     again = run("sensitivity", tmp_path / "m.yaml", "-p", file)
-    assert f"note: {file}: incomplete: the fit leaves more than the stated noise" in again.err
+    assert f"note: {file}: incomplete: residuals exceed the stated noise" in again.err
     assert "warning" not in again.err
 
 

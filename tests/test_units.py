@@ -101,7 +101,7 @@ def test_any_text_is_a_unit_or_a_unit_error(text: str) -> None:
     try:
         parse_unit(text)
     except UnitError as error:
-        assert error.what
+        assert error.message
 
 
 def test_values_are_rounded_once() -> None:

@@ -23,7 +23,7 @@ from pkmcal_cli.workflow.calibration import Calibrated, CalibrationRequest, cali
 from .computing import computing
 from .machine import Machine, load, number
 from .options import Names, names_of, whole
-from .result import Result, residual_frame, residual_picture, told
+from .result import Result, messages_of, residual_frame, residual_picture
 from .tables import Parameters, Table, measured_frame, parameters_of, source_of, sources_of
 
 _STARTS = 200
@@ -33,27 +33,27 @@ _STARTS = 200
 class Calibration(Result):
     """Identified parameters of a machine, with their uncertainties."""
 
-    found: Calibrated  # not stable
+    outcome: Calibrated  # not stable
 
     @property
     def status(self) -> str:
         """`converged`, `incomplete`, `implausible`, `not_converged` or `nothing_identifiable`."""
-        return self.found.report.status
+        return self.outcome.report.status
 
     @property
     def ok(self) -> bool:
         """Whether the parameters can be used."""
-        return self.found.report.usable
+        return self.outcome.report.usable
 
     @property
     def verdict(self) -> str:
         """How it ended, and why not well."""
-        return self.found.report.verdict()
+        return self.outcome.report.verdict()
 
     @property
     def chi2_per_dof(self) -> float:
         """Chi-square per degree of freedom: 1 where nothing but the stated noise is left."""
-        return float(self.found.report.fit.chi2_per_dof)
+        return float(self.outcome.report.fit.chi2_per_dof)
 
     @property
     def parameters(self) -> pd.DataFrame:
@@ -61,7 +61,7 @@ class Calibration(Result):
 
         std, low and high are nan where the data do not determine the parameter.
         """
-        rows = [r for r in self.found.report.rows if r.name in self.found.report.fit.selected]
+        rows = [r for r in self.outcome.report.rows if r.name in self.outcome.report.fit.selected]
         cells = [
             {
                 "name": r.name,
@@ -82,47 +82,47 @@ class Calibration(Result):
     @property
     def errors(self) -> pd.DataFrame:
         """Root mean square and largest error by kind, in `unit`: before, after, and of rows that were held out."""
-        report, held = self.found.report, self.found.report.held_out
+        report, held = self.outcome.report, self.outcome.report.held_out
         apart = {} if isinstance(held, str) else held.after
         return error_frame(self.machine.loaded.machine, report.before, report.after, apart)
 
     @property
     def held_out(self) -> str:
         """Which rows were held out in turn, or why none."""
-        held = self.found.report.held_out
+        held = self.outcome.report.held_out
         return f"not available: {held}" if isinstance(held, str) else held.scheme
 
     @property
     def table(self) -> pd.DataFrame:
         """The rows that were measured, in the units of the machine file."""
-        return measured_frame(self.machine.loaded.machine, self.found.setting.measured)
+        return measured_frame(self.machine.loaded.machine, self.outcome.setting.measured)
 
     @property
     def residuals(self) -> pd.DataFrame:
         """Measured minus predicted, with the rows of `table`."""
-        return residual_frame(self.found.report.problem, self.found.report.fit.after)
+        return residual_frame(self.outcome.report.problem, self.outcome.report.fit.after)
 
     @property
     def residuals_before(self) -> pd.DataFrame:
         """The same with the parameters that the fit began with."""
-        return residual_frame(self.found.report.problem, self.found.report.fit.before)
+        return residual_frame(self.outcome.report.problem, self.outcome.report.fit.before)
 
     def json(self) -> dict[str, Any]:
         """What `pkmcal calibrate --json` says, without provenance and limits."""
-        return self.found.json
+        return self.outcome.json
 
     def parameter_text(self) -> str:
         """Text of the parameter file."""
-        return parameter_text(self.found, arguments=["pkmcal.calibrate"])
+        return parameter_text(self.outcome, arguments=["pkmcal.calibrate"])
 
     def write(self, file: str | os.PathLike[str], *, force: bool = False) -> None:
         """Write the parameter file; `force`: over another one. Raises OutputError."""
-        with write_text(os.fspath(file), self.found.setting.inputs, force=force) as text:
+        with write_text(os.fspath(file), self.outcome.setting.inputs, force=force) as text:
             text.write(self.parameter_text())
 
     def _picture(self) -> Picture:
-        fit = self.found.report.fit
-        return residual_picture(self.machine, self.found.report.problem, fit.before, fit.after)
+        fit = self.outcome.report.fit
+        return residual_picture(self.machine, self.outcome.report.problem, fit.before, fit.after)
 
 
 def error_frame(
@@ -178,7 +178,7 @@ def calibrate(
     record = Record()
     with computing():
         calibrated = calibration(setting(request, known.loaded), record)
-    result = Calibration(machine=known, found=calibrated, **told(record))
+    result = Calibration(machine=known, outcome=calibrated, **messages_of(record))
     if not result.ok:
         warnings.warn(result.verdict, PkmcalWarning, stacklevel=2)
     return result

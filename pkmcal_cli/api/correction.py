@@ -18,7 +18,7 @@ from pkmcal_cli.workflow.correct import Corrected, CorrectionRequest, correction
 
 from .computing import computing
 from .machine import Machine, load, number
-from .result import Result, told
+from .result import Result, messages_of
 from .tables import Parameters, Table, frame_of, parameters_of, source_of
 
 
@@ -26,13 +26,13 @@ from .tables import Parameters, Table, frame_of, parameters_of, source_of
 class Correction(Result):
     """Set values that bring the tool point to its targets."""
 
-    found: Corrected  # not stable
+    outcome: Corrected  # not stable
     values: dict[str, Any]  # not stable: use `json`
 
     @property
     def ok(self) -> bool:
         """Whether all targets of a table have set values."""
-        return not self.found.code
+        return not self.outcome.code
 
     @property
     def verdict(self) -> str:
@@ -42,8 +42,8 @@ class Correction(Result):
     @property
     def table(self) -> pd.DataFrame:
         """Set values of the targets, with errors, forces and their uncertainties; `simulate` takes it as poses."""
-        cells = self.found.cells
-        return frame_of(self.found.columns, cells or [np.zeros(0)] * len(self.found.columns))
+        cells = self.outcome.cells
+        return frame_of(self.outcome.columns, cells or [np.zeros(0)] * len(self.outcome.columns))
 
     @property
     def errors(self) -> pd.DataFrame:
@@ -51,15 +51,15 @@ class Correction(Result):
         rows = []
         for kind, figures in self.values["errors"].items():
             row: dict[str, Any] = {"kind": kind}
-            for what in ("before", "u_before", "after", "u"):
-                row |= {f"{name}_{what}": number(figures[what][name]) for name in ("rms", "max")}
+            for figure in ("before", "u_before", "after", "u"):
+                row |= {f"{name}_{figure}": number(figures[figure][name]) for name in ("rms", "max")}
             rows.append(row | {"unit": figures["unit"]})
         return pd.DataFrame(rows).set_index("kind") if rows else pd.DataFrame(rows)
 
     @property
     def failed(self) -> pd.DataFrame:
         """Targets without set values: number, reason."""
-        rows = sorted(self.found.report.lost.reasons.items())
+        rows = sorted(self.outcome.report.lost.reasons.items())
         return pd.DataFrame([(k + 1, why) for k, why in rows], columns=["target", "reason"])
 
     def json(self) -> dict[str, Any]:
@@ -99,4 +99,4 @@ def correct(
     with computing():
         corrected = correction(request, record, known.loaded)
         result = corrected.report.json() | {"at": stated}
-    return Correction(machine=known, found=corrected, values=result, **told(record))
+    return Correction(machine=known, outcome=corrected, values=result, **messages_of(record))

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pkmcal_cli.base.listener import Record
 from pkmcal_cli.base.stages import Stage, unobserved
-from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis as Found
+from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis as SearchOutcome
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.diagnosis import DiagnosisReport
@@ -23,7 +23,7 @@ from pkmcal_cli.workflow.search_case import Case, CaseRequest, prepare
 from .computing import computing
 from .machine import Machine, load, number
 from .options import Names, names_of, whole
-from .result import Result, residual_frame, residual_picture, told
+from .result import Result, messages_of, residual_frame, residual_picture
 from .tables import Parameters, Table, measured_frame, parameters_of, sources_of
 
 _EFFECT = ["name", "effect", "at", "value", "std", "unit", "evidence", "p_value", "share", "confirmed", "provisional"]
@@ -39,7 +39,7 @@ class Diagnosis(Result):
     @property
     def status(self) -> str:
         """`clean`, `found`, `ambiguous`, `unknown`, `measurement_fault` or `sigma_too_small`."""
-        return self._found.verdict
+        return self._outcome.verdict
 
     @property
     def ok(self) -> bool:
@@ -64,23 +64,23 @@ class Diagnosis(Result):
     @property
     def residuals(self) -> pd.DataFrame:
         """Measured minus predicted with the effects that were found, with the rows of `table`."""
-        return residual_frame(self._found.problem, self._found.search.fit.after)
+        return residual_frame(self._outcome.problem, self._outcome.search.fit.after)
 
     @property
     def residuals_before(self) -> pd.DataFrame:
         """The same after calibration, without effects."""
-        return residual_frame(self._found.problem, self._found.before.after)
+        return residual_frame(self._outcome.problem, self._outcome.before.after)
 
     def json(self) -> dict[str, Any]:
         """What `pkmcal diagnose --json` says, without provenance."""
         return diagnosis_json(self.case, self.report)
 
     @property
-    def _found(self) -> Found:
+    def _outcome(self) -> SearchOutcome:
         return self.report.diagnosis
 
     def _picture(self) -> Picture:
-        inner = self._found
+        inner = self._outcome
         return residual_picture(self.machine, inner.problem, inner.before.after, inner.search.fit.after)
 
 
@@ -122,4 +122,4 @@ def diagnose(
         diagnosis = diagnosed(case, alpha, whole("seed", seed), record)
         report = DiagnosisReport(case.loaded.machine, case.measured, diagnosis)
         Loads.of_fit(diagnosis.search.problem, diagnosis.search.fit, partial(place_of, case.measured)).show(record)
-    return Diagnosis(machine=known, case=case, report=report, **told(record))
+    return Diagnosis(machine=known, case=case, report=report, **messages_of(record))

@@ -28,7 +28,7 @@ from .calibration import error_frame
 from .computing import computing
 from .machine import Machine, load, number
 from .options import Names, names_of, whole
-from .result import Result, residual_frame, residual_picture, told
+from .result import Result, messages_of, residual_frame, residual_picture
 from .tables import Parameters, Table, measured_frame, parameters_of, source_of, sources_of
 
 _IMPROVED = "improved.yaml"
@@ -38,23 +38,23 @@ _IMPROVED = "improved.yaml"
 class Improvement(Result):
     """Effects that the machine file lacks, and what they bring on rows that neither fitted nor chose."""
 
-    found: Improved  # not stable
+    outcome: Improved  # not stable
     inputs: dict[str, str]  # sha256 by name
 
     @property
     def status(self) -> str:
         """`improved`, `not_confirmed`, `clean` or `sigma_too_small`."""
-        return self.found.report.verdict
+        return self.outcome.report.verdict
 
     @property
     def ok(self) -> bool:
         """Whether nothing significant is missing, and all that was accepted is confirmed."""
-        return not self.found.failures()
+        return not self.outcome.failures()
 
     @property
     def verdict(self) -> str:
         """How it ended, and what it did not achieve."""
-        failures = self.found.failures()
+        failures = self.outcome.failures()
         return self.status + (f" ({', '.join(failures)})" if failures else "")
 
     @property
@@ -62,14 +62,14 @@ class Improvement(Result):
         """Effects that were tried: place, whether accepted, why not, in how many rotations chosen, confirmed."""
         rows = [
             (s.hypothesis.effect, s.hypothesis.at, s.accepted, s.refused or "", s.chosen, s.confirmed)
-            for s in self.found.report.improvement.steps
+            for s in self.outcome.report.improvement.steps
         ]
         return pd.DataFrame(rows, columns=["effect", "at", "accepted", "reason", "chosen", "confirmed"])
 
     @property
     def parameters(self) -> pd.DataFrame:
         """Parameters of the improved machine that were identified, effects' too: value and std in `unit`."""
-        report, rows = self.found.report, []
+        report, rows = self.outcome.report, []
         for name in report.improvement.fit.selected:
             value, std = report.estimate(name)
             unit = parameter_unit(report.model, name)
@@ -79,19 +79,19 @@ class Improvement(Result):
     @property
     def errors(self) -> pd.DataFrame:
         """Errors by kind, before and after, of rows that neither fitted nor chose, in `unit`."""
-        made = self.found.report.improvement
+        made = self.outcome.report.improvement
         frame = error_frame(self.machine.loaded.machine, made.before.report, made.after.report, {})
         return frame.drop(columns=["rms_held_out", "max_held_out"], errors="ignore")
 
     @property
     def table(self) -> pd.DataFrame:
         """The rows that were measured, in the units of the machine file."""
-        return measured_frame(self.machine.loaded.machine, self.found.case.measured)
+        return measured_frame(self.machine.loaded.machine, self.outcome.case.measured)
 
     @property
     def residuals(self) -> pd.DataFrame:
         """Measured minus predicted by the improved machine, with the rows of `table`."""
-        made = self.found.report.improvement
+        made = self.outcome.report.improvement
         return residual_frame(made.problem, made.fit.after)
 
     @property
@@ -101,7 +101,7 @@ class Improvement(Result):
 
     def json(self) -> dict[str, Any]:
         """What `pkmcal improve --json` says, without provenance and limits."""
-        return self.found.json(None, None)
+        return self.outcome.json(None, None)
 
     def parameter_text(self) -> str:
         """Text of the parameter file of the improved machine."""
@@ -123,22 +123,22 @@ class Improvement(Result):
     def _base(self) -> str:
         file = self.machine.file
         if not os.path.exists(file):
-            what = "the improved machine extends a file, but this machine is in none"
-            raise UsageError(what, hint="write it first: `improvement.write(FILE)`, then `load(FILE)`")
+            message = "the improved machine extends a file, but this machine is in none"
+            raise UsageError(message, hint="write it first: `improvement.write(FILE)`, then `load(FILE)`")
         return file
 
     def _overlay(self, base: str) -> str:
-        return self.found.report.overlay(base)
+        return self.outcome.report.overlay(base)
 
     def _parameter_text(self, overlay: str, machine: str) -> str:
         """overlay: what the fingerprint is of; machine: what the file calls it."""
-        head = provenance(self.inputs, status=self.found.status, arguments=["pkmcal.improve"])
-        return self.found.report.parameter_file(
+        head = provenance(self.inputs, status=self.outcome.status, arguments=["pkmcal.improve"])
+        return self.outcome.report.parameter_file(
             head, replace(fingerprint_of_improved(overlay, self.inputs), of=machine)
         )
 
     def _picture(self) -> Picture:
-        made = self.found.report.improvement
+        made = self.outcome.report.improvement
         return residual_picture(self.machine, made.problem, made.fit.before, made.fit.after)
 
 
@@ -181,4 +181,4 @@ def improve(
     for reason in improved.odd[len(prepared.hints) :]:
         record.warn(f"implausible: {reason}")
     inputs = prepared.inputs | ({} if rows is None else rows.inputs)
-    return Improvement(machine=known, found=improved, inputs=inputs, **told(record))
+    return Improvement(machine=known, outcome=improved, inputs=inputs, **messages_of(record))

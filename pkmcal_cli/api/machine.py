@@ -72,12 +72,12 @@ def load(machine: str | os.PathLike[str] | Machine) -> Machine:
     """A machine of a file, or a shipped one by its name (`machines()`). Raises BadInput with all faults, UsageError."""
     if isinstance(machine, Machine):
         return machine
-    name = machine if isinstance(machine, AtHand) else _found(file_of(machine))
+    name = machine if isinstance(machine, AtHand) else _existing_file(file_of(machine))
     with computing():
         return Machine(str(name), load_machine(name))
 
 
-def _found(name: str) -> str:
+def _existing_file(name: str) -> str:
     """The file of a machine. Raises UsageError for a name of none."""
     file = machine_file(name)
     if not Path(name).suffix and Path(name).name == name and not os.path.exists(file):

@@ -19,7 +19,7 @@ from pkmcal_cli.workflow.analysis import AnalysisRequest, Observed, observed
 from .computing import computing
 from .machine import Machine, load
 from .options import Names, names_of
-from .result import Result, told
+from .result import Result, messages_of
 from .tables import Parameters, Table, frame_of, parameters_of, source_of
 
 
@@ -27,37 +27,37 @@ from .tables import Parameters, Table, frame_of, parameters_of, source_of
 class Observability(Result):
     """What a plan of measurements would determine."""
 
-    found: Observed  # not stable
+    outcome: Observed  # not stable
 
     @property
     def ok(self) -> bool:
         """Whether anything is determined, and all that was named."""
-        return self.rank > 0 and not self.found.missed
+        return self.rank > 0 and not self.outcome.missed
 
     @property
     def verdict(self) -> str:
         """How much is determined."""
-        return f"rank {self.rank} of {len(self.found.result.selected)}, condition number {self.condition_number:.4g}"
+        return f"rank {self.rank} of {len(self.outcome.result.selected)}, condition number {self.condition_number:.4g}"
 
     @property
     def rank(self) -> int:
         """Number of combinations of parameters that are determined."""
-        return self.found.result.directions.rank
+        return self.outcome.result.directions.rank
 
     @property
     def condition_number(self) -> float:
         """Of the range-scaled Jacobian, whitened; nan for none."""
-        return float(self.found.result.directions.condition_number)
+        return float(self.outcome.result.directions.condition_number)
 
     @property
     def indices(self) -> Mapping[str, float]:
         """The observability indices O1 to O5."""
-        return MappingProxyType(dict(self.found.result.indices))
+        return MappingProxyType(dict(self.outcome.result.indices))
 
     @property
     def parameters(self) -> pd.DataFrame:
         """Expected standard uncertainty `std` by parameter, that of the data alone, and range, in `unit`."""
-        result, model = self.found.result, self.found.problem.model
+        result, model = self.outcome.result, self.outcome.problem.model
         rows = []
         for name, std, alone in zip(result.selected, result.std, result.alone, strict=True):
             unit, half = parameter_unit(model, name), model.parameters[model.names.index(name)].range
@@ -68,18 +68,18 @@ class Observability(Result):
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Combinations of parameters that are not told apart, in words."""
-        return tuple(text for c in self.found.result.undetermined for text in c.texts)
+        return tuple(text for c in self.outcome.result.undetermined for text in c.texts)
 
     @property
     def table(self) -> pd.DataFrame:
         """Drive readings of the positions that were used."""
-        rows, model = self.found.problem.rows, self.found.problem.model
+        rows, model = self.outcome.problem.rows, self.outcome.problem.model
         columns = [(a.name, a.unit) for a in model.actuators]
         return frame_of(columns, list(rows.readings.T))
 
     def json(self) -> dict[str, Any]:
         """What `pkmcal observability --json` says."""
-        return self.found.json()
+        return self.outcome.json()
 
     def _picture(self) -> Picture:
         table = self.parameters
@@ -110,4 +110,4 @@ def observe(
     with computing():
         observation = observed(request, record, known.loaded)
         observation.loads.show(record)
-    return Observability(machine=known, found=observation, **told(record))
+    return Observability(machine=known, outcome=observation, **messages_of(record))

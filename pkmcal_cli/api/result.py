@@ -76,7 +76,7 @@ class Result(ABC):
         return "\n".join(lines)
 
 
-def told(record: Record) -> dict[str, tuple[str, ...]]:
+def messages_of(record: Record) -> dict[str, tuple[str, ...]]:
     """What a work has said, as a result has it."""
     return {"notes": tuple(record.lines), "warnings": (*record.warnings, *record.failures)}
 

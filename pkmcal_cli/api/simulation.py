@@ -21,7 +21,7 @@ from pkmcal_cli.workflow.simulation import SimulationRequest, simulation
 from .computing import computing
 from .machine import Machine, load
 from .options import whole
-from .result import Result, told
+from .result import Result, messages_of
 from .tables import Parameters, Table, frame_of, parameters_of, source_of
 
 
@@ -110,4 +110,4 @@ def simulate(
         done.run(rows)
         done.tell(record)
     table = frame_of(done.columns, rows.columns(len(done.columns)))
-    return Simulation(machine=known, done=done, rows=table, **told(record))
+    return Simulation(machine=known, done=done, rows=table, **messages_of(record))

@@ -86,22 +86,22 @@ def sources_of(tables: Table | Sequence[Table]) -> tuple[str, ...]:
     return tuple(source_of(table, f"table{k}") for k, table in enumerate(tables, start=1))
 
 
-def parameters_of(given: Parameters | None) -> str | None:
+def parameters_of(parameters: Parameters | None) -> str | None:
     """Parameter values as an input. Raises UsageError for what has none."""
-    if given is None:
+    if parameters is None:
         return None
-    if isinstance(given, str | os.PathLike):
-        return file_of(given)
-    if isinstance(given, Mapping):
-        if wrong := [k for k, v in given.items() if not isinstance(v, str | Real)]:
-            what = f"parameter `{wrong[0]}`: no value: {given[wrong[0]]!r}"
-            raise UsageError(what, hint='give 300.02, or "300.02 mm"')
-        values = {str(k): v if isinstance(v, str) else float(v) for k, v in given.items()}
+    if isinstance(parameters, str | os.PathLike):
+        return file_of(parameters)
+    if isinstance(parameters, Mapping):
+        if wrong := [k for k, v in parameters.items() if not isinstance(v, str | Real)]:
+            message = f"parameter `{wrong[0]}`: no value: {parameters[wrong[0]]!r}"
+            raise UsageError(message, hint='give 300.02, or "300.02 mm"')
+        values = {str(k): v if isinstance(v, str) else float(v) for k, v in parameters.items()}
         return AtHand.of("parameters.yaml", json.dumps({"parameters": values}, ensure_ascii=False))
-    if not hasattr(given, "parameter_text"):
+    if not hasattr(parameters, "parameter_text"):
         hint = 'give a file, a calibration, or values by name such as {"l1": "300.02 mm"}'
-        raise UsageError(f"no parameters: {type(given).__name__}", hint=hint)
-    return AtHand.of("calibration.params.yaml", given.parameter_text())
+        raise UsageError(f"no parameters: {type(parameters).__name__}", hint=hint)
+    return AtHand.of("calibration.params.yaml", parameters.parameter_text())
 
 
 def _frame(arrays: Mapping[str, WithUnit], name: str) -> pd.DataFrame:
@@ -109,8 +109,8 @@ def _frame(arrays: Mapping[str, WithUnit], name: str) -> pd.DataFrame:
     if not isinstance(arrays, Mapping):
         raise UsageError(f"{name}: no table: {type(arrays).__name__}", hint=_HOW)
     columns: dict[str, Any] = {}
-    for label, given in arrays.items():
-        values, unit = _with_unit(given)
+    for label, label_values in arrays.items():
+        values, unit = _with_unit(label_values)
         array = np.asarray(values)
         if array.ndim != 1:
             raise UsageError(f"{name}: column `{label}` is no list of values, but of shape {array.shape}", hint=_HOW)
@@ -121,11 +121,11 @@ def _frame(arrays: Mapping[str, WithUnit], name: str) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _with_unit(given: Any) -> tuple[Any, str]:
+def _with_unit(value: Any) -> tuple[Any, str]:
     """Values and their unit, "" for none."""
-    if isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], str) and not isinstance(given[0], str):
-        return given[0], given[1]
-    return given, ""
+    if isinstance(value, tuple) and len(value) == 2 and isinstance(value[1], str) and not isinstance(value[0], str):
+        return value[0], value[1]
+    return value, ""
 
 
 def frame_of(columns: Sequence[tuple[str, str | None]], cells: Sequence[Values]) -> pd.DataFrame:

@@ -32,8 +32,8 @@ def of_error(error: PkmcalError) -> list[str]:
     if isinstance(error, BadInput):
         return [of_fault(fault) for fault in error.faults]
     named = isinstance(error.where, str)
-    what = f"{error.where}: {error.what}" if named else error.what
-    return [of_fault(Fault(error.code, what, None if isinstance(error.where, str) else error.where, error.hint))]
+    message = f"{error.where}: {error.what}" if named else error.what
+    return [of_fault(Fault(error.code, message, None if isinstance(error.where, str) else error.where, error.hint))]
 
 
 def _escaped(text: str) -> str:

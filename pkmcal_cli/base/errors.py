@@ -87,20 +87,20 @@ class PkmcalError(Exception):
     """
 
     exit_code = 70
-    usual_code = "error"
+    default_code = "error"
 
     def __init__(
         self,
-        what: str,
+        message: str,
         where: Location | str | None = None,
         hint: str | None = None,
         code: str | None = None,
     ) -> None:
-        self.what = what
+        self.what = message
         self.where = where
         self.hint = hint
-        self.code = code or self.usual_code
-        super().__init__(what)
+        self.code = code or self.default_code
+        super().__init__(message)
 
     def text(self) -> str:
         """The error as it is shown to the user."""
@@ -121,7 +121,7 @@ class UsageError(PkmcalError):
     """The command line is wrong (exit code 2)."""
 
     exit_code = 2
-    usual_code = "usage"
+    default_code = "usage"
 
 
 class BadInput(PkmcalError):
@@ -141,14 +141,14 @@ class BadInput(PkmcalError):
     @classmethod
     def single(
         cls,
-        what: str,
+        message: str,
         where: Location | None = None,
         hint: str | None = None,
         code: str = "input",
         source: str | None = None,
     ) -> BadInput:
         """A `BadInput` of one fault."""
-        return cls([Fault(code, what, where, hint, source)])
+        return cls([Fault(code, message, where, hint, source)])
 
     def text(self) -> str:
         """All faults, a blank line between them, and how many more there are."""
@@ -173,7 +173,7 @@ class OutputError(PkmcalError):
     """A result cannot be written (exit code 4)."""
 
     exit_code = 4
-    usual_code = "output"
+    default_code = "output"
 
 
 @dataclass

@@ -79,8 +79,8 @@ def _unreadable(source: Path | str, error: OSError | ValueError) -> BadInput:
         return BadInput.single("the file does not exist", Location(str(source), 1), hint, "file")
     if isinstance(error, IsADirectoryError):
         hint = "give a file in this folder"
-    what = f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
-    return BadInput.single(what, Location(input_name(source), 1), hint, "file")
+    message = f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
+    return BadInput.single(message, Location(input_name(source), 1), hint, "file")
 
 
 def sha256(source: Path | BinaryIO) -> str:

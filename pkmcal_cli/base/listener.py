@@ -31,7 +31,7 @@ class Listener(Protocol):
     def stages(self) -> AbstractContextManager[Observer]:
         """Who is told where a long work has come to."""
 
-    def progress(self, what: str, total: int | None) -> AbstractContextManager[Callable[[int], None]]:
+    def progress(self, step: str, total: int | None) -> AbstractContextManager[Callable[[int], None]]:
         """Who is told how many more of these are done, of how many; None where nobody knows."""
 
     def step(self, name: str) -> AbstractContextManager[None]:
@@ -74,14 +74,14 @@ class Record:
         yield self.observe
 
     @contextmanager
-    def progress(self, what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    def progress(self, step: str, total: int | None) -> Iterator[Callable[[int], None]]:
         """Whoever was named is told how many are done."""
         done = 0
 
         def tick(count: int) -> None:
             nonlocal done
             done += count
-            self.observe(Stage(what, done, total))
+            self.observe(Stage(step, done, total))
 
         yield tick
 

@@ -30,8 +30,8 @@ def check_target(target: Path | str | None, inputs: Collection[str], *, force: b
     for name in inputs:
         if there is not None and identity(name) == there:
             other = "" if name == str(target) else f", `{input_name(name)}`"
-            what = f"this file is an input of the command{other}"
-            raise OutputError(what, str(target), "choose another name for the result")
+            message = f"this file is an input of the command{other}"
+            raise OutputError(message, str(target), "choose another name for the result")
     with _output_errors(str(target)):
         _check_path(Path(target), force)
 
@@ -154,7 +154,7 @@ def write_together(
 @contextlib.contextmanager
 def _beside(path: Path) -> Iterator[TextIO]:
     """A temporary file in the folder of a file, with its rights; gone at the end."""
-    temporary = _aside(path, "part")
+    temporary = _name_beside(path, "part")
     try:
         with open(temporary, "x", encoding="utf-8", newline="\n") as file:
             if path.exists():
@@ -164,7 +164,7 @@ def _beside(path: Path) -> Iterator[TextIO]:
         _remove(temporary)
 
 
-def _aside(path: Path, kind: str) -> Path:
+def _name_beside(path: Path, kind: str) -> Path:
     """A name that is free, in the same folder."""
     return path.with_name(f".{path.name[:_KEPT]}.{secrets.token_hex(6)}.{kind}")
 
@@ -175,7 +175,7 @@ def _move_all(parts: Sequence[tuple[Path, Path]], force: bool) -> None:
     if not remaining:
         _move(temporary, path, force)
         return
-    old = _aside(path, "old")
+    old = _name_beside(path, "old")
     try:
         if path.exists():
             _keep(path, old)

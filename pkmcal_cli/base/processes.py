@@ -153,15 +153,17 @@ def _settings(stack: ExitStack, cluster: str | None) -> dict[str, Any]:
         client.wait_for_workers(1, timeout=_WAIT)
         there = client.run(_version)
     except (OSError, ValueError, TimeoutError) as error:
-        what = f"--cluster: no scheduler with workers answers at `{cluster}`"
+        message = f"--cluster: no scheduler with workers answers at `{cluster}`"
         raise UsageError(
-            what, hint="start them: `dask scheduler`, and `dask worker ADDRESS` on every machine"
+            message, hint="start them: `dask scheduler`, and `dask worker ADDRESS` on every machine"
         ) from error
     except ImportError as error:
         raise UsageError("--cluster: a worker has no pkmcal", hint=f"install pkmcal {__version__} there") from error
     if other := sorted({version for version in there.values() if version != _version()}):
-        what = f"--cluster: a worker has {other[0]}, this is {_version()}"
-        raise UsageError(what, hint="install the same versions on all machines, or results would depend on the worker")
+        message = f"--cluster: a worker has {other[0]}, this is {_version()}"
+        raise UsageError(
+            message, hint="install the same versions on all machines, or results would depend on the worker"
+        )
     return {"backend": "dask", "client": client, "wait_for_workers_timeout": _WAIT}
 
 
@@ -183,5 +185,5 @@ def _lost(cluster: str | None) -> tuple[type[BaseException], ...]:
 
 
 def _given_up(left: int, error: BaseException) -> PkmcalError:
-    what = f"workers end {_ATTEMPTS} times before their tasks do; {left} tasks are left"
-    return PkmcalError(what, None, f"is there memory for fewer `--jobs` only? ({type(error).__name__})", "workers")
+    message = f"workers stopped {_ATTEMPTS} times before finishing; {left} tasks are left"
+    return PkmcalError(message, None, f"if memory is short, use fewer `--jobs` ({type(error).__name__})", "workers")

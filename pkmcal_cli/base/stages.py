@@ -34,11 +34,11 @@ def unobserved(stage: Stage) -> None:
 def within(observe: Observer, larger: Stage) -> Observer:
     """Tells the steps that a larger one consists of."""
 
-    def told(stage: Stage) -> None:
+    def observe_inner(stage: Stage) -> None:
         first, *inner = stage.whole
         out = replace(first, inside=larger)
         for part in inner:
             out = replace(part, inside=out)
         observe(out)
 
-    return told
+    return observe_inner

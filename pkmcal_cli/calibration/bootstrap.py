@@ -138,10 +138,10 @@ def _freedom(q: Array, roots: list[tuple[Index, Array]], by_score: Array) -> Arr
     cross = np.zeros((len(by_score), q.shape[1], q.shape[1]))
     for members, root in roots:
         part = root @ q[members] @ by_score.T  # A_g q_g a
-        own = q[members].T @ part  # (d, p)
-        size, inside = (part**2).sum(axis=0), (own**2).sum(axis=0)
+        explained = q[members].T @ part  # (d, p)
+        size, inside = (part**2).sum(axis=0), (explained**2).sum(axis=0)
         trace = trace + size - inside
         square = square + size**2 - 2 * size * inside
-        cross += np.einsum("dp,ep->pde", own, own)
+        cross += np.einsum("dp,ep->pde", explained, explained)
     square = square + (cross**2).sum(axis=(1, 2))
     return np.asarray(np.divide(trace**2, square, out=np.full(len(square), np.inf), where=square > 0))

@@ -68,9 +68,11 @@ class Common:
         return np.repeat(np.arange(len(self.sets)), [len(s.right) for s in self.sets])
 
 
-def common(data: Sequence[DataInformation], values: Sequence[dict[str, float]], own: Sequence[set[str]]) -> Common:
+def common(
+    data: Sequence[DataInformation], values: Sequence[dict[str, float]], per_campaign: Sequence[set[str]]
+) -> Common:
     """Data sets in the parameters that all have; own: names that are each set's own, though others have them too."""
-    apart = set().union(*own)
+    apart = set().union(*per_campaign)
     names = tuple(n for n in data[0].names if n not in apart and all(n in d.names for d in data))
     scales = np.array([[d.scale[d.names.index(n)] for n in names] for d in data]).reshape(len(data), len(names))
     scale, reference = scales.max(axis=0), np.array([values[0][n] for n in names])
@@ -84,10 +86,10 @@ def common(data: Sequence[DataInformation], values: Sequence[dict[str, float]], 
     return Common(names=names, scale=scale, reference=reference, sets=tuple(sets))
 
 
-def _data_set(d: DataInformation, own: Array, shared: Array, right: Array) -> DataSet:
+def _data_set(d: DataInformation, unshared: Array, shared: Array, right: Array) -> DataSet:
     """Equations without what is the set's own, in units of its noise."""
-    if own.shape[1]:
-        u, s, _ = np.linalg.svd(own)
+    if unshared.shape[1]:
+        u, s, _ = np.linalg.svd(unshared)
         null_directions = u[:, int((s > _RANK * s.max(initial=0.0)).sum()) :]
         shared, right = null_directions.T @ shared, null_directions.T @ right
     gone = len(d.right) - len(right)
@@ -129,8 +131,8 @@ def _contrasts(c: Common) -> Array:
     if not free.shape[1]:
         return free
     by_change = np.hstack([(free * (c.place == k)[:, None]).T @ c.matrix for k in range(len(c.sets))])
-    turn, size, _ = np.linalg.svd(by_change, full_matrices=False)
-    return np.asarray(free @ turn[:, size > _WORTH])
+    basis, size, _ = np.linalg.svd(by_change, full_matrices=False)
+    return np.asarray(free @ basis[:, size > _WORTH])
 
 
 def _freedom(c: Common, share: Array) -> float:
@@ -238,7 +240,7 @@ def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) ->
     return Alone(c.names[best], value, std, float(p_values[best]), rivals, sufficient)
 
 
-def changed(found: Changes, single: Alone | None, test: Omnibus, alpha: float) -> tuple[str, ...]:
+def changed(changes: Changes, single: Alone | None, test: Omnibus, alpha: float) -> tuple[str, ...]:
     """Names of what has changed, at a level: none unless the test of all alarms.
 
     Parameters by their own tests (Holm). Where a single change explains everything, those of them that do not so alone
@@ -247,10 +249,10 @@ def changed(found: Changes, single: Alone | None, test: Omnibus, alpha: float) -
     """
     if not test.p_value < alpha:
         return ()
-    own = tuple(name for name, p in zip(found.names, found.holm, strict=True) if p < alpha)
+    significant = tuple(name for name, p in zip(changes.names, changes.holm, strict=True) if p < alpha)
     if single is None or not single.explains:
-        return own
-    return tuple(name for name in own if name in single.sufficient) or (single.name, *single.rivals)
+        return significant
+    return tuple(name for name in significant if name in single.sufficient) or (single.name, *single.rivals)
 
 
 def chosen_by_all(c: Common, chosen: Sequence[Sequence[str]]) -> tuple[str, ...]:

@@ -66,13 +66,13 @@ class FitOptions:
         """Raises UsageError for words that are none; `files`: whether the prior may be a parameter file."""
         known = {"loss": get_args(Loss), "prior": PRIORS, "uncertainty": get_args(Method)}
         for option, words in known.items():
-            given = getattr(self, option)
-            if option == "prior" and files and ("." in given or "/" in given or is_stream(given)):
+            text = getattr(self, option)
+            if option == "prior" and files and ("." in text or "/" in text or is_stream(text)):
                 continue
-            if given not in words:
+            if text not in words:
                 raise UsageError(
-                    f"--{option}: `{given}` is not a valid value",
-                    hint=did_you_mean(given, words, f"give one of {', '.join(words)}"),
+                    f"--{option}: `{text}` is not a valid value",
+                    hint=did_you_mean(text, words, f"give one of {', '.join(words)}"),
                 )
 
 

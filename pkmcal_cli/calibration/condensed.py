@@ -46,8 +46,8 @@ def evaluate_condensed(
         return evaluate(problem, values, parameters, start, shift, compare=compare)
     triangles = Triangles(problem, len(parameters))
 
-    def add(_: slice, part: Problem, own: Evaluation) -> None:
-        near = linearise(replace(part, prior=None), own)
+    def add(_: slice, part: Problem, part_evaluation: Evaluation) -> None:
+        near = linearise(replace(part, prior=None), part_evaluation)
         triangles.add(near.jacobian.reshape(*part.readings.shape, -1), near.residual.reshape(part.readings.shape))
 
     evaluation = evaluate_in_parts(problem, values, parameters, start, add, compare)

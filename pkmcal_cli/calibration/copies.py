@@ -23,9 +23,9 @@ def copies(problem: Problem) -> list[tuple[int, ...]]:
     the same: their noise is in the commands, and coarse encoders repeat.
     """
     known = np.array([not math.isnan(c.known) for c in problem.model.channels])  # the same in every row
-    own = problem.measured & ~known
-    read = np.where(own, problem.readings, np.nan)
-    rows = np.nonzero(own.any(axis=1))[0]
+    unaided = problem.measured & ~known
+    read = np.where(unaided, problem.readings, np.nan)
+    rows = np.nonzero(unaided.any(axis=1))[0]
     poses = np.hstack([problem.rows.readings, np.nan_to_num(problem.rows.forces)])[rows]
     pose = _labels(poses)
     whole = _labels(np.hstack([poses, np.nan_to_num(read[rows], nan=np.inf)]))

@@ -166,8 +166,8 @@ class Datum:
     @property
     def text(self) -> str:
         """What is not seen, and what fixes it."""
-        what = f"the data do not fix the base ({', '.join(self.gauge.motions)})"
-        return f"{what}; held fixed as datum: {', '.join(self.held)}" if self.held else what
+        message = f"the data do not fix the base ({', '.join(self.gauge.motions)})"
+        return f"{message}; held fixed as datum: {', '.join(self.held)}" if self.held else message
 
 
 def datum_of(problem: Problem, values: Array, directions: Directions) -> Datum | None:

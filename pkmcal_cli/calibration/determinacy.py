@@ -46,12 +46,14 @@ def determinacy(
     kept = tuple(n for n in selected if n not in held)
     if datum is not None and datum.missing:
         left = ", ".join(datum.gauge.motions)
-        what = f"the data do not fix the base ({left}); {_counts(problem, directions_, datum)}"
-        return Determinacy(kept, datum, what, f"declare what defines the base: `datum: [{', '.join(datum.proposed)}]`")
+        message = f"the data do not fix the base ({left}); {_counts(problem, directions_, datum)}"
+        return Determinacy(
+            kept, datum, message, f"declare what defines the base: `datum: [{', '.join(datum.proposed)}]`"
+        )
     known = 0 if problem.prior is None else len(problem.prior.rows)
     if problem.count + known < len(kept) and whole:  # else the fit tells which rows cannot be predicted
-        what = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"
-        return Determinacy(kept, datum, what, "measure more, or identify fewer parameters (`--select`)")
+        message = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"
+        return Determinacy(kept, datum, message, "measure more, or identify fewer parameters (`--select`)")
     return Determinacy(kept, datum)
 
 

@@ -86,9 +86,9 @@ class ErrorBudget:
     @cached_property
     def share_of_ranges(self) -> Array:
         """Share (p,) of the variance by noise and ranges that ranges make."""
-        own = (self.by_own**2) @ self.scales.typical[: len(self.names)] ** 2
-        whole = own + np.diag(self.noise_covariance)
-        return np.asarray(np.divide(own, whole, out=np.zeros(len(own)), where=whole > 0))
+        by_ranges = (self.by_own**2) @ self.scales.typical[: len(self.names)] ** 2
+        whole = by_ranges + np.diag(self.noise_covariance)
+        return np.asarray(np.divide(by_ranges, whole, out=np.zeros(len(by_ranges)), where=whole > 0))
 
     @cached_property
     def joint_covariance(self) -> Array:
@@ -130,8 +130,8 @@ def held_parameters(problem: Problem, selected: tuple[str, ...], datum: tuple[st
     datum define the axes.
     """
     known = {*selected, *datum, *problem.model.datum}
-    own = (p for p in problem.model.parameters if p.stated and not p.fixed and p.range > 0)
-    return tuple(p.name for p in own if p.name not in known)
+    with_range = (p for p in problem.model.parameters if p.stated and not p.fixed and p.range > 0)
+    return tuple(p.name for p in with_range if p.name not in known)
 
 
 def error_budget(
@@ -151,7 +151,7 @@ def error_budget(
     jacobian = near.jacobian * half
     evidence = _evidence(problem, fit, groups, jacobian, near.residual, index)
     information = evidence.information
-    whole, own = information.sum(axis=0), half[:p, None]
+    whole, scale = information.sum(axis=0), half[:p, None]
     prior, spread = problem.prior, np.asarray(np.eye(p))
     if prior is not None and prior.stated:
         spread = np.asarray(np.linalg.inv(prior.columns(fit.selected) * half[:p]))
@@ -165,8 +165,8 @@ def error_budget(
         held=held,
         instruments=groups.names,
         data=gain @ information[:, :p, :p] @ gain.T * np.outer(half[:p], half[:p]),
-        by_own=(gain @ whole[:p, :p] - np.eye(p)) @ spread * own,
-        by_held=gain @ whole[:p, p:] * own,
+        by_own=(gain @ whole[:p, :p] - np.eye(p)) @ spread * scale,
+        by_held=gain @ whole[:p, p:] * scale,
         half_ranges=half,
         scales=scales,
         squares=evidence.squares,

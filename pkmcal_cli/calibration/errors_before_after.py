@@ -74,9 +74,9 @@ def _of_points(problem: Problem, evaluation: Evaluation, columns: list[int]) -> 
     for k in columns:
         by_point.setdefault(problem.model.channels[k].index, []).append(k)
     out = [np.zeros(0)]
-    for own in by_point.values():
-        used = problem.measured[:, own].any(axis=1)
-        out.append((evaluation.residual[used][:, own] ** 2).sum(axis=1))
+    for at_point in by_point.values():
+        used = problem.measured[:, at_point].any(axis=1)
+        out.append((evaluation.residual[used][:, at_point] ** 2).sum(axis=1))
     return np.concatenate(out)
 
 

@@ -48,11 +48,11 @@ def _pose(model: Model, effect: PlacedEffect, predicted: Array, readings: Array)
     full = np.eye(3)
     full[:axes, :axes] = rotation
     vector = log(full[None])[0]
-    given = {f"t{c}": float(v) for c, v in zip("xyz", shift, strict=False)}
-    given |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}
+    by_axis = {f"t{c}": float(v) for c, v in zip("xyz", shift, strict=False)}
+    by_axis |= {f"r{c}": float(v) for c, v in zip("xyz", vector, strict=True)}
     tail = f"[{effect.session}]"
     by_short = {name.removesuffix(tail).rpartition(".")[2]: name for name in effect.parameters}
-    return {by_short[short]: value for short, value in given.items() if short in by_short}
+    return {by_short[short]: value for short, value in by_axis.items() if short in by_short}
 
 
 def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) -> tuple[Array, Array]:
@@ -64,7 +64,7 @@ def _places(sensor: PlacedSensor, axes: int, predicted: Array, readings: Array) 
     return predicted[known][:, channels], readings[known][:, channels]
 
 
-def at_frames(given: Array, declared: Model, placed: Model) -> Array:
+def at_frames(values: Array, declared: Model, placed: Model) -> Array:
     """Parameter values (P,) with the poses of frames that `placed` found, where they are as declared."""
     nominal = declared.nominal
-    return np.where(given == nominal, placed.nominal, given)
+    return np.where(values == nominal, placed.nominal, values)

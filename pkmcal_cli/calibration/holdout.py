@@ -103,9 +103,9 @@ def cross_validate(
         if trained is None:
             lost += len(part)
             continue
-        own = _unknown_to(problem.take(outside), part)
-        fitted_too |= dict.fromkeys(own)
-        predicted = _predicted(part, trained.values, own, _states(fit.after, inside))
+        refitted = _unknown_to(problem.take(outside), part)
+        fitted_too |= dict.fromkeys(refitted)
+        predicted = _predicted(part, trained.values, refitted, _states(fit.after, inside))
         gone = lost_rows(part, predicted)
         lost += len(gone)
         part = part.without(gone)
@@ -142,10 +142,10 @@ def _refitted(problem: Problem, fit: Fit, rows: NDArray[np.intp], again: Refit) 
     return trained
 
 
-def _predicted(part: Problem, values: Array, own: tuple[str, ...], states: WarmStart | None) -> Evaluation:
+def _predicted(part: Problem, values: Array, refitted: tuple[str, ...], states: WarmStart | None) -> Evaluation:
     """Held-out rows, predicted; what their sessions have for themselves is fitted to them."""
     try:
-        values = identify(part, own, values, states=states).values if own else values
+        values = identify(part, refitted, values, states=states).values if refitted else values
         return evaluate(part, values, None, states)
     except RowsFailed as failure:
         return failure.evaluation
@@ -174,18 +174,18 @@ def validate(problem: Problem, model: Model, fit: Fit, scheme: str) -> HeldOut:
     model: that of the fit, whose sessions may be others.
     """
     parameters = problem.model.parameters
-    own = tuple(p.name for p in parameters if p.per_session or (p.session and p.session not in model.sessions))
+    per_part = tuple(p.name for p in parameters if p.per_session or (p.session and p.session not in model.sessions))
 
     def known(values: Array) -> Array:
         there = dict(zip(model.names, values, strict=True))
         return np.array([there.get(n, v) for n, v in zip(problem.model.names, problem.model.nominal, strict=True)])
 
-    after = identify(problem, own, known(fit.values))
+    after = identify(problem, per_part, known(fit.values))
     part = problem.without(after.failed)  # these rows count neither before nor after
     start = known(fit.before.values)
-    before = identify(part, own, start).values if own else start
+    before = identify(part, per_part, start).values if per_part else start
     figures = [error_figures(_without_bench(part), evaluate(part, values)) for values in (before, after.values)]
-    words = [scheme, *([f"{', '.join(own)} fitted to these rows"] if own else [])]
+    words = [scheme, *([f"{', '.join(per_part)} fitted to these rows"] if per_part else [])]
     return HeldOut(figures[0], figures[1], "; ".join([*words, *_lost_words(len(after.failed), len(problem))]), 1, 0)
 
 

@@ -63,9 +63,9 @@ class Directions:
     def null_vectors(self) -> Array:
         """Null directions (k, p) in sparse form, each with largest component 1."""
         exact = self.singular_values <= NULL * self.singular_values[:1]
-        own = np.sqrt(self._variance(self.null) @ self.vectors**2)  # (p,) in ranges, by what is seen
-        share = np.clip(own, _SHARE, _TRACE)  # what a whole range moves by less than noise does is not said
-        parts = ((self.null & exact, share), (self.null & ~exact, np.full(len(own), _TRACE)))
+        share_of_null = np.sqrt(self._variance(self.null) @ self.vectors**2)  # (p,) in ranges, by what is seen
+        share = np.clip(share_of_null, _SHARE, _TRACE)  # what a whole range moves by less than noise does is not said
+        parts = ((self.null & exact, share), (self.null & ~exact, np.full(len(share_of_null), _TRACE)))
         return np.vstack([sparse_basis(self.vectors[rows], trace) for rows, trace in parts])
 
     def undetermined(self) -> NDArray[np.bool_]:

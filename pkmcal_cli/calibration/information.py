@@ -25,9 +25,9 @@ def data_information(
     """
     scale = dict(zip((*budget.names, *budget.held), budget.half_ranges * budget.scales.typical, strict=True))
     model = problem.model
-    own = {p.name: scale.get(p.name, 0.5 * p.range) for p in model.parameters if not p.fixed and p.range > 0}
-    own = {name: half for name, half in own.items() if name not in without}
-    names = tuple(own)
+    half_ranges = {p.name: scale.get(p.name, 0.5 * p.range) for p in model.parameters if not p.fixed and p.range > 0}
+    half_ranges = {name: half for name, half in half_ranges.items() if name not in without}
+    names = tuple(half_ranges)
     if not names or not problem.count:
         return None
     measured = problem.measured.copy()
@@ -36,7 +36,7 @@ def data_information(
     last = evaluate_condensed(rows, fit.values, names, fit.last.start, fit.shift)
     if not last.solved:
         return None
-    near, half = condensed(rows, last), np.array(list(own.values()))
+    near, half = condensed(rows, last), np.array(list(half_ranges.values()))
     whole = np.column_stack([near.jacobian * half, near.residual]) / _noise(rows, budget)[near.channel, None]
     upper: Array = np.asarray(np.linalg.qr(whole, mode="r"))
     q = len(names)

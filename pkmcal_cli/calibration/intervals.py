@@ -66,15 +66,15 @@ def profile_intervals(
 
     Directions that are held stay as their ranges say.
     """
-    given = problem
+    with_prior = problem
     if problem.prior is None and fit.directions.held.any():  # a prior of its own leaves no direction to be held
-        given = replace(problem, prior=prior_of_held(fit.directions, fit.values[index]))
+        with_prior = replace(problem, prior=prior_of_held(fit.directions, fit.values[index]))
     low_high = np.full((len(fit.selected), 2), np.nan)
     std = np.where(fit.directions.undetermined(), np.nan, budget.std_by_data)
     wider = std / np.sqrt(np.diag(fit.with_spread(1.0).directions.determined_covariance()))
-    if given is not problem:  # with what ranges say, the best fit lies elsewhere
-        fit = identify(given, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
-    profile = _Profile(given, fit, condensed(given, fit.last).chi2, std, wider)
+    if with_prior is not problem:  # with what ranges say, the best fit lies elsewhere
+        fit = identify(with_prior, fit.selected, fit.values, shift=fit.shift, states=fit.last.start)
+    profile = _Profile(with_prior, fit, condensed(with_prior, fit.last).chi2, std, wider)
     ends = workers.results(profile, len(fit.selected), "profile of parameter", observe)
     for k, place in enumerate(index):
         low_high[k] = np.clip(ends[k], *problem.model.parameters[place].bounds)

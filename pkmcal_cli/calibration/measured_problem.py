@@ -26,15 +26,15 @@ def problem_of(model: Model, measurements: Measurements) -> Problem:
     model = model.for_sessions(measurements.sessions)
     drives = np.array([a.sigma for a in model.actuators]).reshape(1, -1)
     drive_sigma = np.where(np.isnan(measurements.actuator_sigma), drives, measurements.actuator_sigma)
-    readings, given = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
+    readings, stated = (_by_channel(model, measurements, x) for x in (measurements.readings, measurements.sigma))
     rows = Rows(np.asarray(measurements.actuators, dtype=float), np.asarray(measurements.forces, dtype=float))
     rows = with_directions(with_covariates(rows, measurements), [a.name for a in model.actuators])
     rows = replace(rows, partner=measurements.partners)
     sigma = stated_sigma(model, readings)
     for k, channel in enumerate(model.channels):
         if channel.measurand is Measurand.DRIVE:  # columns have travel
-            given[:, k] /= model.gains[channel.index]
-    sigma = np.where(np.isnan(given), sigma, given)
+            stated[:, k] /= model.gains[channel.index]
+    sigma = np.where(np.isnan(stated), sigma, stated)
     known = ~np.isnan(readings) & ~np.isnan(sigma)
     model = with_frames(model, rows, np.where(known, readings, np.nan))
     problem = Problem(

@@ -54,8 +54,8 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
     known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)
     half, p = ranges / 2.0, len(ranges)
-    own = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has
-    expected = own @ own.T + budget.noise_covariance / np.outer(half, half)
+    transfer = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has
+    expected = transfer @ transfer.T + budget.noise_covariance / np.outer(half, half)
     by_held = budget.by_held / half[:, None]
     along, count = known @ offsets, len(known)
     spread = known @ (expected + by_held @ by_held.T) @ known.T

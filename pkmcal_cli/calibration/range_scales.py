@@ -64,12 +64,12 @@ class Evidence:
         less found.
         """
         p, q = len(spread), len(self.centre)
-        turn = np.eye(q)
-        turn[:p, :p] = spread
+        transform = np.eye(q)
+        transform[:p, :p] = spread
         return replace(
             self,
-            information=turn.T @ self.information @ turn,
-            score=self.score @ turn,
+            information=transform.T @ self.information @ transform,
+            score=self.score @ transform,
             centre=np.append(-errors, np.zeros(q - p)),
             estimated=np.zeros(q, dtype=bool),
         )
@@ -132,28 +132,28 @@ def _order(evidence: Evidence) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _drawn(evidence: Evidence, seed: int) -> Scales:
-    rng, given = np.random.default_rng(seed), evidence.tamed()
-    kinds, place = np.unique(given.kinds, return_inverse=True)
+    rng, tamed = np.random.default_rng(seed), evidence.tamed()
+    kinds, place = np.unique(tamed.kinds, return_inverse=True)
     shape = (_CHAINS, len(place))
-    tau2, own = np.ones((_CHAINS, len(kinds))), np.ones(shape)
-    noise = np.ones((_CHAINS, len(given.counts)))
+    tau2, student_weights = np.ones((_CHAINS, len(kinds))), np.ones(shape)
+    noise = np.ones((_CHAINS, len(tamed.counts)))
     drawn: list[tuple[Array, Array, Array]] = []
     for step in range(_STEPS):
-        offsets = _offsets(rng, given, tau2[:, place] / own, noise)
-        own = np.where(given.estimated, _own(rng, offsets**2 / tau2[:, place]), 1.0)
-        tau2 = _of_kinds(rng, own * offsets**2 * given.estimated, place, given.estimated, len(kinds))
-        noise = _of_instruments(rng, given, offsets)
+        offsets = _offsets(rng, tamed, tau2[:, place] / student_weights, noise)
+        student_weights = np.where(tamed.estimated, _student_weights(rng, offsets**2 / tau2[:, place]), 1.0)
+        tau2 = _of_kinds(rng, student_weights * offsets**2 * tamed.estimated, place, tamed.estimated, len(kinds))
+        noise = _of_instruments(rng, tamed, offsets)
         if step >= _WARMING:
-            drawn.append((tau2[:, place] / own, noise, np.sqrt(tau2)))
+            drawn.append((tau2[:, place] / student_weights, noise, np.sqrt(tau2)))
     variances, noises, taus = (np.concatenate(part) for part in zip(*drawn, strict=True))
     return Scales(variances=variances, noise=noises, factors=dict(zip(kinds.tolist(), taus.T, strict=True)))
 
 
-def _offsets(rng: np.random.Generator, given: Evidence, variance: Array, noise: Array) -> Array:
+def _offsets(rng: np.random.Generator, evidence: Evidence, variance: Array, noise: Array) -> Array:
     """Offsets (M, q) given their variances (M, q) and those of the instruments (M, G)."""
-    q = len(given.centre)
-    pulled = given.score + given.information @ given.centre  # (G, q)
-    precision = np.einsum("mg,gij->mij", 1.0 / noise, given.information)
+    q = len(evidence.centre)
+    pulled = evidence.score + evidence.information @ evidence.centre  # (G, q)
+    precision = np.einsum("mg,gij->mij", 1.0 / noise, evidence.information)
     precision[:, np.arange(q), np.arange(q)] += 1.0 / variance
     root = np.linalg.cholesky(precision)
     mean = np.linalg.solve(root, ((1.0 / noise) @ pulled)[..., None])
@@ -161,17 +161,19 @@ def _offsets(rng: np.random.Generator, given: Evidence, variance: Array, noise: 
     return np.asarray(np.linalg.solve(np.swapaxes(root, 1, 2), drawn)[..., 0])
 
 
-def _of_instruments(rng: np.random.Generator, given: Evidence, offsets: Array) -> Array:
+def _of_instruments(rng: np.random.Generator, evidence: Evidence, offsets: Array) -> Array:
     """phi (M, G) given offsets (M, q)."""
-    step = offsets - given.centre
-    misfit = given.squares - 2.0 * step @ given.score.T + np.einsum("mi,gij,mj->mg", step, given.information, step)
-    freedom = np.where(np.isfinite(given.freedom), given.freedom, 0.0)
+    step = offsets - evidence.centre
+    misfit = (
+        evidence.squares - 2.0 * step @ evidence.score.T + np.einsum("mi,gij,mj->mg", step, evidence.information, step)
+    )
+    freedom = np.where(np.isfinite(evidence.freedom), evidence.freedom, 0.0)
     total = np.maximum(misfit, 0.0) + freedom
-    drawn = np.maximum(total / rng.chisquare(np.maximum(given.counts + freedom, 1.0), total.shape), _QUIET)
-    return np.where(np.isfinite(given.freedom), drawn, 1.0)
+    drawn = np.maximum(total / rng.chisquare(np.maximum(evidence.counts + freedom, 1.0), total.shape), _QUIET)
+    return np.where(np.isfinite(evidence.freedom), drawn, 1.0)
 
 
-def _own(rng: np.random.Generator, squares: Array) -> Array:
+def _student_weights(rng: np.random.Generator, squares: Array) -> Array:
     """Weights w (M, q) given squared offsets in tau."""
     return np.asarray(rng.gamma((_OWN_FREEDOM + 1) / 2, 2 / (_OWN_FREEDOM + squares)))
 

@@ -230,8 +230,8 @@ def whitened_residual(problem: Problem, evaluation: Evaluation) -> Array:
     out = np.zeros(problem.readings.shape)
     whole = evaluation.triangles is None
     for rows in [slice(0, len(out))] if whole else parts_of(len(out)):
-        part, own = (problem, evaluation) if whole else _rows_of(problem, evaluation, rows)
-        for cluster, residual in _whitened(*predicted_part(part, own), 1.0):
+        part, part_evaluation = (problem, evaluation) if whole else _rows_of(problem, evaluation, rows)
+        for cluster, residual in _whitened(*predicted_part(part, part_evaluation), 1.0):
             out[rows][cluster.cluster] = residual
     return out
 

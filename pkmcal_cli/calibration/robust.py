@@ -168,8 +168,8 @@ def _doubtful(weighted: Problem, fit: Fit, scale: Array) -> tuple[Doubtful, ...]
     others: list[Doubtful] = []
 
     def visit(rows: slice, part: Problem, evaluation: Evaluation) -> None:
-        for found, more in zip((others, once), _doubtful_of(part, fit, evaluation, scale, rows.start), strict=True):
-            found += more
+        for listed, more in zip((others, once), _doubtful_of(part, fit, evaluation, scale, rows.start), strict=True):
+            listed += more
 
     in_parts(weighted, fit.last, visit)
     return tuple(sorted([*others, *once], key=lambda d: -abs(d.deviation)))
@@ -184,8 +184,8 @@ def _doubtful_of(
     deviation = np.where(weighted.measured, off / scale, 0.0)
     covariance = replace(fit.directions, spread=1.0).determined_covariance()
     once = np.array([not np.isnan(c.once) for c in weighted.model.channels])  # stands in a row, is none of it
-    found: tuple[list[Doubtful], list[Doubtful]] = [], []
-    for part, doubtful in zip((~once, once), found, strict=True):
+    doubtful_rows: tuple[list[Doubtful], list[Doubtful]] = [], []
+    for part, doubtful in zip((~once, once), doubtful_rows, strict=True):
         size = np.where(part, np.abs(deviation), 0.0)
         for row in np.nonzero((size > _OFF).any(axis=1))[0].tolist():
             k = int(size[row].argmax())
@@ -205,7 +205,7 @@ def _doubtful_of(
                     moved=moved,
                 )
             )
-    return found
+    return doubtful_rows
 
 
 def _influence(covariance: Array, slope: Array, off: float, weight: float) -> tuple[float, Array]:

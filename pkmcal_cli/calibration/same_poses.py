@@ -41,8 +41,10 @@ def _merged(scaled: Array, finer: int) -> NDArray[np.intp]:
     chained = (np.max(high - low, axis=1) > _CHAIN)[label]
     if chained.any():
         distance = 10.0 * scaled[chained]
-        own = _merged(distance, finer - 1) if finer else np.unique(distance, axis=0, return_inverse=True)[1].ravel()
-        label[chained] = label.max() + 1 + own
+        subclusters = (
+            _merged(distance, finer - 1) if finer else np.unique(distance, axis=0, return_inverse=True)[1].ravel()
+        )
+        label[chained] = label.max() + 1 + subclusters
     return label
 
 

@@ -49,10 +49,12 @@ def _refuse_exact(model: Model, pattern: str, option: str) -> None:
         return
     place, _, number = pattern.rpartition(".")
     if any(pattern in e.parameters for e in model.effects):
-        what = f"{option}: the value of `{pattern}` is exact"
-        raise UsageError(what, hint=f"write `{number}: {{identify: true}}` at `{place}` in `effects:` to identify it")
-    what = f"{option}: `{pattern}` is declared `fixed: true`: its value is exact"
-    raise UsageError(what, hint="delete `fixed: true` in the machine file to identify it")
+        message = f"{option}: the value of `{pattern}` is exact"
+        raise UsageError(
+            message, hint=f"write `{number}: {{identify: true}}` at `{place}` in `effects:` to identify it"
+        )
+    message = f"{option}: `{pattern}` is declared `fixed: true`: its value is exact"
+    raise UsageError(message, hint="delete `fixed: true` in the machine file to identify it")
 
 
 def named(model: Model, text: str) -> frozenset[str]:
@@ -68,7 +70,9 @@ def _matching(model: Model, pattern: str, remove: bool) -> set[str] | None:
         return {p.name for p in free if p.identify or (pattern == "all" and p.name not in held)}
     shapes = {e.name: set(e.parameters) for e in model.effects if e.effect.keyword == UNEXPLAINED}
     of_shapes = [
-        own for name, own in shapes.items() if fnmatchcase(name, pattern.removesuffix(".*")) or own & {pattern}
+        members
+        for name, members in shapes.items()
+        if fnmatchcase(name, pattern.removesuffix(".*")) or members & {pattern}
     ]
     if "@" in pattern and of_shapes:
         return set().union(*of_shapes)

@@ -90,8 +90,8 @@ def identify_from(
     if first is not None and (count == 1 or (count == 0 and not _doubtful(first))):
         return first, None
     if not count and tell is not None:
-        what = "leaves large residuals" if first is not None and first.status == "converged" else "fails"
-        tell(f"the fit from the start {what}: up to {ON_FAILURE - 1} further starts follow")
+        outcome = "leaves large residuals" if first is not None and first.status == "converged" else "fails"
+        tell(f"the fit from the start {outcome}: up to {ON_FAILURE - 1} further starts follow")
     best, agreement = best_of_starts(
         problem, selected, start, first, count, seed=seed, observe=observe, workers=workers
     )

@@ -88,8 +88,8 @@ class Region:
                 parts.append(inverse.readings[inside])
             if sum(map(len, readings_of[0])) >= count:
                 return [np.concatenate(parts)[:count] for parts in readings_of]
-        what = f"too few points that {' and '.join(m.name for m in machines)} reach: less than one of {2 * _ROUNDS}"
-        raise BadInput.single(what, None, "make the region smaller: `--within`, or `workspace` in the machine file")
+        message = f"too few points that {' and '.join(m.name for m in machines)} reach: less than one of {2 * _ROUNDS}"
+        raise BadInput.single(message, None, "make the region smaller: `--within`, or `workspace` in the machine file")
 
 
 @dataclass(frozen=True, kw_only=True)

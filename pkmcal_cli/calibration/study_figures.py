@@ -82,8 +82,8 @@ def differences(study: Study, outcomes: Mapping[int, Sequence[Outcome]]) -> tupl
             both = ~(np.isnan(first[:, -1]) | np.isnan(other[:, -1]))
             parts = [_common(study, m) for m in (0, machine)]
             kinds = {
-                kind: Mean.of(other[both][:, parts[1][kind]].mean(axis=1) - first[both][:, own].mean(axis=1))
-                for kind, own in parts[0].items()
+                kind: Mean.of(other[both][:, parts[1][kind]].mean(axis=1) - first[both][:, columns].mean(axis=1))
+                for kind, columns in parts[0].items()
             }
             tool = Mean.of(other[both, -1] - first[both, -1])
             out.append(Difference(machine=study.machines[machine].name, points=count, kinds=kinds, tool=tool))
@@ -106,8 +106,8 @@ def _case(study: Study, machine: int, count: int, errors: Array) -> CaseFigures:
         points=count,
         count=len(good),
         failed=len(errors) - len(good),
-        kinds={kind: Mean.of(good[:, own].mean(axis=1)) for kind, own in kinds_of(study, machine).items()},
-        common={kind: Mean.of(good[:, own].mean(axis=1)) for kind, own in _common(study, machine).items()},
+        kinds={kind: Mean.of(good[:, columns].mean(axis=1)) for kind, columns in kinds_of(study, machine).items()},
+        common={kind: Mean.of(good[:, columns].mean(axis=1)) for kind, columns in _common(study, machine).items()},
         parameters={name: Mean.of(good[:, k]) for k, name in enumerate(m.selected)},
         tool=Mean.of(good[:, -1]),
     )
@@ -119,5 +119,5 @@ def _common(study: Study, machine: int) -> dict[str, list[int]]:
         return {}
     shared = set.intersection(*(set(m.selected) for m in study.machines))
     names = study.machines[machine].selected
-    some = {kind: [k for k in own if names[k] in shared] for kind, own in kinds_of(study, machine).items()}
-    return {kind: own for kind, own in some.items() if own}
+    some = {kind: [k for k in columns if names[k] in shared] for kind, columns in kinds_of(study, machine).items()}
+    return {kind: columns for kind, columns in some.items() if columns}

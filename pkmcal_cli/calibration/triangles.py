@@ -41,12 +41,12 @@ class Triangles:
 
     def holds(self, problem: Problem) -> bool:
         """Whether they are of this problem: the same cells, with the same weights."""
-        mine = self.problem
+        triangulated = self.problem
         return (
-            mine.measured is problem.measured
-            and mine.readings is problem.readings
-            and mine.sigma is problem.sigma
-            and mine.weight is problem.weight
+            triangulated.measured is problem.measured
+            and triangulated.readings is problem.readings
+            and triangulated.sigma is problem.sigma
+            and triangulated.weight is problem.weight
         )
 
     @property

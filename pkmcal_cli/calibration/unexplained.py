@@ -56,6 +56,6 @@ def _robust_ratio(robust: RobustFit, budget: ErrorBudget) -> Array:
     channels, counts = robust.problem.model.channels, robust.problem.measured.sum(axis=0)
     out = np.ones(len(budget.instruments))
     for g, name in enumerate(budget.instruments):
-        own = [k for k, c in enumerate(channels) if c.instrument == name and counts[k]]
-        out[g] = np.average(robust.scale[own] ** 2, weights=counts[own]) if own else 1.0
+        members = [k for k, c in enumerate(channels) if c.instrument == name and counts[k]]
+        out[g] = np.average(robust.scale[members] ** 2, weights=counts[members]) if members else 1.0
     return out

@@ -85,30 +85,30 @@ def own_of(model: Model) -> tuple[str, ...]:
 
 def verified(problem: Problem, values: Array, known: Known) -> Verification:
     """Readings against parameter values (P,). Raises RowsFailed where most rows have no prediction."""
-    own = own_of(problem.model)
+    refitted = own_of(problem.model)
     failed: Mapping[int, str] = {}
-    if own:
-        index = [problem.model.names.index(n) for n in own]
+    if refitted:
+        index = [problem.model.names.index(n) for n in refitted]
         start = values.copy()
         start[index] = problem.model.nominal[index]
-        fit = identify(problem, own, start)
+        fit = identify(problem, refitted, start)
         values, failed = fit.values, fit.failed
     else:
         failed = reasons(problem, evaluate(problem, values))
     problem = problem.without(failed)
-    names = tuple(n for n in known.names if n not in own)
+    names = tuple(n for n in known.names if n not in refitted)
     keep = [known.names.index(n) for n in names]
     root = _root(known.covariance[np.ix_(keep, keep)])
-    evaluation = evaluate(problem, values, (*own, *names))
+    evaluation = evaluate(problem, values, (*refitted, *names))
     problem = problem.without(lost_rows(problem, evaluation))
     wider = replace(problem, sigma=np.hypot(problem.sigma, _unexplained(problem, known.unexplained)))
     near = linearise(wider, evaluation)
-    frame, moved = near.jacobian[:, : len(own)], near.jacobian[:, len(own) :] @ root
+    frame, moved = near.jacobian[:, : len(refitted)], near.jacobian[:, len(refitted) :] @ root
     basis, response = _fitted(frame)
     residual = near.residual - basis @ (basis.T @ near.residual)
     within = moved - basis @ (basis.T @ moved)
     chi2 = _chi_square(residual, within)
-    by_model = _of_prediction(evaluation, root, len(own), response @ moved)
+    by_model = _of_prediction(evaluation, root, len(refitted), response @ moved)
     return Verification(
         problem=problem,
         values=values,
@@ -118,7 +118,7 @@ def verified(problem: Problem, values: Array, known: Known) -> Verification:
         by_instrument=_of_measurement(problem, evaluation),
         chi2=chi2,
         dof=problem.count - basis.shape[1],
-        refitted=own,
+        refitted=refitted,
         failed=failed,
     )
 
@@ -147,11 +147,11 @@ def _chi_square(residual: Array, moved: Array) -> float:
     return max(float(residual @ residual - pulled @ np.linalg.solve(inner, pulled)), 0.0)
 
 
-def _of_prediction(evaluation: Evaluation, root: Array, own: int, answered: Array) -> Array:
+def _of_prediction(evaluation: Evaluation, root: Array, refitted: int, answered: Array) -> Array:
     """Standard uncertainties (N, C) of predicted readings by parameters; `answered` (o, k): how fitted ones follow."""
     jacobian = evaluation.prediction.jacobian
     assert jacobian is not None
-    moved = jacobian[..., own:] @ root - jacobian[..., :own] @ answered
+    moved = jacobian[..., refitted:] @ root - jacobian[..., :refitted] @ answered
     return np.asarray(np.sqrt((np.nan_to_num(moved) ** 2).sum(axis=2)))
 
 

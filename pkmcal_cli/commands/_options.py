@@ -15,8 +15,8 @@ Record = TypeVar("Record")
 
 def as_request(kind: type[Record], options: Mapping[str, Any], **fixed: Any) -> Record:
     """A record whose fields are options of a command, by their names; lists, which may be absent, as tuples."""
-    own = {f.name: options[f.name] for f in fields(cast(Any, kind)) if f.name not in fixed}
-    return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}, **fixed)
+    chosen = {f.name: options[f.name] for f in fields(cast(Any, kind)) if f.name not in fixed}
+    return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in chosen.items()}, **fixed)
 
 
 def _machine(text: str) -> str:
@@ -80,14 +80,14 @@ Offset = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Write the result to stdout as JSON.")]
 Plot = Annotated[
     str | None,
-    typer.Option("--plot", metavar="FILE.svg|png|pdf", help="Picture of the result to write besides."),
+    typer.Option("--plot", metavar="FILE.svg|png|pdf", help="Picture of the result, written in addition."),
 ]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Write only errors to stderr.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output file.")]
 RunFolder = Annotated[
     str | None, typer.Option("--run", metavar="DIR", help="Keep inputs, results and versions in a new folder of DIR.")
 ]
-Accept = Annotated[bool, typer.Option("--accept", help="Take an implausible result; what is odd is recorded.")]
+Accept = Annotated[bool, typer.Option("--accept", help="Accept an implausible result; the doubts are recorded.")]
 FailOn = Annotated[
     str | None,
     typer.Option("--fail-on", metavar="LIST", help="Results that end with exit code 1; none: never."),
@@ -122,7 +122,7 @@ Prior = Annotated[
 PriorOrFile = Annotated[
     str,
     typer.Option(
-        "--prior", metavar="none|ranges|OLD.params.yaml", help="What is known besides: ranges, or an old calibration."
+        "--prior", metavar="none|ranges|OLD.params.yaml", help="Prior knowledge: ranges, or an old calibration."
     ),
 ]
 Loosen = Annotated[
@@ -151,5 +151,5 @@ Cluster = Annotated[
 ]
 State = Annotated[
     str | None,
-    typer.Option("--state", metavar="FILE.json", help="Results so far: the same command goes on where it was stopped."),
+    typer.Option("--state", metavar="FILE.json", help="Partial results; run the same command again to resume."),
 ]

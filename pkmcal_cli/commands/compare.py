@@ -10,7 +10,7 @@ from pkmcal_cli.commands._options import FailAbove, Force, Json, Plot, Quiet, St
 
 
 def compare(
-    things: Annotated[
+    files: Annotated[
         list[str],
         typer.Argument(metavar="A B ...", help="Parameter files or runs; two machines and a table; a run folder."),
     ],
@@ -35,5 +35,5 @@ def compare(
     from pkmcal_cli.base.shipped import machine_file
     from pkmcal_cli.workflow.compare import ComparisonRequest, run_comparison
 
-    options |= {"things": [machine_file(t) for t in things], "machine": machine and machine_file(machine)}
+    options |= {"files": [machine_file(t) for t in files], "machine": machine and machine_file(machine)}
     raise typer.Exit(run_comparison(as_request(ComparisonRequest, options)))

@@ -20,7 +20,7 @@ def draw(
     forces: Annotated[bool, typer.Option("--forces", help="Show forces of members and drives.")] = False,
     scale: Annotated[
         float | None,
-        typer.Option("--scale", metavar="FACTOR", help="Show displacements this many times as large; default: chosen."),
+        typer.Option("--scale", metavar="FACTOR", help="Magnification of displacements; default: automatic."),
     ] = None,
     output: Annotated[
         str | None,

@@ -32,7 +32,7 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="EFFECTS",
-        help="Look for these alone, e.g. zero@all,scale@upper; takes few rows.",
+        help="Test only these effects, e.g. zero@all,scale@upper; few rows are enough.",
         autocompletion=_completion.effects,
     ),
 ]

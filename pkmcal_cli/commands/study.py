@@ -25,7 +25,7 @@ Points = Annotated[
     str, typer.Option("--points", metavar="N,N,...", help="Numbers of measured points, e.g. 10,20,40,80.")
 ]
 Noise = Annotated[
-    str, typer.Option("--noise", metavar="VALUE|declared", help='Of the readings: declared, or e.g. "10 um".')
+    str, typer.Option("--noise", metavar="VALUE|declared", help='Noise of the readings: declared, or e.g. "10 um".')
 ]
 Repeat = Annotated[
     int, typer.Option("--repeat", metavar="K", min=2, max=100_000, help="Calibrations of each number of points.")

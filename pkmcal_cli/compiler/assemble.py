@@ -24,8 +24,8 @@ _ROUNDING = 1e-15  # a step this small, in sizes of the machine or rad, is round
 class BadConfiguration(ValueError):
     """An element cannot be where the reference configuration has it; by default because its ends lie in one point."""
 
-    def __init__(self, element: str, what: str = "", hint: str = "give its ends different positions") -> None:
-        super().__init__(what or f"the ends of `{element}` coincide in the reference configuration")
+    def __init__(self, element: str, message: str = "", hint: str = "give its ends different positions") -> None:
+        super().__init__(message or f"the ends of `{element}` coincide in the reference configuration")
         self.element, self.hint = element, hint
 
 

@@ -20,9 +20,9 @@ from pkmcal_cli.mechanism.connection_points import Number
 
 Axis = Letter | tuple[Quantity, ...]
 Vector = tuple[Number, Number, Number]
-Turns = tuple[Vector | None, Vector | None]
-"""Turns (rotation vectors, rad, zero at nominal) of the axes that the first and the second side of a joint carry."""
-CONSTANT: Turns = (None, None)
+Tilts = tuple[Vector | None, Vector | None]
+"""Tilts (rotation vectors, rad, zero at nominal) of the axes that the first and the second side of a joint carry."""
+CONSTANT: Tilts = (None, None)
 LETTERS: Final[tuple[Letter, Letter, Letter]] = ("x", "y", "z")
 _PARALLEL = 1e-6  # sine of an angle
 Values = Mapping[str, complex]
@@ -48,7 +48,7 @@ def triad_of(axis: Axis, beside: Axis, nominal: Mapping[str, float]) -> tuple[Ve
     return column(0), column(1), column(2)
 
 
-def turn_of(axis: Axis, beside: Axis, nominal: Mapping[str, float]) -> Vector | None:
+def tilt_of(axis: Axis, beside: Axis, nominal: Mapping[str, float]) -> Vector | None:
     """The turn of the triad of `axis` and `beside` from nominal to that of other parameters; None where constant.
 
     In the axes in which `axis` is given.
@@ -66,16 +66,16 @@ def carried(vector: Vector, into: Array) -> Vector:
     return x, y, z
 
 
-def joint_turns(joint: Joint | End, nominal: Mapping[str, float]) -> Turns:
+def joint_tilts(joint: Joint | End, nominal: Mapping[str, float]) -> Tilts:
     """How far parameters turn the axes of a joint, base axes."""
     if joint.axes is not None:
         first, second = joint.axes
-        return turn_of(first, second, nominal), turn_of(second, first, nominal)
+        return tilt_of(first, second, nominal), tilt_of(second, first, nominal)
     if joint.axis is None:
         return CONSTANT
     kind = joint.joint if isinstance(joint, End) else joint.type
-    turn = turn_of(joint.axis, aligned(joint.axis, nominal, kind == "prismatic"), nominal)
-    return turn, turn
+    tilt = tilt_of(joint.axis, aligned(joint.axis, nominal, kind == "prismatic"), nominal)
+    return tilt, tilt
 
 
 def parallel(first: Axis, second: Axis, nominal: Mapping[str, float]) -> bool:

@@ -45,8 +45,8 @@ def axial_stiffness(bar: Axial, length: Number, drive: Number | None) -> tuple[b
     With a drive spring, ES/L is taken at the length of reading zero.
     """
     if drive is None:
-        given = bar.EA if bar.k is None else bar.k
-        return bar.EA is not None, None if given is None else number(given)
+        stiffness = bar.EA if bar.k is None else bar.k
+        return bar.EA is not None, None if stiffness is None else number(stiffness)
     if bar.k is not None:
         return False, combined(lambda k, d: k * d / (k + d), bar.k, drive)
     if bar.EA is not None:

@@ -19,14 +19,14 @@ def base_of(structure: Structure, supports: frozenset[tuple[str, str]], machine:
         if kind in ("ground", "frame", "fixed") or (kind == "guide" and name not in inner)
     ]
     standing = [name for name, frame in machine.frames.items() if frame.body is None]
-    turns = [builder.rotations[structure.rails.frames[name][1]][3] for name in standing]
+    rotations = [builder.rotations[structure.rails.frames[name][1]][3] for name in standing]
     carrying = {guide.frame for guide in machine.guides.values()}
     looked_at = {
         a: _looking(machine, a[1]) for a in anchors if a not in supports or (a[0] == "frame" and a[1] not in carrying)
     }
     return Base(
         places=np.array([builder.offsets[structure.anchors[a]] for a in anchors], dtype=np.intp).reshape(-1, 3),
-        rotations=np.array(turns, dtype=np.intp).reshape(-1, 3),
+        rotations=np.array(rotations, dtype=np.intp).reshape(-1, 3),
         only_seen_by=tuple(looked_at.get(a, ()) for a in anchors),
         rotations_only_seen_by=tuple(looked_at.get(("frame", name), ()) for name in standing),
     )

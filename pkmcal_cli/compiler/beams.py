@@ -7,7 +7,7 @@ from pkmcal_cli.compiler.assemble import BadConfiguration
 from pkmcal_cli.compiler.bars import rest_length
 from pkmcal_cli.compiler.coefficient_values import combined
 from pkmcal_cli.compiler.cross_sections import beam_mass, beam_stiffness
-from pkmcal_cli.compiler.joints import add_joint_link, elastic_rows, joint_rows, joint_triad, rest_of, turns_of
+from pkmcal_cli.compiler.joints import add_joint_link, elastic_rows, joint_rows, joint_triad, rest_of, tilts_of
 from pkmcal_cli.compiler.spans import add_spans
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.compiler.weights import Weight, halves
@@ -57,7 +57,7 @@ def _beam_end(structure: Structure, name: str, side: int, beam: Beam, chord: Arr
             triad=triad,
             stiffness=end.stiffness,
             rest=rest_of(structure, end),
-            turns=turns_of(structure, end),
+            tilts=tilts_of(structure, end),
         )
     return connection
 

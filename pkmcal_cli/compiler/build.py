@@ -79,13 +79,13 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
     """
     fitted = frozenset(n for n, s in machine.sensors.items() if s.frame not in (None, "machine"))
     receptive = receptive or bool(machine.effects) or bool(fitted)
-    first = _draft(machine, ReferenceConfiguration(), receptive)
+    first = _assembled(machine, ReferenceConfiguration(), receptive)
     _raise_errors(drawn_faults(first.structure))
     if wrong := number_faults(machine, first.topology, first.drives):
         raise BadInput(wrong)
     length = first.length
     state, gaps = asm.assemble(first.topology, length)
-    made = _draft(machine, asm.reference_configuration(first.topology, state), receptive)
+    made = _assembled(machine, asm.reference_configuration(first.topology, state), receptive)
     doubts = _raise_errors(drawn_faults(made.structure))
     topology, drives, sensors = made.topology, made.drives, made.sensors
     held_names: tuple[str, ...] = ()
@@ -118,7 +118,7 @@ def _raise_errors(faults: list[Fault]) -> tuple[Fault, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Draft:
+class _Assembly:
     """One pass over a machine; `length`: its size, m; `payload`: name of the place where a payload is."""
 
     topology: Topology
@@ -132,7 +132,7 @@ class _Draft:
     supports: frozenset[tuple[str, str]]
 
 
-def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: bool) -> _Draft:
+def _assembled(machine: Machine, configuration: ReferenceConfiguration, receptive: bool) -> _Assembly:
     """One pass over the machine."""
     builder = TopologyBuilder(planar=machine.space == "planar", nominal=machine.nominal_values())
     structure = Structure(machine=machine, configuration=configuration, builder=builder, receptive=receptive)
@@ -154,7 +154,7 @@ def _draft(machine: Machine, configuration: ReferenceConfiguration, receptive: b
     topology = builder.build([(d.drive, d.element, d.strain) for d in drives])
     poses = {p.point: _reference_pose(topology, p) for p in points}
     aimed = [AimedPoint(p.point, p.at.rotation, aims[p.point], poses[p.point]) for p in points]
-    return _Draft(
+    return _Assembly(
         topology=topology,
         drives=drives,
         sensors=sensors,
@@ -182,14 +182,14 @@ def _aim_at(structure: Structure, at: ConnectionPoint) -> tuple[int, ...]:
     if at.rotation == GROUND:
         return (place,)
     filed = builder.filed.get(at.rotation, structure.orientation(at.rotation))
-    turns = ("rz",) if structure.planar else ("rx", "ry", "rz")
-    return place, builder.aim(OrientationElement(turns), "aim.turn", (base, at), triad=filed.T)
+    rotations = ("rz",) if structure.planar else ("rx", "ry", "rz")
+    return place, builder.aim(OrientationElement(rotations), "aim.turn", (base, at), triad=filed.T)
 
 
-def _model(machine: Machine, draft: _Draft, topology: Topology, length: float) -> Model:
+def _model(machine: Machine, assembly: _Assembly, topology: Topology, length: float) -> Model:
     parameters = model_parameters(machine)
-    sensors = draft.sensors
-    actuators = tuple(_actuator(machine, topology, d) for d in draft.drives)
+    sensors = assembly.sensors
+    actuators = tuple(_actuator(machine, topology, d) for d in assembly.drives)
     channels = sensors.channels(machine)
     for channel in _drive_channels(topology, actuators):
         sensors.direct.append((len(channels), sensors.quantity(Measurand.DRIVE, channel.index)))
@@ -203,8 +203,8 @@ def _model(machine: Machine, draft: _Draft, topology: Topology, length: float) -
         channels=tuple(channels),
         length=length,
         reference_readings=readings,
-        tool=draft.tool,
-        measured=draft.measured,
+        tool=assembly.tool,
+        measured=assembly.measured,
         workspace=workspace_of(machine, actuators),
         observed=tuple(sensors.observed),
         direct=tuple(sensors.direct),

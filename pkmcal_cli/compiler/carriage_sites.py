@@ -44,7 +44,7 @@ def guides(c: SiteCollector) -> Named:
 
 
 def carriages(c: SiteCollector) -> Named:
-    """Turns of carriages: of the rail's side of the springs where they tilt, else as moves of their points.
+    """Tilts of carriages: of the rail's side of the springs where they tilt, else as moves of their points.
 
     Not where members feel the orientation of a carriage that does not tilt.
     """
@@ -68,7 +68,7 @@ def carriages(c: SiteCollector) -> Named:
 
 
 def _tilts(c: SiteCollector, body: str, a: int) -> Named:
-    """Turns at which the springs of a carriage that tilts are at rest."""
+    """Tilts at which the springs of a carriage that tilts are at rest."""
     for _, e, group in c.places_of(f"{body}.guidance"):
         strains = group.element.strains
         for m, strain in enumerate(strains):
@@ -84,11 +84,11 @@ def _rotation_is_felt(c: SiteCollector, body: str) -> bool:
     """Whether a beam or joint is fixed to the orientation of a carriage; its guide and drive look along the rail."""
     station = c.structure.rails.stations.get(body)
     travel = c.structure.carriage_travel[body]
-    own = (f"{body}.guidance", *(f"{d.drive.name}.drive" for d in c.drives))
+    guiding = (f"{body}.guidance", *(f"{d.drive.name}.drive" for d in c.drives))
     return any(
         member.element.uses_triads
         and not member.element.slides
-        and member.name not in own
+        and member.name not in guiding
         and any(
             any(t == travel for _, t, _ in connection.point.translations)
             if station is None

@@ -46,13 +46,13 @@ class Coordinates:
 
     def new_travel(self, name: str, reference: float, coefficient: int = -1) -> int:
         """A travel, at its assembled value where there is one."""
-        return self.builder.translation(self.configuration.travels.get(name, reference), name, coefficient)
+        return self.builder.translation(self.configuration.translations.get(name, reference), name, coefficient)
 
     def free_point(self, name: str, at: Array) -> Point:
         """A point free to move along the base axes."""
         axes = np.eye(3)[: 2 if self.planar else 3]
-        travels = (self.new_travel(f"{name}.{c}", float(v)) for v, c, _ in zip(at, "xyz", axes, strict=False))
-        return Point((), tuple((GROUND, t, tuple(axis)) for t, axis in zip(travels, axes, strict=True)))
+        translations = (self.new_travel(f"{name}.{c}", float(v)) for v, c, _ in zip(at, "xyz", axes, strict=False))
+        return Point((), tuple((GROUND, t, tuple(axis)) for t, axis in zip(translations, axes, strict=True)))
 
     def position(self, point: Point) -> Array:
         """Place of a point in the reference configuration, base axes (3,), m."""
@@ -69,7 +69,7 @@ class Coordinates:
         carrier = self.builder.carriers.get(rotation)
         if carrier is None:
             return reference
-        return np.asarray(self.orientation(carrier) @ self._turn(coefficients) @ reference)
+        return np.asarray(self.orientation(carrier) @ self._frame_rotation(coefficients) @ reference)
 
     def filed_orientation(self, rotation: int) -> Array:
         """Orientation of a rotation in the file's configuration, (3, 3)."""
@@ -77,20 +77,20 @@ class Coordinates:
         carrier = self.builder.carriers.get(rotation)
         if carrier is None:
             return self.builder.filed.get(rotation, reference)
-        return np.asarray(self.filed_orientation(carrier) @ self._turn(coefficients) @ reference)
+        return np.asarray(self.filed_orientation(carrier) @ self._frame_rotation(coefficients) @ reference)
 
-    def _turn(self, coefficients: Sequence[int]) -> Array:
+    def _frame_rotation(self, coefficients: Sequence[int]) -> Array:
         return exp(np.array([self.builder.constants[k] for k in coefficients]))
 
-    def tilted(self, rotation: int, turn: Vector | None, name: str, since: Array | None = None) -> int:
+    def tilted(self, rotation: int, tilt: Vector | None, name: str, since: Array | None = None) -> int:
         """The rotation that carries what parameters turn against a rotation; that one itself where there is no turn.
 
-        `turn` in base axes, at the orientation `since` (3, 3); default: at that of the reference configuration.
+        `tilt` in base axes, at the orientation `since` (3, 3); default: at that of the reference configuration.
         """
-        if turn is None:
+        if tilt is None:
             return rotation
         reference = self.orientation(rotation) if since is None else since
-        return self.builder.frame(name, carried(turn, reference.T), rotation)
+        return self.builder.frame(name, carried(tilt, reference.T), rotation)
 
     def anchored(self, kind: str, name: str, rotation: int, value: Sequence[Number], label: str) -> Point:
         """A point at a constant offset that effects can move."""

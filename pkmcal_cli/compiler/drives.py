@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, log
-from pkmcal_cli.compiler.axes import CONSTANT, Turns, nominal_axis
+from pkmcal_cli.compiler.axes import CONSTANT, Tilts, nominal_axis
 from pkmcal_cli.compiler.coefficient_values import combined, number, triad_about, triad_along
-from pkmcal_cli.compiler.joints import add_joint_link, sliding_axis, turns_of
+from pkmcal_cli.compiler.joints import add_joint_link, sliding_axis, tilts_of
 from pkmcal_cli.compiler.rope_path import reference_length
 from pkmcal_cli.compiler.ropes import Cable, cables, stated_length
 from pkmcal_cli.compiler.structure import Structure
@@ -61,8 +61,8 @@ def _wound_at_zero(structure: Structure, actuator: Actuator, cable: Cable) -> Nu
     if actuator.zero == "home":
         paths = cable.paths(structure)
         return reference_length(structure, paths[0].shape, [link for path in paths for link in path.links])
-    given = any(rope.length is not None for rope in cable.ropes.values())
-    base = stated_length(structure, cable) if given else 0.0
+    lengths_stated = any(rope.length is not None for rope in cable.ropes.values())
+    base = stated_length(structure, cable) if lengths_stated else 0.0
     return combined(lambda a, b: a + b, number(actuator.zero), base)  # type: ignore[arg-type]
 
 
@@ -90,8 +90,8 @@ def as_travel(quantity: Quantity, actuator: Actuator, nominal: Mapping[str, floa
 def add_drive(structure: Structure, name: str, actuator: Actuator) -> PlacedDrive:
     """One actuator; its element exists already, or a drive spring is added here."""
     gain_coefficient = structure.builder.coefficient(gain(actuator), f"{name}.gain")
-    given = None if actuator.force is None else actuator.force.otherwise
-    force_coefficient = structure.builder.coefficient(number(given), f"{name}.force.given")
+    force = None if actuator.force is None else actuator.force.otherwise
+    force_coefficient = structure.builder.coefficient(number(force), f"{name}.force.given")
     if actuator.moves is not None or (actuator.drives in structure.carriage_travel):
         made = _travel_drive(structure, name, actuator)
     elif actuator.turns is not None:
@@ -138,7 +138,7 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
             b.force("translation", travel, force)
             drive = replace(drive, force_coefficient=force)
         return drive, "", ""
-    connections, axis, turns = _driven_connections(structure, actuator)
+    connections, axis, tilts = _driven_connections(structure, actuator)
     element = f"{name}.drive"
     add_joint_link(
         structure,
@@ -150,14 +150,14 @@ def _travel_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         stiffness=None,
         rest={"x": base},
         extra={"x": number(actuator.stiffness)},
-        turns=turns,
+        tilts=tilts,
     )
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "x"
 
 
 def _driven_connections(
     structure: Structure, actuator: Actuator
-) -> tuple[tuple[ConnectionPoint, ConnectionPoint], Array, Turns]:
+) -> tuple[tuple[ConnectionPoint, ConnectionPoint], Array, Tilts]:
     """Connection points between which a drive spring acts, its axis in the reference configuration, and its turns."""
     if actuator.moves is not None:
         rail = structure.rails.of(actuator.moves)
@@ -167,10 +167,10 @@ def _driven_connections(
             return (ConnectionPoint(Point(), GROUND), ConnectionPoint(travel, GROUND)), along, CONSTANT
         axis = structure.orientation(rail.rotation) @ rail.along
         ends = ConnectionPoint(rail.origin, rail.rotation), structure.connection(actuator.moves)
-        return ends, axis, (rail.turn, rail.turn)
+        return ends, axis, (rail.tilt, rail.tilt)
     joint = structure.machine.joints[actuator.target]
     connections = (structure.connection(joint.between[0], True), structure.connection(joint.between[1], True))
-    return connections, sliding_axis(structure, joint), turns_of(structure, joint)
+    return connections, sliding_axis(structure, joint), tilts_of(structure, joint)
 
 
 def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[Drive, str, str]:
@@ -207,7 +207,7 @@ def _rotary_drive(structure: Structure, name: str, actuator: Actuator) -> tuple[
         stiffness=None,
         rest=rest_angle,
         extra=stiffness,
-        turns=turns_of(structure, joint),
+        tilts=tilts_of(structure, joint),
     )
     return _drive(name, actuator, DriveKind.STRAIN, -1, (), -1.0), element, "angle"
 

@@ -83,6 +83,6 @@ def _height(machine: Machine, base: Mapping[str, float], section: str, name: str
 def _targets(machine: Machine, name: str) -> Iterator[tuple[str, str]]:
     """What an actuator acts on: (section, name)."""
     for key, sections in driven_sections().items():
-        given = getattr(machine.actuators[name], key)
-        for target in (given,) if isinstance(given, str) else tuple(given or ()):
+        driven = getattr(machine.actuators[name], key)
+        for target in (driven,) if isinstance(driven, str) else tuple(driven or ()):
             yield from ((section, target) for section in sections if target in getattr(machine, section))

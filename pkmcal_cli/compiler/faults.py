@@ -100,9 +100,9 @@ def _no_directions(machine: Machine) -> list[Fault]:
     ]
     for path, joint in () if faults else _joints(machine):
         if joint.axes is not None and parallel(*joint.axes, nominal):
-            what = "the two axes of a universal joint must not be parallel"
+            message = "the two axes of a universal joint must not be parallel"
             faults.append(
-                machine.source.fault("direction", what, (*path, "axes"), "write, for example, `axes: [x, y]`")
+                machine.source.fault("direction", message, (*path, "axes"), "write, for example, `axes: [x, y]`")
             )
     return faults
 
@@ -195,8 +195,8 @@ def _weightless_effects(machine: Machine) -> list[Fault]:
 def _unconnected_fault(machine: Machine, name: str) -> Fault:
     section = "bodies" if name in machine.bodies else "nodes"
     hint = "connect it with a member, a joint or a guide, fix it (`fixed`), or remove it"
-    what = f"`{name}` is not connected to the base"
-    return machine.source.fault("connection", what, (section, name), hint, at_key=True)
+    message = f"`{name}` is not connected to the base"
+    return machine.source.fault("connection", message, (section, name), hint, at_key=True)
 
 
 def _worst_gaps(gaps: tuple[Gap, ...]) -> list[Gap]:
@@ -216,18 +216,20 @@ def _gap_fault(machine: Machine, gap: Gap, length: float) -> Fault:
     lengthwise = gap.lengthwise
     size = machine.file_units.length.format(gap.value) if lengthwise else f"{gap.value:.3g} rad"
     large = abs(gap.value) > GAP * (length if lengthwise else 1.0)
-    what = f"the reference configuration does not close: gap of {size} at `{gap.element}` ({gap.strain})"
+    message = f"the reference configuration does not close: gap of {size} at `{gap.element}` ({gap.strain})"
     hint = _BAR_GAP if gap.element not in machine.joints else _JOINT_GAP
-    return machine.source.fault("drawing", what, path, hint if large else None, at_key=True, warning=not large)
+    return machine.source.fault("drawing", message, path, hint if large else None, at_key=True, warning=not large)
 
 
 def _mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
     at = ("actuators",) if machine.actuators else ()
     summary = f"{_mobility_text(machine, mobility)} ({_counts(mobility)})"
     if mobility.nearby != mobility.degrees_of_freedom:
-        what = f"the reference configuration is singular: {count(mobility.nearby, 'degree')} of freedom in nearby poses"
+        message = (
+            f"the reference configuration is singular: {count(mobility.nearby, 'degree')} of freedom in nearby poses"
+        )
         hint = "choose a non-singular pose as the reference configuration"
-        faults = [machine.source.fault("mobility", f"{what} ({_counts(mobility)})", at, hint)]
+        faults = [machine.source.fault("mobility", f"{message} ({_counts(mobility)})", at, hint)]
     else:
         faults = (
             [machine.source.fault("mobility", summary, at, _mobility_hint(mobility))] if _immobile(mobility) else []
@@ -236,8 +238,8 @@ def _mobility_faults(machine: Machine, mobility: Mobility) -> list[Fault]:
         members = ", ".join(f"`{n}`" for n in mobility.rigid_loops)
         path = path_of(machine, mobility.rigid_loops[0])
         hint = "give one of them, or a joint or actuator of the loop, a stiffness"
-        what = f"closed loop without compliance: {members}"
-        faults.append(machine.source.fault("rigid-loop", what, path, hint, at_key=True))
+        message = f"closed loop without compliance: {members}"
+        faults.append(machine.source.fault("rigid-loop", message, path, hint, at_key=True))
     return faults
 
 
@@ -246,9 +248,11 @@ def _shared_misfit(machine: Machine, members: tuple[str, ...]) -> list[Fault]:
     if not members:
         return []
     named = ", ".join(f"`{n}`" for n in members)
-    what = f"nothing yields in the loop of {named}: the pose is the least squares of all drives' misfits, without loads"
+    message = (
+        f"nothing yields in the loop of {named}: the pose is the least squares of all drives' misfits, without loads"
+    )
     hint = "forces mean nothing there; give one of them, or a joint or actuator of the loop, a stiffness"
-    return [machine.source.fault("rigid-loop", what, path_of(machine, members[0]), hint, at_key=True, warning=True)]
+    return [machine.source.fault("rigid-loop", message, path_of(machine, members[0]), hint, at_key=True, warning=True)]
 
 
 def _immobile(mobility: Mobility) -> bool:

@@ -63,5 +63,5 @@ class _Tree:
         """Joints that lock rotation share the parent's triad: a body must be drawn aligned with it."""
         if joint.type not in ("fixed", "prismatic") or child not in self.machine.bodies:
             return True
-        turns = [self.machine.bodies[n].turn if n in self.machine.bodies else () for n in (child, parent)]
-        return all(q.number(self.nominal) == 0.0 for turn in turns for q in turn)
+        orientations = [self.machine.bodies[n].turn if n in self.machine.bodies else () for n in (child, parent)]
+        return all(q.number(self.nominal) == 0.0 for angles in orientations for q in angles)

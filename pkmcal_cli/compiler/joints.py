@@ -8,7 +8,7 @@ from operator import neg
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.compiler.axes import CONSTANT, Turns, carried, cosine, joint_turns, nominal_axis
+from pkmcal_cli.compiler.axes import CONSTANT, Tilts, carried, cosine, joint_tilts, nominal_axis
 from pkmcal_cli.compiler.coefficient_values import combined, number, triad_about, triad_along, unit
 from pkmcal_cli.compiler.structure import Structure
 from pkmcal_cli.elements import JOINTS, JointElement
@@ -53,7 +53,7 @@ def add_joints(structure: Structure) -> None:
                 stiffness=joint.stiffness,
                 rest=rest_of(structure, joint) | (_travel_at_zero(driven[0], triad, chord) if held else {}),
                 extra=extra,
-                turns=turns_of(structure, joint),
+                tilts=tilts_of(structure, joint),
             )
 
 
@@ -116,7 +116,7 @@ def add_guides(structure: Structure) -> None:
             connections=connections,
             triad=triad,
             stiffness=structure.machine.guides[body.guide].stiffness,
-            turns=(rail.turn, rail.turn),
+            tilts=(rail.tilt, rail.tilt),
         )
 
 
@@ -167,13 +167,13 @@ def sliding_axis(structure: Structure, joint: Joint) -> Array:
     return np.asarray(_assembled(structure, first) @ axis)
 
 
-def turns_of(structure: Structure, joint: End | Joint) -> Turns:
+def tilts_of(structure: Structure, joint: End | Joint) -> Tilts:
     """How far parameters turn the axes of a joint, base axes, in the assembled reference configuration."""
-    turns = joint_turns(joint, structure.nominal)
+    tilts = joint_tilts(joint, structure.nominal)
     if isinstance(joint, End) or joint.type not in ("prismatic", "cylindrical"):
-        return turns
+        return tilts
     turned = _assembled(structure, joint.between[0])
-    first, second = (None if turn is None else carried(turn, turned) for turn in turns)
+    first, second = (None if tilt is None else carried(tilt, turned) for tilt in tilts)
     return first, second
 
 
@@ -210,26 +210,26 @@ def add_joint_link(
     stiffness: Stiffness | None,
     rest: dict[str, Number] | None = None,
     extra: dict[str, Number] | None = None,
-    turns: Turns = CONSTANT,
+    tilts: Tilts = CONSTANT,
 ) -> None:
     """A joint element in the given directions: elastic where there is a stiffness, else rigid.
 
-    `turns`: how far parameters turn its axes on each side, base axes, in the reference configuration.
+    `tilts`: how far parameters turn its axes on each side, base axes, in the reference configuration.
     """
     element = JointElement(kind, rows)
     numbers = [_direction_stiffness(stiffness, r, extra or {}) for r in rows]
     couplings = [_coupling(stiffness, a, b) for i, a in enumerate(rows) for b in rows[i + 1 :]]
     triads = tuple(structure.orientation(p.rotation).T @ triad for p in connections)
-    rests = rest or {}
+    rest_values = rest or {}
     first, second = (
-        replace(at, rotation=structure.tilted(at.rotation, turn, f"{name}.{side}.axis"))
-        for at, turn, side in zip(connections, turns, "ij", strict=True)
+        replace(at, rotation=structure.tilted(at.rotation, tilt, f"{name}.{side}.axis"))
+        for at, tilt, side in zip(connections, tilts, "ij", strict=True)
     )
     structure.builder.link(
         element,
         name,
         (first, second),
-        rest=[rests.get(r, 0.0) for r in rows],
+        rest=[rest_values.get(r, 0.0) for r in rows],
         stiffness=[n or 0.0 for n in numbers] + couplings,
         rigid=[n is None for n in numbers],
         triads=(triads[0], triads[1]),

@@ -17,10 +17,10 @@ def layout_of(structure: Structure, vectors: int) -> Layout:
     names = [*machine.nodes, *machine.bodies, *machine.ground, *structure.owner]
     pieces: dict[str, list[Piece]] = {name: [] for name in members(machine)}
     for member in structure.builder.members:
-        own, _, number = member.name.partition(".")
-        if own in pieces and (not number or number.isdigit()) and _joins(member):
+        rope, _, number = member.name.partition(".")
+        if rope in pieces and (not number or number.isdigit()) and _joins(member):
             bends = any(s.startswith("bend") for s in member.element.strains)
-            pieces[own].append(Piece(member.name, member.links[0], bends))
+            pieces[rope].append(Piece(member.name, member.links[0], bends))
     whole = {name: tuple(parts) for name, parts in pieces.items()}
     points = {n: structure.point(n) for n in names}
     used = {n: p for n, p in points.items() if all(offset < vectors for _, _, offset in p.offsets)}

@@ -20,10 +20,10 @@ def outside_limits(machine: Machine, model: Model) -> list[Fault]:
             unit = parse_unit(actuator.unit)
             low, high, reference = (unit.format(float(v), 6) for v in (*actuator.limits, reading))
             limits = f"outside its limits ({low} to {high})"
-            what = f"`{actuator.name}` reads {reference} in the reference configuration, {limits}"
+            message = f"`{actuator.name}` reads {reference} in the reference configuration, {limits}"
             hint = "correct the limits, the zero, scale or sign of the actuator, or the reference configuration"
             faults.append(
-                machine.source.fault("limits", what, ("actuators", actuator.name, "limits"), hint, warning=True)
+                machine.source.fault("limits", message, ("actuators", actuator.name, "limits"), hint, warning=True)
             )
     return faults
 
@@ -42,8 +42,8 @@ def beyond_beams(machine: Machine, model: Model) -> list[Fault]:
         if (min(ends) < 0 and np.isfinite(min(ends))) or (max(ends) > length and np.isfinite(max(ends))):
             unit = machine.file_units.length
             span = f"{unit.format(min(ends), 6)} to {unit.format(max(ends), 6)}"
-            what = f"the limits of `{drive.name}` ({span} along the beam) go beyond the ends of `{beam}`"
+            message = f"the limits of `{drive.name}` ({span} along the beam) go beyond the ends of `{beam}`"
             hint = f"the beam is {unit.format(length, 6)} long: correct its length, or the limits or zero of the drive"
             path = ("actuators", drive.name, "limits")
-            faults.append(machine.source.fault("limits", what, path, hint, warning=True))
+            faults.append(machine.source.fault("limits", message, path, hint, warning=True))
     return faults

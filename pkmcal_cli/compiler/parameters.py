@@ -33,5 +33,5 @@ def model_parameters(machine: Machine) -> tuple[ModelParameter, ...]:
 
 def _zeros(machine: Machine) -> set[str]:
     """Parameters by which the zeros of drives and instruments are given."""
-    given = [part.zero for parts in (machine.actuators, machine.sensors) for part in parts.values()]
-    return {name for zero in given if isinstance(zero, Quantity) for name in zero.names}
+    zeros = [part.zero for parts in (machine.actuators, machine.sensors) for part in parts.values()]
+    return {name for zero in zeros if isinstance(zero, Quantity) for name in zero.names}

@@ -54,9 +54,9 @@ def _section(machine: Machine, name: str, section: Section) -> Iterator[Fault]:
 def _material(machine: Machine, name: str, material: Material) -> Iterator[Fault]:
     nu = 0.0 if material.nu is None else material.nu.number(machine.nominal_values())
     if not _NU[0] < nu <= _NU[1]:
-        what = f"Poisson's ratio of `{name}` is {nu:g}, which no isotropic material can have"
+        message = f"Poisson's ratio of `{name}` is {nu:g}, which no isotropic material can have"
         yield machine.source.fault(
-            "value", what, ("materials", name, "nu"), "use a value above -1 and up to 0.5 (steel: 0.3)"
+            "value", message, ("materials", name, "nu"), "use a value above -1 and up to 0.5 (steel: 0.3)"
         )
 
 
@@ -71,9 +71,9 @@ def _gains(machine: Machine, topology: Topology, drives: list[PlacedDrive]) -> I
     for placed in drives:
         wrong = _size(float(topology.coefficients.constants[placed.gain_coefficient]))
         if wrong is not None:
-            what = f"travel per reading of `{placed.drive.name}` {wrong}"
+            message = f"travel per reading of `{placed.drive.name}` {wrong}"
             path = ("actuators", placed.drive.name)
-            yield machine.source.fault("value", what, path, "check `scale`, `ratio` and `radius`", at_key=True)
+            yield machine.source.fault("value", message, path, "check `scale`, `ratio` and `radius`", at_key=True)
 
 
 def _stiffnesses(machine: Machine, topology: Topology) -> Iterator[Fault]:
@@ -88,8 +88,8 @@ def _stiffnesses(machine: Machine, topology: Topology) -> Iterator[Fault]:
                 path = path_of(machine, name := group.names[e])
                 if wrong is not None and path not in seen:
                     seen.add(path)
-                    what = f"stiffness of `{name}` ({group.element.strains[strains[0]]}) {wrong}"
-                    yield machine.source.fault("value", what, path, _PARTS, at_key=True)
+                    message = f"stiffness of `{name}` ({group.element.strains[strains[0]]}) {wrong}"
+                    yield machine.source.fault("value", message, path, _PARTS, at_key=True)
 
 
 def _own_patterns(group: Group) -> Iterator[tuple[int, list[int]]]:
@@ -104,8 +104,8 @@ def _others(machine: Machine, topology: Topology) -> Iterator[Fault]:
     """Anything else that is computed and cannot be computed with: weights, places, forces."""
     for label, value in zip(topology.coefficients.labels, topology.coefficients.constants.tolist(), strict=True):
         if not abs(value) <= LARGEST:
-            what = f"{label} is out of range: {value:.3g} in SI units"
-            yield machine.source.fault("value", what, path_of(machine, label), HINT, at_key=True)
+            message = f"{label} is out of range: {value:.3g} in SI units"
+            yield machine.source.fault("value", message, path_of(machine, label), HINT, at_key=True)
 
 
 def _size(value: float) -> str | None:

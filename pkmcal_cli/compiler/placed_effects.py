@@ -77,9 +77,9 @@ def _placed_shape(machine: Machine, sites: EffectSites, at: str, entries: Entrie
     place, axis = place_and_axis(at)
     known = {name: entry for entry in SHAPE_ENTRIES for name in sites.get(entry, {})}
     if place not in known or (axis == "time" and known[place] != "command"):
-        what = f"`{UNEXPLAINED}` cannot be placed at `{at}`"
+        message = f"`{UNEXPLAINED}` cannot be placed at `{at}`"
         hint = did_you_mean(place, known, f"use one of {', '.join(known)}")
-        return machine.source.fault("unknown-name", what, ("effects", f"{UNEXPLAINED}@{at}"), hint, at_key=True)
+        return machine.source.fault("unknown-name", message, ("effects", f"{UNEXPLAINED}@{at}"), hint, at_key=True)
     return placed_shape(unexplained(known[place], shape_of(entries), axis), at, sites[known[place]][place])
 
 
@@ -135,15 +135,15 @@ def absence(machine: Machine, sites: EffectSites, effect: Effect) -> str:
 
 def _no_place(machine: Machine, sites: EffectSites, effect: Effect, at: str, known: Collection[str]) -> Fault:
     """Why an effect cannot be where the machine file puts it."""
-    what = f"`{effect.keyword}` cannot be placed at `{at}`"
+    message = f"`{effect.keyword}` cannot be placed at `{at}`"
     listed = f"use one of {', '.join(list(known)[:12])}" if known else "delete it: this machine has no place for it"
     hint = did_you_mean(at, known, listed)
     if effect.enters == _FRAME and at in machine.sensors:
         kind = kind_of_sensor(machine.sensors[at])
-        what += f": {kind.unmoved.get(effect.keyword, 'nothing that it reads depends on it')}"
+        message += f": {kind.unmoved.get(effect.keyword, 'nothing that it reads depends on it')}"
         others = [e.keyword for e in catalogue().values() if e.enters == _FRAME and at in places(sites, e)]
         hint = f"delete it; effects at `{at}`: {', '.join(others)}" if others else "delete it"
-    return machine.source.fault("unknown-name", what, ("effects", f"{effect.keyword}@{at}"), hint, at_key=True)
+    return machine.source.fault("unknown-name", message, ("effects", f"{effect.keyword}@{at}"), hint, at_key=True)
 
 
 def _idle_numbers(machine: Machine, placed: PlacedEffect, entries: Mapping[str, EffectNumber]) -> Iterator[Fault]:
@@ -151,9 +151,9 @@ def _idle_numbers(machine: Machine, placed: PlacedEffect, entries: Mapping[str, 
     constants = {option.name for option in placed.effect.options}
     for key in entries:
         if key not in constants and key not in placed.numbers:
-            what = f"nothing at `{placed.at}` depends on `{key}` of `{placed.effect.keyword}`"
+            message = f"nothing at `{placed.at}` depends on `{key}` of `{placed.effect.keyword}`"
             hint = f"delete it; parameters there: {', '.join(placed.numbers)}"
-            yield machine.source.fault("unknown-name", what, ("effects", placed.name, key), hint, at_key=True)
+            yield machine.source.fault("unknown-name", message, ("effects", placed.name, key), hint, at_key=True)
 
 
 def _fitted_frame(

@@ -13,7 +13,7 @@ import numpy as np
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler.assemble import BadConfiguration
-from pkmcal_cli.compiler.axes import aligned, carried, nominal_axis, turn_of
+from pkmcal_cli.compiler.axes import aligned, carried, nominal_axis, tilt_of
 from pkmcal_cli.compiler.coefficient_values import constant_vector, is_zero, triad_along, vector
 from pkmcal_cli.compiler.coordinates import Coordinates
 from pkmcal_cli.language.machine import Guide
@@ -48,13 +48,13 @@ class Rails:
         """Origin and rotation of a frame."""
         if name not in self.frames:
             s, frame = self.coordinates, self.coordinates.machine.frames[name]
-            turn = (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if s.planar else frame.turn
+            orientation = (Quantity.constant(0.0), Quantity.constant(0.0), *frame.turn) if s.planar else frame.turn
             carrier = GROUND if frame.body is None else self.rotation(frame.body)
             origin = Point() if frame.body is None else self.point(frame.body)
             kind = "frame" if frame.body is None else "carried frame"
             rotation = carrier
-            if frame.body is None or not is_zero(turn):
-                rotation = s.builder.frame(name, vector(turn), carrier)
+            if frame.body is None or not is_zero(orientation):
+                rotation = s.builder.frame(name, vector(orientation), carrier)
             if frame.body is not None:
                 s.builder.filed[rotation] = s.filed_orientation(rotation)
             self.frames[name] = origin + s.anchored(kind, name, carrier, vector(frame.at), f"{name}.at"), rotation
@@ -80,10 +80,10 @@ class Rails:
             origin, rotation = self.frame(guide.frame) if guide.frame else (Point(), GROUND)
         kind = "guide" if guide.on_base else "carried guide"
         origin += s.anchored(kind, name, rotation, vector(guide.at), f"{name}.at")
-        own = turn_of(guide.along, aligned(guide.along, s.nominal, slides=True), s.nominal)
-        turn = None if own is None else carried(own, s.orientation(rotation))
-        tilted = s.tilted(rotation, turn, f"{name}.along")
-        return Rail(origin=origin, rotation=rotation, along=self.along(name), tilted=tilted, turn=turn)
+        slide_rotation = tilt_of(guide.along, aligned(guide.along, s.nominal, slides=True), s.nominal)
+        tilt = None if slide_rotation is None else carried(slide_rotation, s.orientation(rotation))
+        tilted = s.tilted(rotation, tilt, f"{name}.along")
+        return Rail(origin=origin, rotation=rotation, along=self.along(name), tilted=tilted, tilt=tilt)
 
     def _station(self, carriage: str, beam: str) -> Rail:
         """The section of a beam on which a carriage stands; its x axis is that of the beam."""
@@ -97,14 +97,14 @@ class Rails:
         travel = s.machine.bodies[carriage].at[0].number(s.nominal)
         if not 0 < travel < size:
             unit = s.machine.file_units.length
-            what = f"carriage `{carriage}` is not on beam `{beam}`, which is {unit.format(size, 6)} long"
+            message = f"carriage `{carriage}` is not on beam `{beam}`, which is {unit.format(size, 6)} long"
             hint = "`at` is its distance from the beam's first point: give one within the beam"
-            raise BadConfiguration(carriage, what, hint)
+            raise BadConfiguration(carriage, message, hint)
         share = travel / size
         label = f"{carriage}.station"
         point = s.free_point(label, ends[0] + share * (ends[1] - ends[0]))
         rotation = s.new_rotation(label, self.beam_triad(beam, chord))
-        return Rail(origin=point, rotation=rotation, along=np.array([1.0, 0.0, 0.0]), tilted=rotation, turn=None)
+        return Rail(origin=point, rotation=rotation, along=np.array([1.0, 0.0, 0.0]), tilted=rotation, tilt=None)
 
     def beam_triad(self, beam: str, chord: Array) -> Array:
         """Triad of a beam along a chord."""

@@ -11,5 +11,5 @@ from pkmcal_cli.base.rotation import Array
 class ReferenceConfiguration:
     """Travels (m) and orientations (3, 3) by name that replace those of the file."""
 
-    travels: dict[str, float] = field(default_factory=dict)
+    translations: dict[str, float] = field(default_factory=dict)
     orientations: dict[str, Array] = field(default_factory=dict)

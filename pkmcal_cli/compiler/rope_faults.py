@@ -39,20 +39,20 @@ def _cable_faults(machine: Machine, cable: Cable) -> Iterator[Fault]:
         stated = {n: value for n, rope in cable.ropes.items() if (value := getattr(rope, key)) is not None}
         for first, second in pairwise(stated):
             if not _same(stated[first], stated[second]):
-                what = f"`{first}` and `{second}` are one cable of `{drive}`, but differ in `{key}`"
+                message = f"`{first}` and `{second}` are one cable of `{drive}`, but differ in `{key}`"
                 hint = "give it once, for the whole cable"
-                yield machine.source.fault("value", what, ("ropes", second, key), hint, at_key=True)
+                yield machine.source.fault("value", message, ("ropes", second, key), hint, at_key=True)
         if key == "k" and stated and (mixed := [n for n in names if getattr(cable.ropes[n], other) is not None]):
-            what = f"`{mixed[0]}` and `{next(iter(stated))}` are one cable of `{drive}`: one has `EA`, the other `k`"
+            message = f"`{mixed[0]}` and `{next(iter(stated))}` are one cable of `{drive}`: one has `EA`, the other `k`"
             yield machine.source.fault(
-                "value", what, ("ropes", next(iter(stated)), "k"), "give one of them, once", at_key=True
+                "value", message, ("ropes", next(iter(stated)), "k"), "give one of them, once", at_key=True
             )
     lengths = [n for n in names if cable.ropes[n].length is not None]
     if lengths and len(lengths) < len(names):
         missing = next(n for n in names if n not in lengths)
-        what = f"`{lengths[0]}` and `{missing}` are one cable of `{drive}`: one has a `length`, the other has none"
+        message = f"`{lengths[0]}` and `{missing}` are one cable of `{drive}`: one has a `length`, the other has none"
         hint = "give the length of every rope of a cable, or of none"
-        yield machine.source.fault("value", what, ("ropes", missing), hint, at_key=True)
+        yield machine.source.fault("value", message, ("ropes", missing), hint, at_key=True)
 
 
 def _same(first: Quantity, second: Quantity) -> bool:
@@ -70,20 +70,22 @@ def _guidance_faults(machine: Machine, name: str, rope: Rope) -> Iterator[Fault]
             continue
         path = ("ropes", name, "pulleys", point)
         if point in machine.nodes and not machine.nodes[point].fixed:
-            what, hint = f"node `{point}` has no axis about which a pulley could swivel", "use a point of a body"
-            yield machine.source.fault("pulley", what, path, hint, at_key=True)
+            message, hint = f"node `{point}` has no axis about which a pulley could swivel", "use a point of a body"
+            yield machine.source.fault("pulley", message, path, hint, at_key=True)
             continue
         side = guided[visit] = swivels_towards(machine, rope, visit)
         if side is None:
             neighbours = [rope.between[v] for v in (visit - 1, visit + 1) if 0 <= v < len(rope.between)]
             both = " or ".join(f"`{n}`" for n in neighbours)
-            what = f"the pulley at `{point}` swivels, but whether towards {both} is not clear"
+            message = f"the pulley at `{point}` swivels, but whether towards {both} is not clear"
             hint = f"the rope must come along the axis from exactly one point of the part that carries `{point}`"
-            yield machine.source.fault("pulley", what, path, hint, at_key=True)
+            yield machine.source.fault("pulley", message, path, hint, at_key=True)
         elif side == -1 and guided.get(visit - 1) == 1:
             before = rope.between[visit - 1]
-            what = f"between `{before}` and `{point}` the rope would lie on two pulleys that swivel"
-            yield machine.source.fault("pulley", what, path, "give a pulley to one of the two points only", at_key=True)
+            message = f"between `{before}` and `{point}` the rope would lie on two pulleys that swivel"
+            yield machine.source.fault(
+                "pulley", message, path, "give a pulley to one of the two points only", at_key=True
+            )
 
 
 def drawn_faults(structure: Structure) -> list[Fault]:
@@ -116,9 +118,9 @@ def _no_tangent(structure: Structure, name: str, rope: Rope, ends: list[str]) ->
     radii = [length.format(rope.pulleys[p].radius.number(structure.nominal), 4) for p in held]
     sizes = f"the radii are {radii[0]} and {radii[1]}" if len(held) == 2 else f"the pulley has a radius of {radii[0]}"
     apart = length.format(float(np.sqrt(way @ way)), 4)
-    what = f"no tangent for rope `{name}` from `{ends[0]}` to `{ends[1]}`: they are {apart} apart, {sizes}"
+    message = f"no tangent for rope `{name}` from `{ends[0]}` to `{ends[1]}`: they are {apart} apart, {sizes}"
     hint = "correct the radius, the side of the rope, or the points"
-    return structure.machine.source.fault("pulley", what, ("ropes", name, "pulleys", held[-1]), hint, at_key=True)
+    return structure.machine.source.fault("pulley", message, ("ropes", name, "pulleys", held[-1]), hint, at_key=True)
 
 
 def _planar_faults(structure: Structure, name: str, path: RopePath) -> Iterator[Fault]:
@@ -127,19 +129,19 @@ def _planar_faults(structure: Structure, name: str, path: RopePath) -> Iterator[
         if point not in rope.pulleys:
             continue
         where = ("ropes", name, "pulleys", point)
-        if visit in (0, len(rope.between) - 1) and _turns(structure, point):
-            what = f"rope `{name}` ends on a pulley at `{point}`, which turns: what lies on it would turn too"
+        if visit in (0, len(rope.between) - 1) and _rotates(structure, point):
+            message = f"rope `{name}` ends on a pulley at `{point}`, which rotates: the rope on it would rotate too"
             hint = "end the rope at the point, or let the pulley's point be fixed or on a carriage"
-            yield source.fault("pulley", what, where, hint, at_key=True)
+            yield source.fault("pulley", message, where, hint, at_key=True)
         wrap = abs(float(path.geometry.sizes[0, visit, 3])) if 0 < visit < len(rope.between) - 1 else 0.0
         if wrap > _DOUBTFUL:
-            what = f"rope `{name}` goes round the pulley at `{point}` by {np.rad2deg(wrap):.0f} deg"
+            message = f"rope `{name}` goes round the pulley at `{point}` by {np.rad2deg(wrap):.0f} deg"
             other = "right" if rope.pulleys[point].side == "left" else "left"
             hint = f"if it only touches it, write `side: {other}`"
-            yield source.fault("pulley", what, (*where, "side"), hint, warning=True)
+            yield source.fault("pulley", message, (*where, "side"), hint, warning=True)
 
 
-def _turns(structure: Structure, point: str) -> bool:
+def _rotates(structure: Structure, point: str) -> bool:
     """Whether a point belongs to something that turns against the base."""
     rotation = structure.rotations.get(structure.owner.get(point, point))
     return rotation is not None and structure.builder.rotations[rotation][0] != RotationKind.FIXED
@@ -156,14 +158,14 @@ def _axis_faults(structure: Structure, name: str, rope: Rope) -> Iterator[Fault]
         way = _place(structure, point) - _place(structure, neighbour)
         angle = float(np.arccos(np.clip(unit(way) @ pulley_axis(structure, pulley), -1, 1)))
         if angle > _FLEET:
-            what = (
+            message = (
                 f"the rope comes to the pulley at `{point}` from `{neighbour}` at {np.rad2deg(angle):.0f} deg to `axis`"
             )
             hint = (
                 f"it must come along the axis, which points from `{neighbour}` to `{point}`; correct one of the three"
             )
             path = ("ropes", name, "pulleys", point, "axis")
-            yield structure.machine.source.fault("pulley", what, path, hint)
+            yield structure.machine.source.fault("pulley", message, path, hint)
 
 
 def _place(structure: Structure, point: str) -> Array:

@@ -40,9 +40,11 @@ def swivels_towards(machine: Machine, rope: Rope, visit: int) -> int | None:
 
     On the other side its neighbour is a point of the same body, or there is none.
     """
-    own, last = carrier(machine, rope.between[visit]), len(rope.between) - 1
+    body, last = carrier(machine, rope.between[visit]), len(rope.between) - 1
     led = [
-        side for side in (-1, 1) if not 0 <= visit + side <= last or carrier(machine, rope.between[visit + side]) == own
+        side
+        for side in (-1, 1)
+        if not 0 <= visit + side <= last or carrier(machine, rope.between[visit + side]) == body
     ]
     return -led[0] if len(led) == 1 else None
 
@@ -147,8 +149,8 @@ def _wrap(before: float, after: float, radius: float) -> float:
     """Angle (rad) on a pulley between two directions, of the sign of its radius, less than a turn."""
     if radius == 0:
         return 0.0
-    turn = float((np.sign(radius) * (after - before)) % (2 * np.pi))
-    return float(np.sign(radius)) * (0.0 if 2 * np.pi - turn < _WHOLE else turn)
+    swept = float((np.sign(radius) * (after - before)) % (2 * np.pi))
+    return float(np.sign(radius)) * (0.0 if 2 * np.pi - swept < _WHOLE else swept)
 
 
 # --- in space ------------------------------------------------------------------------------

@@ -92,8 +92,8 @@ def add_ropes(structure: Structure, wound_lengths: dict[str, Number]) -> list[We
         structure.builder.rope(
             _PER_LENGTH[shape] if per_length else shape, name, links, rest=length, stiffness=stiffness
         )
-        for own, path in zip(cable.ropes, paths, strict=True):
-            weights += _hanging(structure, own, path)
+        for rope, path in zip(cable.ropes, paths, strict=True):
+            weights += _hanging(structure, rope, path)
     return weights
 
 

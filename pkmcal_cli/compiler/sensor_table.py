@@ -151,12 +151,12 @@ class SensorTable:
         point, connection = self.connections.get((name, target), (_UNKNOWN, None))
         rotation = connection.rotation if connection is not None else _UNKNOWN
         known: dict[Variable, KnownValues] = {}
-        turns = sum(c.measurand is Measurand.ORIENTATION for _, c in channels)
-        in_part = not self.structure.planar and turns in (1, 2)  # which way round, the whole rotation tells
+        rotations = sum(c.measurand is Measurand.ORIENTATION for _, c in channels)
+        in_part = not self.structure.planar and rotations in (1, 2)  # which way round, the whole rotation tells
         if kind.reads_coordinates and not numbers and not in_part:
             self.direct += [(k, self._plain(c, point, rotation)) for k, c in channels]
         else:
-            rotating = kind.rotates or turns > 0
+            rotating = kind.rotates or rotations > 0
             for variable in kind.variables:
                 if (variable == "rotation" and not rotating) or (variable in _OPTIONAL and variable not in numbers):
                     continue

@@ -44,8 +44,8 @@ def add_spans(
         rail, travel = structure.rails.of(rider), structure.carriage_travel[rider]
         other = taken.setdefault(structure.builder.translations[travel][1], rider)
         if other != rider:
-            what = f"carriages `{other}` and `{rider}` are at one place of beam `{name}`"
-            raise BadConfiguration(rider, what, "give them different travels: they cannot pass each other")
+            message = f"carriages `{other}` and `{rider}` are at one place of beam `{name}`"
+            raise BadConfiguration(rider, message, "give them different travels: they cannot pass each other")
         stations.append(_Station(ConnectionPoint(rail.origin, rail.rotation), 0.0, travel))
     stations.append(_Station(ends[1], total))
     mass = beam_mass(structure, beam, total)

@@ -57,9 +57,9 @@ def _travel(machine: Machine, guide: Guide) -> str | None:
 def _skew_guide(machine: Machine, name: str, guide: Guide) -> list[Fault]:
     if guide.stiffness is None or _travel(machine, guide) is not None:
         return []
-    what = f"guide `{name}` has a stiffness but is not parallel to an axis of its frame"
+    message = f"guide `{name}` has a stiffness but is not parallel to an axis of its frame"
     hint = "use `along: x`, and turn the frame: `frames: {NAME: {turn: ...}}`"
-    return [machine.source.fault("stiffness", what, ("guides", name, "along"), hint)]
+    return [machine.source.fault("stiffness", message, ("guides", name, "along"), hint)]
 
 
 def _free_directions(
@@ -80,8 +80,8 @@ def _free_directions(
 def _indefinite(machine: Machine, path: Path, stiffness: Stiffness) -> list[Fault]:
     """A block whose energy is not positive in every direction, at nominal parameters."""
     nominal = machine.nominal_values()
-    given = {d: getattr(stiffness, d) or (stiffness.radial if d in _TRANSLATIONS else None) for d in SPATIAL}
-    size = {d: q.number(nominal) ** 0.5 for d, q in given.items() if q is not None}
+    by_direction = {d: getattr(stiffness, d) or (stiffness.radial if d in _TRANSLATIONS else None) for d in SPATIAL}
+    size = {d: q.number(nominal) ** 0.5 for d, q in by_direction.items() if q is not None}
     block = np.eye(len(size))
     couplings = []
     for i, a in enumerate(size):
@@ -91,8 +91,8 @@ def _indefinite(machine: Machine, path: Path, stiffness: Stiffness) -> list[Faul
                 couplings.append(f"{a}_{b}")
     if not couplings or np.linalg.eigvalsh(block)[0] > 1e-12:
         return []
-    what = f"this stiffness is not positive definite: coupling too large ({', '.join(f'`{c}`' for c in couplings)})"
+    message = f"this stiffness is not positive definite: coupling too large ({', '.join(f'`{c}`' for c in couplings)})"
     first, second = couplings[0].split("_")
     limit = f"|`{couplings[0]}`| < sqrt(`{first}` * `{second}`)"
     hint = f"keep every coupling below the geometric mean of its two stiffnesses: {limit}"
-    return [machine.source.fault("stiffness", what, path, hint, at_key=True)]
+    return [machine.source.fault("stiffness", message, path, hint, at_key=True)]

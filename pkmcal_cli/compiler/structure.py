@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, exp
-from pkmcal_cli.compiler.axes import depends, joint_turns, nominal_axis
+from pkmcal_cli.compiler.axes import depends, joint_tilts, nominal_axis
 from pkmcal_cli.compiler.coefficient_values import constant_vector, is_zero, number, unit, vector
 from pkmcal_cli.compiler.coordinates import Coordinates
 from pkmcal_cli.compiler.joint_tree import joint_tree
@@ -174,21 +174,21 @@ class Structure(Coordinates):
         """Point of a node, or origin of a body, that a joint places on its other side."""
         joint_name, side = self.placed_by[name]
         joint = self.machine.joints[joint_name]
-        own, other_end = joint.between[side], joint.between[1 - side]
+        end, other_end = joint.between[side], joint.between[1 - side]
         base = self.point(other_end)
         if joint.type in ("prismatic", "cylindrical", "planar"):
             base = base + self._slide(joint_name, joint, name, other_end, 1.0 if side == 1 else -1.0)
-        if own == name:
+        if end == name:
             return base
-        offset = self.machine.bodies[name].points[own]
-        index = self.builder.offset(self.rotation(name), vector(offset), own).offsets[0][2]
+        offset = self.machine.bodies[name].points[end]
+        index = self.builder.offset(self.rotation(name), vector(offset), end).offsets[0][2]
         return base + Point(((self.rotation(name), -1.0, index),), ())
 
     def _slide(self, joint_name: str, joint: Joint, child: str, parent: str, sign: float) -> Point:
         """Travels of a sliding joint along its free axes, carried by the parent."""
         rotation = self.rotation(parent)
         filed = self.filed_orientation(rotation)
-        tilted = self.tilted(rotation, joint_turns(joint, self.nominal)[0], f"{joint_name}.axis", filed)
+        tilted = self.tilted(rotation, joint_tilts(joint, self.nominal)[0], f"{joint_name}.axis", filed)
         reference = self.filed_place(child) - self.filed_place(parent)
         axis = self.slide_axis(joint, sign * reference)
         axes = [axis] if joint.type != "planar" else list(np.linalg.svd(axis[None])[2][1:])

@@ -67,19 +67,19 @@ def workspace_faults(machine: Machine, model: Model) -> list[Fault]:
     if workspace is None or machine.workspace is None:
         return []
     inverted = [path for path, (low, high) in _limits(machine) if not low < high]
-    what = "the lower limit must be below the upper limit"
-    faults = [source.fault("value", what, path, "write `[low, high]`") for path in inverted]
+    message = "the lower limit must be below the upper limit"
+    faults = [source.fault("value", message, path, "write `[low, high]`") for path in inverted]
     posed = machine.workspace.box is not None or machine.workspace.cylinder is not None
     if posed and tool_point_of(machine) is None:
-        what = "the workspace is in coordinates of the tool point, but the machine has none"
-        faults.append(source.fault("tool-point", what, ("workspace",), REMEDY, at_key=True))
+        message = "the workspace is in coordinates of the tool point, but the machine has none"
+        faults.append(source.fault("tool-point", message, ("workspace",), REMEDY, at_key=True))
     elif posed:
         faults += _lacking(machine, model)
     faults += _empty(machine, model, workspace, {str(path[2]) for path in inverted})
     if not faults and not workspace.holds(model.tool.reference[None], model.reference_readings[None])[0]:
         hint = "correct the limits or their units, or the reference configuration"
-        what = f"{_WARNED}: the tool point is at {_place(machine, model)}"
-        faults = [source.fault("workspace", what, ("workspace",), hint, at_key=True, warning=True)]
+        message = f"{_WARNED}: the tool point is at {_place(machine, model)}"
+        faults = [source.fault("workspace", message, ("workspace",), hint, at_key=True, warning=True)]
     return faults
 
 
@@ -99,10 +99,10 @@ def _lacking(machine: Machine, model: Model) -> list[Fault]:
     """Coordinates that the tool point, a node without rotation, does not have."""
     names = {name for g in model.tool.aims for name in model.topology.aims[g].element.strains}
     tool = tool_point_of(machine)
-    what = f"tool point `{tool.name if tool is not None else ''}` is a node without rotation: it has no `{{}}`"
+    message = f"tool point `{tool.name if tool is not None else ''}` is a node without rotation: it has no `{{}}`"
     hint = f"use {', '.join(sorted(names))}"
     return [
-        machine.source.fault("value", what.format(path[2]), path, hint, at_key=True)
+        machine.source.fault("value", message.format(path[2]), path, hint, at_key=True)
         for path, _ in _limits(machine)
         if path[1] == "box" and path[2] not in names
     ]
@@ -115,12 +115,12 @@ def _empty(machine: Machine, model: Model, workspace: Workspace, inverted: set[s
     apart = [name for name, one, other in ends if not one < other and name not in inverted]
     faults = []
     if apart:
-        what = f"box and cylinder have nothing in common in {', '.join(f'`{n}`' for n in apart)}"
-        faults.append(source.fault("value", what, ("workspace", "box"), "correct one of them", at_key=True))
+        message = f"box and cylinder have nothing in common in {', '.join(f'`{n}`' for n in apart)}"
+        faults.append(source.fault("value", message, ("workspace", "box"), "correct one of them", at_key=True))
     for actuator, (one, other) in zip(model.actuators, workspace.drives, strict=True):
         if not one < other and actuator.name not in inverted:
             shown = " to ".join(parse_unit(actuator.unit).format(v, 6) for v in actuator.limits)
-            what = f"limits outside the actuator's own, {shown}"
+            message = f"limits outside the actuator's own, {shown}"
             path: Path = ("workspace", "drives", actuator.name)
-            faults.append(source.fault("value", what, path, "give narrower limits, or none"))
+            faults.append(source.fault("value", message, path, "give narrower limits, or none"))
     return faults

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.internal_force import InternalForces
 from pkmcal_cli.correction.redundancy import Choice
-from pkmcal_cli.correction.set_values import Aim, Found, set_values
+from pkmcal_cli.correction.set_values import Aim, SetValues, set_values
 from pkmcal_cli.correction.strained_pose import LoadedTool, StrainedPose
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.mechanism.topology import Index
@@ -58,17 +58,17 @@ def corrected(model: Model, values: Array, aim: Aim, choice: Choice) -> Correcti
     kept = np.nonzero(strainless.reached)[0]
     if not len(kept):
         return None
-    own, strainless = aim.take(kept), strainless.take(kept)
+    kept_aim, strainless = aim.take(kept), strainless.take(kept)
     commands = np.where(nominal.reached[kept, None], nominal.readings[kept], strainless.readings)
-    given = replace(own.rows, readings=commands)
-    own = replace(own, rows=_directed(model, given))
-    before = LoadedTool(model, aim.held).at(values, own.rows, own.targets)
+    kept_rows = replace(kept_aim.rows, readings=commands)
+    kept_aim = replace(kept_aim, rows=_directed(model, kept_rows))
+    before = LoadedTool(model, aim.held).at(values, kept_aim.rows, kept_aim.targets)
     before = before.without(np.nonzero(~nominal.reached[kept])[0])
-    solution, turned = _from_own_sides(model, values, own, given.columns, strainless, choice)
+    solution, turned = _from_own_sides(model, values, kept_aim, kept_rows.columns, strainless, choice)
     failed = {int(k): OUT_OF_REACH for k in np.setdiff1d(np.arange(len(aim.rows)), kept)}
     failed |= {int(kept[k]): why for k, why in solution.failed.items()}
     return Correction(
-        kept=kept, aim=own, rows=solution.rows, before=before, after=solution.after, internal=solution.internal,
+        kept=kept, aim=kept_aim, rows=solution.rows, before=before, after=solution.after, internal=solution.internal,
         failed=dict(sorted(failed.items())), turned=turned,
     )  # fmt: skip
 
@@ -79,18 +79,18 @@ def depends_on_sides(model: Model) -> bool:
 
 
 def _from_own_sides(
-    model: Model, values: Array, aim: Aim, given: Mapping[str, Array], strainless: DrivePositions, choice: Choice
-) -> tuple[Found, NDArray[np.bool_]]:
-    """Set values, and which rows (n,) they approach from another side; `given`: columns that stay."""
+    model: Model, values: Array, aim: Aim, columns: Mapping[str, Array], strainless: DrivePositions, choice: Choice
+) -> tuple[SetValues, NDArray[np.bool_]]:
+    """Set values, and which rows (n,) they approach from another side; `columns`: columns that stay."""
     solution = set_values(model, values, aim, strainless, choice)
     if not depends_on_sides(model):
         return solution, np.zeros(len(aim.rows), dtype=bool)
     for left in reversed(range(_ROUNDS)):
-        own = _directed(model, replace(solution.rows, columns=given))
-        turned = _differ(solution.rows, own)
+        directed = _directed(model, replace(solution.rows, columns=columns))
+        turned = _differ(solution.rows, directed)
         if not (turned.any() and left):
             break
-        nominal = replace(own, readings=aim.rows.readings)
+        nominal = replace(directed, readings=aim.rows.readings)
         solution = set_values(model, values, replace(aim, rows=nominal), strainless, choice)
     return solution, turned
 

@@ -82,13 +82,13 @@ def _grid(commanded: Array, count: int, digit: float) -> tuple[float, float, int
 
 def _fitted(case: ExportCase, grids: Sequence[tuple[float, float, int]]) -> list[DriveTable]:
     sides = case.sides(case.commanded)
-    own = [_basis(case.commanded[:, a], grid) for a, grid in zip(case.drives, grids, strict=True)]
+    bases = [_basis(case.commanded[:, a], grid) for a, grid in zip(case.drives, grids, strict=True)]
     if case.sided:
-        own = [sparse.hstack([b, sparse.diags(sides[:, k]) @ b]).tocsr() for k, b in enumerate(own)]
+        bases = [sparse.hstack([b, sparse.diags(sides[:, k]) @ b]).tocsr() for k, b in enumerate(bases)]
     weights, corrections = case.weights, (case.corrected - case.commanded)[:, case.drives]
     design = sparse.vstack(
         [
-            sparse.hstack([sparse.diags(weights[:, r, k]) @ b for k, b in enumerate(own)])
+            sparse.hstack([sparse.diags(weights[:, r, k]) @ b for k, b in enumerate(bases)])
             for r in range(weights.shape[1])
         ]
     ).tocsr()

@@ -41,7 +41,7 @@ class ExportCase:
     values: Array
     assessment: Assessment
     choice: Choice
-    given: Rows
+    rows: Rows
     names: Sequence[str]
     covariance: tuple[tuple[str, ...], Array] | None
     dwell: float
@@ -91,7 +91,7 @@ class ExportCase:
     @property
     def circumstances(self) -> Rows:
         """Rows (n,) as they were given."""
-        return self.given.take(self.usable)
+        return self.rows.take(self.usable)
 
     @property
     def sided(self) -> bool:
@@ -170,9 +170,9 @@ class ExportCase:
         """Coordinates held that are angles."""
         return tuple(c for c in self.made.aim.held if c in DIRECTIONS[3:])
 
-    def refuse(self, keyword: str, what: str, hint: str) -> BadInput:
+    def refuse(self, keyword: str, message: str, hint: str) -> BadInput:
         """The error of a format that cannot hold this machine."""
-        return BadInput.single(f"--as {keyword}: {what}", Location(self.model.name), hint, "format")
+        return BadInput.single(f"--as {keyword}: {message}", Location(self.model.name), hint, "format")
 
 
 @dataclass(frozen=True)

@@ -50,12 +50,12 @@ def nominal_machine(case: ExportCase, keyword: str) -> Nominal:
     inverse = drive_positions(case.model, poses, None, held)
     kept = np.nonzero(inverse.reached)[0]
     if len(kept) < _LEAST:
-        what = "the nominal machine reaches hardly anything around the targets"
-        raise case.refuse(keyword, what, "give targets within its workspace")
+        message = "the nominal machine reaches hardly anything around the targets"
+        raise case.refuse(keyword, message, "give targets within its workspace")
     return Nominal(positions=np.nan_to_num(poses[kept, :3]), readings=inverse.readings[kept])
 
 
-def recognised(case: ExportCase, keyword: str, what: str, formula: Formula, start: Array, nominal: Nominal) -> Array:
+def recognised(case: ExportCase, keyword: str, kind: str, formula: Formula, start: Array, nominal: Nominal) -> Array:
     """Constants (c,) of the nominal machine. Raises BadInput where the formula is that of another machine."""
     gains = case.model.gains
 
@@ -64,11 +64,11 @@ def recognised(case: ExportCase, keyword: str, what: str, formula: Formula, star
 
     hint = "use `--as gcode-drives`, or tables of single drives (`linuxcnc`, `beckhoff`, `csv`)"
     if not np.isfinite(start).all() or not np.isfinite(missed(start)).all():
-        raise case.refuse(keyword, f"this machine is no {what}", hint)
+        raise case.refuse(keyword, f"this machine is no {kind}", hint)
     optimum = least_squares(missed, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     most = float(np.abs(missed(optimum.x)).max())
     if most > _OTHER * case.model.length:
-        misfit = f"this machine is no {what}: the formula misses its drives by up to {1e3 * most:.3g} mm"
+        misfit = f"this machine is no {kind}: the formula misses its drives by up to {1e3 * most:.3g} mm"
         raise case.refuse(keyword, misfit, hint)
     return np.asarray(optimum.x)
 
@@ -93,8 +93,8 @@ def fitted(case: ExportCase, formula: Formula, nominal: Array, steps: Array, aim
 
     def errors(scaled: Array) -> Array:
         off = formula(nominal + scaled * steps, case.positions) - aimed
-        own = np.einsum("nrd,nd->nr", weights, off[:, drives])
-        return np.concatenate([own.ravel(), (off * gains)[:, others].ravel(), _PRIOR * scaled])
+        weighted = np.einsum("nrd,nd->nr", weights, off[:, drives])
+        return np.concatenate([weighted.ravel(), (off * gains)[:, others].ravel(), _PRIOR * scaled])
 
     optimum = least_squares(errors, np.zeros(len(nominal)), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
     return np.asarray(nominal + optimum.x * steps), steps * _std(case, np.asarray(optimum.jac), aim.slopes)

@@ -49,10 +49,10 @@ def force_scales(model: Model) -> Array:
     Of torques: times the size of the machine.
     """
     limits = np.array([a.force_limit for a in model.actuators])
-    arm = np.array([1.0 if model.topology.moves_length(d) else model.length for d in model.topology.drives])
+    length = np.array([1.0 if model.topology.moves_length(d) else model.length for d in model.topology.drives])
     stated = np.isfinite(limits)
-    usual = float((limits / arm)[stated].mean()) if stated.any() else 1.0
-    return np.where(stated, limits, usual * arm)
+    mean_limit = float((limits / length)[stated].mean()) if stated.any() else 1.0
+    return np.where(stated, limits, mean_limit * length)
 
 
 def conjugate_gains(model: Model, values: Array) -> Array:

@@ -95,8 +95,8 @@ def _at_origin(case: ExportCase, keyword: str, values: Array | None) -> Array:
     """Readings (A,) of the unstrained machine with its tool at x = y = z = 0. Raises BadInput out of reach."""
     inverse = drive_positions(case.model, _origin(case), values, case.made.aim.held)
     if not inverse.reached.all():
-        what = "the tool cannot stand at x = y = z = 0, where the firmware is homed"
-        raise case.refuse(keyword, what, "shift the coordinates of the machine file")
+        message = "the tool cannot reach x = y = z = 0, where the firmware is homed"
+        raise case.refuse(keyword, message, "shift the coordinates of the machine file")
     return np.asarray(inverse.readings[0])
 
 
@@ -109,7 +109,7 @@ def _origin(case: ExportCase) -> Array:
 def _home(case: ExportCase, keyword: str) -> tuple[Array, Array | None]:
     """Readings (A,) of the machine homed there, those that bring the tool there, if any do; their slopes (1, D, p)."""
     out = _at_origin(case, keyword, case.values).copy()
-    rows = replace(case.given.take(np.zeros(1, dtype=np.intp)), readings=np.full((1, len(out)), np.nan))
+    rows = replace(case.rows.take(np.zeros(1, dtype=np.intp)), readings=np.full((1, len(out)), np.nan))
     aim = Aim(poses=_origin(case), held=case.made.aim.held, rows=rows)
     there = corrected(case.model, case.values, aim, case.choice)
     if there is None or not len(there.good):

@@ -40,8 +40,8 @@ class DeltaConstants:
     def heights(self, positions: Array) -> Array:
         """Heights (n, 3) of the carriages at positions (n, 3) of the tool; nan out of reach."""
         x, y, z = (positions[:, k, None] for k in range(3))
-        turn = np.radians(self.angles)
-        across = (x - self.radius * np.cos(turn)) ** 2 + (y - self.radius * np.sin(turn)) ** 2
+        azimuth = np.radians(self.angles)
+        across = (x - self.radius * np.cos(azimuth)) ** 2 + (y - self.radius * np.sin(azimuth)) ** 2
         with np.errstate(invalid="ignore"):
             return np.asarray(np.sqrt(self.rods**2 - across) + z + x * self.tilt[0] + y * self.tilt[1])
 

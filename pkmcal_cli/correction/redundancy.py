@@ -23,7 +23,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 Choice = Literal["min-force", "min-energy", "preload", "nominal"]
 BOUNDED: tuple[Choice, ...] = ("min-force", "min-energy")
 """Choices that keep limits of force and tension."""
-_LOOSE = 1e-9  # of the largest change of force by a step: less is none
+_NO_RESISTANCE = 1e-9  # of the largest change of force by a step: less is none
 _TAUT = 1e-6  # share by which tensions stay above, and forces below, their limits: rounding does not break them
 
 
@@ -79,7 +79,7 @@ class Redundancy:
         size = np.abs(changed).max(axis=(1, 2), initial=0.0, keepdims=True)
         size[size == 0.0] = 1.0
         upper = np.asarray(np.linalg.qr(changed / size, mode="r"))  # (N, r, r)
-        weak = (np.abs(np.einsum("nkk->nk", upper)) < _LOOSE).astype(float)  # motions that no force resists
+        weak = (np.abs(np.einsum("nkk->nk", upper)) < _NO_RESISTANCE).astype(float)  # motions that no force resists
         upper = upper + weak[:, :, None] * np.eye(free.shape[2])
         return np.asarray(np.swapaxes(np.linalg.solve(np.swapaxes(upper, 1, 2), np.swapaxes(free, 1, 2)), 1, 2) / size)
 
@@ -100,9 +100,9 @@ class Redundancy:
             back = np.swapaxes(free, 1, 2)
             return back @ work @ free, (back @ slope[..., None])[..., 0]
         if self.choice == "nominal":
-            own = [k for k, a in enumerate(self.drives) if self.tool.machine.topology.drives[a].redundant]
+            redundant = [k for k, a in enumerate(self.drives) if self.tool.machine.topology.drives[a].redundant]
             left = ((readings - self.set_values)[:, self.drives] + there) / self.spans
-            return _squares(free[:, own] / self.spans[own][:, None], left[:, own])
+            return _squares(free[:, redundant] / self.spans[redundant][:, None], left[:, redundant])
         moved = by_force @ free
         forces = np.nan_to_num(pose.force) + (by_force @ there[..., None])[..., 0]
         if self.choice == "preload":
@@ -157,8 +157,8 @@ class Redundancy:
                 size = max(least, scale)
                 room = (np.nan_to_num(pose.tension[:, k]) - least * (1 + _TAUT)) / size
                 which = stated[0].name if stated else name
-                what = f"`t_min` of rope `{which}`" if stated else f"rope `{which}`, which would be slack"
-                out.append((-slope / size, room, what))
+                limit = f"`t_min` of rope `{which}`" if stated else f"rope `{which}`, which would be slack"
+                out.append((-slope / size, room, limit))
         return out
 
 

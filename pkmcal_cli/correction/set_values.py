@@ -25,7 +25,7 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 _STEPS, _HALVINGS = 40, 8
 _EXACT = 1e-12  # of the machine's size, or rad: the tool point is there
-_SETTLED = 1e-7  # of a drive's force scale, or of its force: it changes no more
+_CONVERGED = 1e-7  # of a drive's force scale, or of its force: it changes no more
 _ROUNDING = 1e-14  # of the machine's size, or rad: a step that is none
 _THERE = 1e-9  # of the machine's size, or rad: a prediction from scratch finds the tool point there
 _EXCEEDED = 1e-7  # of a limit
@@ -56,7 +56,7 @@ class Aim:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class SetValues:
     """Rows with set values; after: the machine there; internal: of its forces; failed: why rows have none."""
 
     rows: Rows
@@ -65,7 +65,7 @@ class Found:
     failed: dict[int, str]
 
 
-def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions, choice: Choice) -> Found:
+def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions, choice: Choice) -> SetValues:
     """Set values that bring the tool point of a machine with parameter values (P,) to where it is wanted.
 
     strainless: of the same machine at the poses, with derivatives; all are reached.
@@ -87,7 +87,7 @@ def set_values(model: Model, values: Array, aim: Aim, strainless: DrivePositions
         search.run()
     after = tool.at(values, search.rows, aim.targets)
     failed = _beyond(model, search.rows, _checked(tool, aim, after, search.failed))
-    return Found(rows=search.rows, after=after, internal=internal, failed=failed)
+    return SetValues(rows=search.rows, after=after, internal=internal, failed=failed)
 
 
 def _declared(model: Model, aim: Aim, choice: Choice) -> Array:
@@ -172,22 +172,22 @@ class _Search:
         self.step[back] *= 0.5
         step, optimum = redundancy.step(pose, self.rows.readings, error)
         step = self._limited(step)
-        settled = solved & self._settled(pose, error, step)
-        go = np.nonzero(self.moving & solved & ~settled)[0]
+        converged = solved & self._converged(pose, error, step)
+        go = np.nonzero(self.moving & solved & ~converged)[0]
         self.halved[go], self.step[go], self.away[go] = 0, step[go], away[go]
         readings[np.ix_(go, drives)] += step[go]
-        self.moving &= ~settled
+        self.moving &= ~converged
         self.beyond = {
             k: optimum.binding[k] for k in np.nonzero((optimum.excess > _EXCEEDED) & pose.prediction.solved)[0].tolist()
         } | {k: on for k, on in self.beyond.items() if not pose.prediction.solved[k]}
         self.rows = replace(self.rows, readings=readings)
 
-    def _settled(self, pose: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
+    def _converged(self, pose: StrainedPose, error: Array, step: Array) -> NDArray[np.bool_]:
         """Rows (N,) whose tool point is there, and whose forces a further step (N, D) changes by rounding at most."""
         redundancy = self.redundancy
         there = (np.abs(error) < _EXACT * np.maximum(redundancy.tool.sizes, 1.0)).all(axis=1)
         changed = np.abs((pose.by_force[:, :, redundancy.drives] @ step[..., None])[..., 0])
-        still = (changed < _SETTLED * np.maximum(redundancy.internal.scale, np.abs(pose.force))).all(axis=1)
+        still = (changed < _CONVERGED * np.maximum(redundancy.internal.scale, np.abs(pose.force))).all(axis=1)
         rounding = (np.abs(step / redundancy.spans) < _ROUNDING).all(axis=1)
         return np.asarray(there & (still | rounding))
 

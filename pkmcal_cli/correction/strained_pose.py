@@ -108,19 +108,19 @@ class LoadedTool:
     def _tool(self, values: Array, slopes: Array, targets: Array) -> tuple[Array, Array]:
         """Coordinates that are held and their derivatives; rotations told the way round that is wanted."""
         names = [c.name for c in self.model.channels]
-        turns = [names.index(n) for n in _ROTATION if n in names]
-        if len(turns) == 3:
+        angles = [names.index(n) for n in _ROTATION if n in names]
+        if len(angles) == 3:
             rotations = np.full((len(values), 3), np.nan)
             for k, name in enumerate(self.held):
                 if name in _ROTATION:
                     rotations[:, _ROTATION.index(name)] = targets[:, k]
             values, slopes = values.copy(), slopes.copy()
-            values[:, turns], by = nearer_way_round(values[:, turns], slopes[:, turns], rotations)
+            values[:, angles], by = nearer_way_round(values[:, angles], slopes[:, angles], rotations)
             assert by is not None
-            slopes[:, turns] = by
+            slopes[:, angles] = by
         columns = [names.index(n) for n in self.held]
         tool = values[:, columns]
-        if len(turns) == 1:  # in the plane an angle may count turns
+        if len(angles) == 1:  # in the plane an angle may count turns
             tool = tool + np.where(self.turning, 2 * np.pi * np.round((targets - tool) / (2 * np.pi)), 0.0)
         return tool, slopes[:, columns]
 

@@ -63,8 +63,8 @@ def _marks(cell: str, decimal: str, column: str) -> Iterator[str]:
         yield "write one sign before the number"
     for extra in ("_", "'", " ", "\u00a0", "\u202f", "\u2009"):
         if extra in cell and is_number(plain := cell.replace(extra, ""), decimal):
-            what = "underscores" if extra == "_" else "blanks and quotes"
-            yield f"write the number without {what}: `{plain}`"
+            extras = "underscores" if extra == "_" else "blanks and quotes"
+            yield f"write the number without {extras}: `{plain}`"
     if re.fullmatch(r"[+-]?[0-9]*(?:[.,]+[0-9]*){2,}", cell):
         yield "write one number with one decimal mark; two numbers need a separator between them"
 

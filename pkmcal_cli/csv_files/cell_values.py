@@ -1,4 +1,4 @@
-"""Turns lines of a measurement table into arrays; what is no value becomes a fault with its place."""
+"""Tilts lines of a measurement table into arrays; what is no value becomes a fault with its place."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class FaultLog:
         if source is not None and flaw.line is not None:
             column = 1 if flaw.cell is None else cell_column(source, self.separator, flaw.cell)
         where = Location(self.file, flaw.line or 1, column)
-        self.faults.append(Fault(flaw.code, flaw.what, where, flaw.hint, source))
+        self.faults.append(Fault(flaw.code, flaw.message, where, flaw.hint, source))
 
     def raise_if_any(self) -> None:
         """Raise BadInput with the faults, if there are any."""
@@ -59,10 +59,10 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Rule:
-    """What the numbers of a column must be: `allowed` maps values (n,) to booleans (n,), `what` says it; the remedy."""
+    """What the numbers of a column must be, in words; `allowed` maps values (n,) to booleans (n,); the remedy."""
 
     allowed: Callable[[FloatArray], NDArray[np.bool_]]
-    what: str
+    requirement: str
     hint: str
 
 
@@ -185,18 +185,18 @@ class Parser:
     def _check_empty(self, cells: Sequence[str], index: int, sources: _Sources) -> None:
         """Report empty cells of a column that is needed in every row."""
         if "" in cells:
-            what = f"empty cell in column `{self.names[index]}`"
+            message = f"empty cell in column `{self.names[index]}`"
             for row in (row for row, cell in enumerate(cells) if not cell):
                 place = int(sources.numbers[row]), index
-                sources.add(Flaw("csv-empty-cell", what, self.column_rules.required[index], *place))
+                sources.add(Flaw("csv-empty-cell", message, self.column_rules.required[index], *place))
 
     def _check_rule(self, cells: Sequence[str], values: FloatArray, index: int, sources: _Sources) -> None:
         """Report numbers that a column may not have."""
         rule = self.column_rules.rules.get(index)
         if rule is not None:
             for row in np.nonzero(~(rule.allowed(values) | np.isnan(values)))[0]:
-                what = f"`{cells[int(row)]}` in column `{self.names[index]}`: {rule.what}"
-                sources.add(Flaw("csv-value", what, rule.hint, int(sources.numbers[row]), index))
+                message = f"`{cells[int(row)]}` in column `{self.names[index]}`: {rule.requirement}"
+                sources.add(Flaw("csv-value", message, rule.hint, int(sources.numbers[row]), index))
 
 
 @dataclass(frozen=True)

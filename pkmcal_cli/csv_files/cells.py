@@ -68,17 +68,17 @@ def _instant(cell: str) -> datetime | None:
 def number_flaw(cell: str, decimal: str, column: str, place: tuple[int, int]) -> Flaw:
     """The flaw of a cell that should be a number; `place` is its line and its index in the row."""
     if _INFINITE.fullmatch(cell) or is_number(cell, decimal):
-        what = f"`{_short(cell)}` in column `{column}` is not finite"
-        return Flaw("csv-number", what, LEAVE_EMPTY, *place)
-    what = f"`{_short(cell)}` in column `{column}` is not a number"
-    return Flaw("csv-number", what, remedy(cell, decimal, column), *place)
+        message = f"`{_short(cell)}` in column `{column}` is not finite"
+        return Flaw("csv-number", message, LEAVE_EMPTY, *place)
+    message = f"`{_short(cell)}` in column `{column}` is not a number"
+    return Flaw("csv-number", message, remedy(cell, decimal, column), *place)
 
 
 def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Flaw:
     """The flaw of a cell that should be an ISO 8601 time like the others of its column."""
     if is_time(cell):
-        what = f"`{_short(cell)}` in column `{column}` {'lacks the' if zone else 'has an'} offset from UTC"
-        return Flaw("csv-time", what, "write all times of the column with the offset, or all without", *place)
+        message = f"`{_short(cell)}` in column `{column}` {'lacks the' if zone else 'has an'} offset from UTC"
+        return Flaw("csv-time", message, "write all times of the column with the offset, or all without", *place)
     hint = 'write times as in the first row, for example "2021-12-16T10:30:00"'
     return Flaw("csv-time", f"`{_short(cell)}` in column `{column}` is not a time in ISO 8601", hint, *place)
 
@@ -90,17 +90,17 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     commented = next((k for k, cell in enumerate(cells) if cell.startswith("#")), None)
     if commented is not None:
         return Flaw("csv-width", _width(cells, names), COMMENTS, line, commented)
-    what = _width(cells, names)
+    message = _width(cells, names)
     if more < 0:
         after = " and the columns after it" if more < -1 else ""
         hint = f"add a cell for `{names[more]}`{after}; an empty cell still needs its separator"
-        return Flaw("csv-width", what, hint, line)
+        return Flaw("csv-width", message, hint, line)
     if not any(cells[len(names) :]):
         return _end_flaw(more, form, line)
     hint = f"remove the cell after `{names[-1]}`, which belongs to no column"
     if form.separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
         hint += "; check for decimal commas and thousands separators"
-    return Flaw("csv-width", what, hint, line, len(names))
+    return Flaw("csv-width", message, hint, line, len(names))
 
 
 def _width(cells: Sequence[str], names: Sequence[str]) -> str:
@@ -112,10 +112,10 @@ def _end_flaw(more: int, form: Format, line: int) -> Flaw:
     """The flaw of a row that ends with more or fewer empty cells than the others; the odd one may be any."""
     names = len(form.header)
     others = f"the other rows have {names + form.trailing}"
-    what = f"the row has {count(names + more, 'cell')}, {others if form.trailing else f'the header has {names}'}"
+    message = f"the row has {count(names + more, 'cell')}, {others if form.trailing else f'the header has {names}'}"
     remedy = "remove the extra" if more > form.trailing else "add the missing"
     hint = f"{remedy} separator (cells after it are in the wrong columns), or end all rows alike"
-    return Flaw("csv-width", what, hint, line)
+    return Flaw("csv-width", message, hint, line)
 
 
 def _short(cell: str) -> str:

@@ -37,7 +37,7 @@ class Flaw:
     """Something wrong at a place of the file; `cell` counts columns from 0, None means the whole line."""
 
     code: str
-    what: str
+    message: str
     hint: str | None
     line: int | None = None
     cell: int | None = None
@@ -247,8 +247,10 @@ def _decide(number: int, lines: Sequence[str], separators: Sequence[str], commen
     if trial is None:
         return Flaw("csv-quote", "a quote in the header is not closed", QUOTE_HINT, number)
     if len(trial.header) > MAX_COLUMNS:
-        what = f"the header has {len(trial.header)} columns; a table can have {MAX_COLUMNS}"
-        return Flaw("csv-columns", what, "check the line ends; write one row per pose, one column per reading", number)
+        message = f"the header has {len(trial.header)} columns; a table can have {MAX_COLUMNS}"
+        return Flaw(
+            "csv-columns", message, "check the line ends; write one row per pose, one column per reading", number
+        )
     if all(is_number(name, trial.decimal) for name in trial.header):
         hint = "name the columns in the first line, with units: `q1 [mm]`"
         return Flaw("csv-header", "the first line contains numbers instead of column names", hint, number)
@@ -275,12 +277,12 @@ def _misfit(trial: _Trial, header_line: int, line: int) -> Flaw:
     hint = f"line {header_line} is read as the header; begin lines before the header with `#`"
     if trial.separator == "," and widths == [2 * names]:
         hint = "export with `;` as separator or with decimal points: a decimal comma looks like the separator"
-    what = f"the header has {count(names, 'column')}, the rows have {cells}"
-    return Flaw("csv-width", what, hint, line)
+    message = f"the header has {count(names, 'column')}, the rows have {cells}"
+    return Flaw("csv-width", message, hint, line)
 
 
 def _header_end(trial: _Trial, line: int) -> Flaw:
     """The header ends with empty cells, but not with as many as the rows."""
-    what = f"the header ends with {count(trial.nameless, 'unnamed cell')}, the rows with {trial.trailing or 'none'}"
+    message = f"the header ends with {count(trial.nameless, 'unnamed cell')}, the rows with {trial.trailing or 'none'}"
     hint = "end all lines with the same number of separators, or the header with none"
-    return Flaw("csv-width", what, hint, line, len(trial.header))
+    return Flaw("csv-width", message, hint, line, len(trial.header))

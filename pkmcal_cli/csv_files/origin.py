@@ -64,10 +64,10 @@ def origin_note(table: str, sha256: str, comments: Sequence[str]) -> str:
             text = file.read(_READ).decode("utf-8", "replace")
     except OSError as error:
         return f"{short} cannot be read ({error.strerror}): ignored"
-    own = _SHA256.search(text)
-    if own is None:
+    digest = _SHA256.search(text)
+    if digest is None:
         return f"{short} has no `sha256` of this table: ignored"
-    if own[1].lower() != sha256:
+    if digest[1].lower() != sha256:
         return f"{short} was written for another content of this table: ignored"
     kind = _OF_KIND.search(text)
     return f"{SIMULATED} ({short})" if kind is not None and kind[1] == _KIND else ""

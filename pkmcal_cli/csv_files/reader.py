@@ -151,11 +151,11 @@ def check_header(reader: TableReader, log: FaultLog, names: Sequence[str | None]
     source, line = reader.header_source(), reader.format.header_line
     for index, name in enumerate(names):
         if name == "":
-            what = f"column {index + 1} has no name"
-            log.add(Flaw("csv-header", what, "name it in the header", line, index), source)
+            message = f"column {index + 1} has no name"
+            log.add(Flaw("csv-header", message, "name it in the header", line, index), source)
         elif name is not None and name in first:
-            what = f"duplicate column `{name}` (columns {first[name] + 1} and {index + 1})"
-            log.add(Flaw("csv-duplicate", what, "rename or remove one of them", line, index), source)
+            message = f"duplicate column `{name}` (columns {first[name] + 1} and {index + 1})"
+            log.add(Flaw("csv-duplicate", message, "rename or remove one of them", line, index), source)
         elif name is not None:
             first[name] = index
 

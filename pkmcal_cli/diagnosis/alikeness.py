@@ -16,9 +16,9 @@ def cosines(
     linear: Linear, hypotheses: Sequence[Hypothesis], scores: Sequence[Score], one: int, others: Sequence[int]
 ) -> list[float]:
     """Cosines of the smallest angle between one hypothesis and others, by their numbers."""
-    own = linear.free(_basis(linear, hypotheses[one], scores[one]))
+    basis_of_one = linear.free(_basis(linear, hypotheses[one], scores[one]))
     bases = (_basis(linear, hypotheses[k], scores[k]) for k in others)
-    return [min(float(np.linalg.norm(basis.T @ own, 2)), 1.0) if basis.size else 0.0 for basis in bases]
+    return [min(float(np.linalg.norm(basis.T @ basis_of_one, 2)), 1.0) if basis.size else 0.0 for basis in bases]
 
 
 def _basis(linear: Linear, hypothesis: Hypothesis, score: Score) -> Array:

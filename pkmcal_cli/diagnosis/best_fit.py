@@ -24,7 +24,7 @@ from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 _POSES = 200
 _FEWEST = 0.25  # share of the poses that must be reached
-_TOLD = 1.0  # chi-square over the table by which a unit weight is told from parameters; less is hidden in them
+_DISTINCT = 1.0  # chi-square over the table by which a unit weight is told from parameters; less is hidden in them
 _FREE = 0.01  # chi-square of what parameters imitate of a unit weight, below which it moves nothing
 
 
@@ -46,15 +46,15 @@ class BestFit:
 def best_fit(problem: Problem, values: Array, parameters: tuple[str, ...], weights: tuple[str, ...]) -> BestFit:
     """What some parameters could imitate of a shape whose weights these are, at parameter values (P,), SI."""
     near = _evenly(problem, values, parameters, weights) or _linear(problem, values, parameters, weights)
-    own, shape = near
+    jacobian, shape = near
     ranges = 0.5 * problem.model.ranges[[problem.model.names.index(n) for n in parameters]]
-    spectrum = directions(own * ranges, parameters, np.full(len(parameters), 2.0))
+    spectrum = directions(jacobian * ranges, parameters, np.full(len(parameters), 2.0))
     moved = spectrum.vectors[~spectrum.held].T * ranges[:, None]  # (p, d)
-    q, upper = np.linalg.qr(own @ moved)
+    q, upper = np.linalg.qr(jacobian @ moved)
     imitated = q.T @ shape  # (d, K)
     left = shape - q @ imitated
     eigenvalues, vectors = np.linalg.eigh(left.T @ left)
-    hidden = vectors[:, eigenvalues < _TOLD]
+    hidden = vectors[:, eigenvalues < _DISTINCT]
     hidden = hidden[:, ((imitated @ hidden) ** 2).sum(axis=0) > _FREE]
     return BestFit(parameters, hidden.T, -moved @ np.linalg.solve(upper, imitated @ hidden))
 
@@ -86,9 +86,9 @@ def _evenly(
     sigma = np.where(problem.measured, problem.sigma, np.nan)
     typical = np.where(used, np.nanmedian(np.where(used, sigma, 1.0), axis=0), np.nan)
     there = replace(there, sigma=np.tile(typical, (len(rows), 1)))
-    own, shape = _linear(there, values, parameters, weights)
+    jacobian, shape = _linear(there, values, parameters, weights)
     weight = np.sqrt(max(problem.count, 1) / max(there.count, 1))
-    return own * weight, shape * weight
+    return jacobian * weight, shape * weight
 
 
 def _linear(

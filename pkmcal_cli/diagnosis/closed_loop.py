@@ -181,7 +181,7 @@ def _all_tried(
 
 def _tried(progress: _Progress, hypothesis: Hypothesis, clean: Problem, whole: Diagnosis, seed: int) -> _Progress:
     """The loop after one more effect; `clean`: all rows but the bad ones."""
-    distinguishable = whole.not_told_from(hypothesis)
+    distinguishable = whole.indistinguishable_from(hypothesis)
     chosen = [t.chose(distinguishable) for t in progress.folds]
     accepted = (*progress.accepted, hypothesis)
     try:

@@ -108,7 +108,7 @@ class Detection:
         labels = self._labels[k]
         key = labels.tobytes()
         if key not in self._schemes:
-            same = [j for j, own in enumerate(self._labels) if own.tobytes() == key]
+            same = [j for j, label in enumerate(self._labels) if label.tobytes() == key]
             folds = value_folds(self.problem, labels).ravel()
             self._schemes[key] = _Scheme.of(self.linear, [self.hypotheses[j] for j in same], folds, self.seed)
         return self._schemes[key].run(self.hypotheses[k], self.scores[k], direction, procedure)
@@ -138,10 +138,10 @@ class _Scheme:
         grams = np.stack([x[rows].T @ x[rows] for rows in used])  # (F, d + Q, d + Q)
         rng = np.random.default_rng([seed, 11])
         drawn = np.stack([_root(g) @ rng.normal(size=(len(g), _DRAWS)) for g in grams])  # (F, d + Q, D)
-        turn = np.eye(len(grams[0]))  # parameters to directions, after drawing: these are not the same everywhere
-        own = len(linear.projected)
-        turn[:own, :own] = linear.spectrum.vectors
-        grams, noise = turn @ grams @ turn.T, turn @ drawn
+        transform = np.eye(len(grams[0]))  # parameters to directions, after drawing: these are not the same everywhere
+        size = len(linear.projected)
+        transform[:size, :size] = linear.spectrum.vectors
+        grams, noise = transform @ grams @ transform.T, transform @ drawn
         count = [int(rows.sum()) for rows in used]
         whole, score = grams.sum(axis=0), noise.sum(axis=0)
         normal = whole[:d, :d] + _at_least(prior, _SMALL**2)
@@ -155,22 +155,22 @@ class _Scheme:
 
     def run(self, hypothesis: Hypothesis, score: Score, direction: Array, procedure: Procedure) -> _Run:
         """One hypothesis with an effect in this direction."""
-        own = self.places[hypothesis.name]
-        basis, at = score.basis, np.ix_(own, own)
+        columns = self.places[hypothesis.name]
+        basis, at = score.basis, np.ix_(columns, columns)
         chance = _estimates(self, procedure)
         gains = []
         for f in self.folds:
             train = basis.T @ f.train[at] @ basis + _SMALL * np.eye(score.count)
-            step = np.linalg.solve(train, basis.T @ np.hstack([f.trained[own], (f.train[at] @ direction)[:, None]]))
-            seen = basis.T @ np.hstack([f.noise[own], (f.columns[at] @ direction)[:, None]])
+            step = np.linalg.solve(train, basis.T @ np.hstack([f.trained[columns], (f.train[at] @ direction)[:, None]]))
+            seen = basis.T @ np.hstack([f.noise[columns], (f.columns[at] @ direction)[:, None]])
             left = 2 * seen - basis.T @ f.columns[at] @ basis @ step
             gains.append(_Quadratic.of(left, step).over(f.values))
-        gradient = basis.T @ np.hstack([self.gradient[own], (self.information[at] @ direction)[:, None]])
+        gradient = basis.T @ np.hstack([self.gradient[columns], (self.information[at] @ direction)[:, None]])
         return _Run(
             statistic=_Quadratic.of(gradient / score.information[:, None], gradient),
             count=score.count,
             along=float(direction @ self.information[at] @ direction),
-            by_noise=direction @ self.gradient[own],
+            by_noise=direction @ self.gradient[columns],
             gain=_Quadratic.mean(gains),
             variance=chance,
             procedure=procedure,

@@ -179,8 +179,8 @@ def _arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, li
         return fixed, prior, [np.array([names.index(n) for n in group]) for group in aim.parameters]
     columns, weights = linear.fixed
     aimed = list(dict.fromkeys(n for group in aim.parameters for n in group))
-    own = blocks[..., [linear.names.index(n) for n in aimed]]
-    rows = np.concatenate([columns.reshape(*blocks.shape[:2], -1), own], axis=2)
+    aimed_columns = blocks[..., [linear.names.index(n) for n in aimed]]
+    rows = np.concatenate([columns.reshape(*blocks.shape[:2], -1), aimed_columns], axis=2)
     first = columns.shape[1]
     groups = [np.array([first + aimed.index(n) for n in group]) for group in aim.parameters]
     return rows, np.concatenate([np.diag(weights), np.zeros(len(aimed))]) + 1e-9, groups

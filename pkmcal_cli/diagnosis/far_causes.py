@@ -108,9 +108,9 @@ def _best(search: Search, candidates: Sequence[Hypothesis], observe: Observer) -
     cost = {h: _cost(fit, h, variance) for h, fit in ends.items()}
     far = [h for h in sorted(ends, key=lambda h: cost[h]) if _is_far(search, h, ends[h])]
     for hypothesis in far:
-        own = [h for h in far if h is hypothesis or not h.akin(hypothesis)]
-        weight = np.exp([cost[hypothesis] - cost[h] for h in own])
-        rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(own, weight, strict=True)]
+        competing = [h for h in far if h is hypothesis or not h.akin(hypothesis)]
+        weight = np.exp([cost[hypothesis] - cost[h] for h in competing])
+        rivals = [(h.whole, float(w / weight.sum())) for h, w in zip(competing, weight, strict=True)]
         far_off = FarOff(offsets=_offsets(search, search.fit), rivals=tuple(r for r in rivals if r[1] > _RIVAL))
         extended = _with(search, hypothesis, ends[hypothesis], far_off)
         if not held_out_gain(extended, extended.accepted[-1]).contradicts:

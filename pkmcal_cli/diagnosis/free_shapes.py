@@ -54,7 +54,7 @@ class FittedShape:
 
 
 @dataclass(frozen=True)
-class Place:
+class ShapeSite:
     """Where a shape may be: unit columns of a drive's or guide's sites, the places x (N,) of the rows by site."""
 
     bare: PlacedEffect
@@ -71,18 +71,18 @@ class Place:
         return np.asarray(sum(u.shaped(shape.basis(x)) for u, x in zip(self.units, self.x, strict=True)))
 
 
-def places(problem: Problem, values: Array, start: WarmStart | None) -> tuple[Place, ...]:
+def places(problem: Problem, values: Array, start: WarmStart | None) -> tuple[ShapeSite, ...]:
     """All places where a shape may be in a table; at parameter values (P,), SI."""
     bare = list(_bare(problem))
     units = unit_columns(problem, values, start, bare)
     out = []
     for placed in bare:
-        own = tuple(u for u in units if u.placed is placed)
+        sites = tuple(u for u in units if u.placed is placed)
         effect = placed.effect
         assert isinstance(effect, Unexplained)
-        x = tuple(effect.at(u.inputs) for u in own)
-        if own and all(np.isfinite(each).all() for each in x) and max(float(np.ptp(each)) for each in x) > 0:
-            out.append(Place(placed, own, x))
+        x = tuple(effect.at(u.inputs) for u in sites)
+        if sites and all(np.isfinite(each).all() for each in x) and max(float(np.ptp(each)) for each in x) > 0:
+            out.append(ShapeSite(placed, sites, x))
     return tuple(out)
 
 
@@ -101,7 +101,7 @@ def _bare(problem: Problem) -> list[PlacedEffect]:
     ]
 
 
-def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[Place]) -> list[FittedShape]:
+def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[ShapeSite]) -> list[FittedShape]:
     """The likeliest shape at each place, best first; the number of places and widths is counted."""
     price = float(np.log(max(len(kinds), 1) * len(_WIDTHS))) + _HYPERPARAMETERS
     coarse = [(f, place) for place in kinds if (f := _likeliest(linear, scale, place, price)) is not None]
@@ -110,7 +110,7 @@ def fitted_shapes(linear: Linear, scale: Scale, kinds: Sequence[Place]) -> list[
     return sorted([*refined, *(f for f, _ in coarse[_REFINED:])], key=lambda f: -f.evidence)
 
 
-def _likeliest(linear: Linear, scale: Scale, place: Place, price: float) -> FittedShape | None:
+def _likeliest(linear: Linear, scale: Scale, place: ShapeSite, price: float) -> FittedShape | None:
     """The shape of most evidence, with even knots."""
     low, high = place.span
     distinct = len(np.unique(np.round((np.concatenate(place.x) - low) / (high - low), 3)))
@@ -122,14 +122,14 @@ def _likeliest(linear: Linear, scale: Scale, place: Place, price: float) -> Fitt
     return max((f for f in candidates if f is not None), key=lambda f: f.evidence, default=None)
 
 
-def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: Place, price: float) -> FittedShape:
+def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: ShapeSite, price: float) -> FittedShape:
     """The shape with more knots where it is steepest, as long as its evidence grows by it."""
     for _ in range(_REFINEMENTS):
-        own = shape.effect.shape
+        spline = shape.effect.shape
         steepest = int(np.argmax(np.abs(np.diff(shape.curve)))) if len(shape.curve) else 0
-        between = np.linspace(own.knots[steepest], own.knots[steepest + 1], _PARTS + 1)[1:-1]
-        knots = tuple(sorted((*own.knots, *between.tolist())))
-        finer = _with_spread(linear, scale, place, knots, own.width, price)
+        between = np.linspace(spline.knots[steepest], spline.knots[steepest + 1], _PARTS + 1)[1:-1]
+        knots = tuple(sorted((*spline.knots, *between.tolist())))
+        finer = _with_spread(linear, scale, place, knots, spline.width, price)
         if finer is None or finer.evidence < shape.evidence + 1.0:
             break
         shape = finer
@@ -137,7 +137,7 @@ def _refined(linear: Linear, scale: Scale, shape: FittedShape, place: Place, pri
 
 
 def _with_spread(
-    linear: Linear, scale: Scale, place: Place, knots: tuple[float, ...], width: float, price: float
+    linear: Linear, scale: Scale, place: ShapeSite, knots: tuple[float, ...], width: float, price: float
 ) -> FittedShape | None:
     """A shape with its likeliest spread; None where it moves nothing."""
     unit = FreeShape(knots=knots, spread=1.0, width=width)

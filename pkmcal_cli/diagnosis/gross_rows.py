@@ -28,7 +28,7 @@ _ALWAYS = 3  # rows that may be taken out of any table
 _FEWEST = 6  # rows
 _STARTS, _STEPS, _BEST = 300, 2, 10
 _SAMPLE = 2000  # rows of a long table on which starts are tried
-_SETTLED = 30  # steps until a trimmed fit stands still, at most
+_MOST_STEPS = 30  # steps until a trimmed fit stands still, at most
 _ROUNDS = 4
 _ORDINARY = 0.01  # chance of normal noise above which a row is like the others
 _FEW = 40  # values that do not tell gross rows from tails
@@ -66,9 +66,9 @@ class _ByRow:
         normal: Array | float = 0.0
         right: Array | float = 0.0
         for rows in parts_of(len(self.on)):
-            jacobian, mine = self.jacobian[rows], chosen[:, rows]
-            normal = normal + np.tensordot(mine.astype(float), np.einsum("ncp,ncq->npq", jacobian, jacobian), 1)
-            right = right + mine @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
+            jacobian, chosen_rows = self.jacobian[rows], chosen[:, rows]
+            normal = normal + np.tensordot(chosen_rows.astype(float), np.einsum("ncp,ncq->npq", jacobian, jacobian), 1)
+            right = right + chosen_rows @ np.einsum("ncp,nc->np", jacobian, self.residual[rows])
         normal = np.asarray(normal + known * np.eye(len(self.offsets)))
         right = np.asarray(right - known * self.offsets)
         return np.linalg.solve(normal, right[..., None])[..., 0], normal
@@ -177,11 +177,11 @@ def _trimmed(by_row: _ByRow, seed: int) -> NDArray[np.bool_]:
     chosen, cost = _concentrated(part, chosen, _STEPS)
     best = chosen[np.argsort(cost, kind="stable")[:_BEST]]
     if len(sample) < len(rows):
-        settled, cost = _concentrated(part, best, _SETTLED)
-        best = settled[[int(np.argmin(cost))]]
+        converged, cost = _concentrated(part, best, _MOST_STEPS)
+        best = converged[[int(np.argmin(cost))]]
     every = np.zeros((len(best), len(by_row.on)), dtype=bool)
     every[:, sample] = best
-    chosen, cost = _concentrated(by_row, every, _SETTLED)
+    chosen, cost = _concentrated(by_row, every, _MOST_STEPS)
     return np.asarray(chosen[int(np.argmin(cost))])
 
 
@@ -211,7 +211,7 @@ def _judged(by_row: _ByRow, good: NDArray[np.bool_], alpha: float, least: float)
     Else one bad row among them widens their scatter, by which the next comes in.
     """
     every = by_row.on.any(axis=1)
-    for _ in range(_SETTLED):
+    for _ in range(_MOST_STEPS):
         deviation, ordinary, p = _deviations(by_row, good, good)
         more = good | (every & (ordinary > _ORDINARY))
         if (more == good).all():
@@ -233,8 +233,8 @@ def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_
     """
     step, normal = by_row.fit(good[None])
     inverse = np.linalg.inv(normal[0])
-    found = [_off(by_row.take(rows), good[rows], step[0], inverse) for rows in parts_of(len(by_row.on))]
-    left, expected, statistic = (np.concatenate(part) for part in zip(*found, strict=True))
+    parts = [_off(by_row.take(rows), good[rows], step[0], inverse) for rows in parts_of(len(by_row.on))]
+    left, expected, statistic = (np.concatenate(part) for part in zip(*parts, strict=True))
     count = by_row.on.sum(axis=1)
     taken = float(np.trace(inverse @ (normal[0] - 0.25 * np.eye(len(inverse)))))
     freedom = max(float(count[good].sum()) - taken, 1.0)
@@ -251,9 +251,9 @@ def _deviations(by_row: _ByRow, good: NDArray[np.bool_], noisy: NDArray[np.bool_
 def _off(by_row: _ByRow, good: NDArray[np.bool_], step: Array, inverse: Array) -> tuple[Array, Array, Array]:
     """What a step (p,) leaves of rows (N, C), its variances (N, C), its squares (N,) in standard uncertainties."""
     left = by_row.residual - by_row.jacobian @ step
-    own = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
-    unit = np.eye(own.shape[1])
-    share = unit + np.where(good[:, None, None], -own, own)
+    leverage = np.einsum("ncp,pq,ndq->ncd", by_row.jacobian, inverse, by_row.jacobian)
+    unit = np.eye(leverage.shape[1])
+    share = unit + np.where(good[:, None, None], -leverage, leverage)
     share = share + 1e-9 * unit
     squares = np.einsum("nc,nc->n", left, np.linalg.solve(share, left[..., None])[..., 0])
     return left, np.einsum("ncc->nc", share).copy(), np.maximum(squares, 0.0)

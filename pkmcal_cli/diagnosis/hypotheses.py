@@ -92,8 +92,8 @@ class Hypothesis:
         """Whether another one is among its members, or a part of it."""
         if other.name == self.name:
             return set(other.parameters) < set(self.parameters)
-        own, others = {m.name for m in self.members}, {m.name for m in other.members}
-        return other.name in own or (bool(others) and others < own)
+        names, others = {m.name for m in self.members}, {m.name for m in other.members}
+        return other.name in names or (bool(others) and others < names)
 
     def nested(self, other: Hypothesis) -> bool:
         """Whether both are at several places, one at some of the other's."""

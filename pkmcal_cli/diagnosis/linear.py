@@ -83,8 +83,8 @@ class Linear:
         if self.known is None:
             return np.zeros(0), np.zeros((0, len(self.projected)))
         errors, columns = self.known[0], self.known[1][:, [self._index[n] for n in self.projected]]
-        own = columns.any(axis=1)
-        return errors[own], columns[own]
+        rows = columns.any(axis=1)
+        return errors[rows], columns[rows]
 
     @cached_property
     def fixed(self) -> tuple[Array, Array]:
@@ -93,8 +93,8 @@ class Linear:
         a, besides = self.of(self.projected) @ spectrum.vectors.T, self._besides[1] @ spectrum.vectors.T
         prior = np.diag(np.where(spectrum.held, 1.0, 0.0)) + besides.T @ besides
         if self.extra is not None:
-            own = np.diag(1e-6 * (self.extra**2).sum(axis=0) + 1e-12)
-            a, prior = np.hstack([a, self.extra]), block_diag(prior, own)
+            extra_prior = np.diag(1e-6 * (self.extra**2).sum(axis=0) + 1e-12)
+            a, prior = np.hstack([a, self.extra]), block_diag(prior, extra_prior)
         return a, prior
 
     @cached_property
@@ -135,12 +135,12 @@ class Linear:
     @cached_property
     def chi2(self) -> float:
         """r^T V^-1 r, with what is known besides."""
-        own = float(self.residual @ self.unexplained)
+        explained = float(self.residual @ self.unexplained)
         if not self.pull.any():
-            return own
+            return explained
         a, factor = self._factor
         errors, step = self._besides[0], cho_solve(factor, a.T @ self.residual + self.pull)
-        return own + float(errors @ errors - self.pull @ step)
+        return explained + float(errors @ errors - self.pull @ step)
 
     @property
     def dof(self) -> int:
@@ -222,14 +222,14 @@ class Linear:
     def tested(self, hypothesis: Hypothesis) -> Array:
         """Columns (n, k) of a hypothesis by which it is judged: its free parameters projected out, and 0 themselves."""
         columns = self.of(hypothesis.parameters)
-        own = [hypothesis.parameters.index(name) for name in hypothesis.free]
-        length = np.sqrt((columns[:, own] ** 2).sum(axis=0))
-        unit = columns[:, own][:, length > 0] / length[length > 0]
+        free = [hypothesis.parameters.index(name) for name in hypothesis.free]
+        length = np.sqrt((columns[:, free] ** 2).sum(axis=0))
+        unit = columns[:, free][:, length > 0] / length[length > 0]
         if unit.shape[1]:
             values, vectors = np.linalg.eigh(unit.T @ self.free(unit))
             basis = unit @ vectors[:, values > KEPT]
             columns = columns - basis @ ((basis.T @ self.free(columns)) / values[values > KEPT, None])
-            columns[:, own] = 0.0
+            columns[:, free] = 0.0
         return columns
 
     def beside(self, hypothesis: Hypothesis) -> Linear:
@@ -253,9 +253,9 @@ class Linear:
         at = [self._index[n] for n in hypothesis.parameters]
         information, gradient, before = whole[np.ix_(at, at)], slope[at], length2[at]
         if hypothesis.free:
-            own = np.array([name in hypothesis.free for name in hypothesis.parameters])
-            information, gradient = projected_out(information, gradient, before, own)
-            before[own] = 0.0
+            free = np.array([name in hypothesis.free for name in hypothesis.parameters])
+            information, gradient = projected_out(information, gradient, before, free)
+            before[free] = 0.0
         return score_in(information, gradient, before)
 
     def score(self, columns: Array) -> Score:

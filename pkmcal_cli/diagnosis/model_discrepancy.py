@@ -56,7 +56,7 @@ def _discrepancies(
         columns = unit.shaped(np.stack(values, axis=1))
         parts = summed.setdefault(unit.placed.name, {})
         parts[unit.part] = parts[unit.part] + columns if unit.part in parts else columns  # effect sites have one shape
-    blocks = {h: [c for n in own for c in summed.get(n, {}).values()] for h, own in names.items()}
+    blocks = {h: [c for n in members for c in summed.get(n, {}).values()] for h, members in names.items()}
     return {h: _unit_length(np.hstack(columns)) for h, columns in blocks.items() if columns}
 
 

@@ -31,7 +31,7 @@ from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _BETTER = 7.0  # log evidence by which a shape must be better than what it replaces
 _SURE, _LEFT = 1e-6, 1e-3  # chance of the residual, of noise alone, before and after a shape that explains the table
-_OWN = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
+_OWN_SHARE = 0.82  # share of what a shape explains that a named effect at its site does, whose own shape it is then
 _CREDIBLE = 0.95
 
 
@@ -43,7 +43,7 @@ def with_shape(search: Search, last: Scored) -> Search | None:
     ways = []
     for removed in _removals(search):
         linear, scale = linear_without(search, removed, removed).prewhitened(last.linear.memory), last.scale
-        shapes = _found(search, removed, linear, scale)
+        shapes = _fitted_shapes(search, removed, linear, scale)
         if shapes and _stands_out(search, shapes[0], linear, scale):
             gain = shapes[0].evidence - evidence_of_effects(search, removed, linear, scale)
             ways.append((gain, removed, shapes))
@@ -62,7 +62,7 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     linear, scale = first.linear, first.scale
     if search.accepted or chance_of_noise(linear) > _SURE:
         return search
-    shapes = _found(search, (), linear, scale)
+    shapes = _fitted_shapes(search, (), linear, scale)
     named = float(first.log_bayes.max(initial=0.0))
     if not shapes or shapes[0].evidence < named + _BETTER or _is_named(search, shapes[0], linear):
         return search
@@ -72,13 +72,13 @@ def with_all_in_one(search: Search, first: Scored) -> Search:
     return search if after is None or chance_of_noise(score_all(after, ()).linear) < _LEFT else after
 
 
-def _found(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> list[FittedShape]:
+def _fitted_shapes(search: Search, removed: Sequence[Hypothesis], linear: Linear, scale: Scale) -> list[FittedShape]:
     """Shapes at places that have none, where no accepted effect is but removed ones; best first."""
     values, _ = nulled(search, removed)
     kinds = places(search.problem, values, search.fit.after.start)
     taken = {shape.placed.at for shape in search.shapes}
-    own = [h for h in search.accepted if h not in removed]
-    free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in own)]
+    accepted = [h for h in search.accepted if h not in removed]
+    free = [p for p in kinds if p.bare.at not in taken and not any(_of_site(p.bare, h) for h in accepted)]
     return fitted_shapes(linear, scale, free)
 
 
@@ -107,7 +107,7 @@ def _removals(search: Search) -> Iterator[tuple[Hypothesis, ...]]:
 def _is_named(search: Search, shape: FittedShape, linear: Linear) -> bool:
     """Whether a named effect at its site explains nearly all that a shape does."""
     explained = [linear.explained(linear.of(h.parameters))[0] for h in _alike(search, shape)]
-    return max(explained, default=0.0) > _OWN * shape.statistic
+    return max(explained, default=0.0) > _OWN_SHARE * shape.statistic
 
 
 def _stands_out(search: Search, shape: FittedShape, linear: Linear, scale: Scale) -> bool:
@@ -128,12 +128,12 @@ def _accepted(search: Search, gain: float, removed: Sequence[Hypothesis], shapes
     values = np.append(search.fit.values, np.zeros(len(parameters)))
     problem = replace(search.problem, model=model)
     fitted = replace(search, accepted=kept, shapes=()).selected
-    own = best_fit(problem, values, fitted, shape.parameters)
+    refit = best_fit(problem, values, fitted, shape.parameters)
     others = tuple(h for h in candidates.hypotheses if not any(_of_site(shape, p) for p in h.placed))
     weight = np.exp(np.array([f.evidence - shapes[0].evidence for f in shapes]))
     last = int(np.searchsorted(np.cumsum(weight / weight.sum()), _CREDIBLE)) + 1
     rivals = tuple((f.placed.at, float(w)) for f, w in zip(shapes[:last], weight / weight.sum(), strict=False))
-    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=own)
+    new = NamelessShape(placed=shape, evidence=gain, places=rivals, best_fit=refit)
     after = replace(
         search,
         candidates=replace(candidates, model=model, start=start, hypotheses=others),

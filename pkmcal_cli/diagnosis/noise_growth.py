@@ -142,14 +142,14 @@ def _along_side(
 def _with_distance(sensor: str, squares: _Squares, problem: Problem) -> list[_Test]:
     """With the distance of a position from the sensor's origin; nothing where it does not grow, or is no position."""
     channels = problem.model.channels
-    own = [k for k, c in enumerate(squares.channels) if channels[c].measurand is Measurand.POSITION]
-    if len(own) < 2:  # else its reading is no place
+    of_position = [k for k, c in enumerate(squares.channels) if channels[c].measurand is Measurand.POSITION]
+    if len(of_position) < 2:  # else its reading is no place
         return []
-    places = [squares.channels[k] for k in own]
+    places = [squares.channels[k] for k in of_position]
     distance2 = (problem.readings[:, places] ** 2).sum(axis=1)
     distance2 = np.where(np.isfinite(distance2), distance2, distance2[squares.rows].mean())
     grown = distance2[:, None] / problem.sigma[:, places] ** 2  # (N, c)
-    positions = replace(squares, values=squares.values[:, own], channels=places)
+    positions = replace(squares, values=squares.values[:, of_position], channels=places)
     score = positions.score(distance2[squares.rows])
     if score <= 0:
         return []

@@ -49,13 +49,13 @@ class DriverPanel:
     fitted: Array
     band: Array
     side: Array | None
-    turns: bool
+    rotary: bool
     per_kelvin: bool = False
 
     @property
     def displaced_in(self) -> Unit:
         """Unit of the displacements where they are shown."""
-        return parse_unit(("urad" if self.turns else "um") + ("/K" if self.per_kelvin else ""))
+        return parse_unit(("urad" if self.rotary else "um") + ("/K" if self.per_kelvin else ""))
 
     @property
     def quantity(self) -> str:
@@ -91,18 +91,18 @@ class Share:
 def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
     """An effect's picture, of several places that where it is largest; None for parameters and for effects that move
     nothing by themselves."""
-    own = _largest(finding)
-    placed = next((e for e in diagnosis.problem.model.effects if e.name == own.name), None)
+    largest = _largest(finding)
+    placed = next((e for e in diagnosis.problem.model.effects if e.name == largest.name), None)
     if placed is None or placed.effect.enters in ("stiffness", "weight", "drive_force", "load"):
         return None
     search, problem, shape = diagnosis.search, diagnosis.problem, diagnosis.problem.readings.shape
     linear = linear_without(search, [finding.hypothesis], [finding.hypothesis])
     every = finding.hypothesis.parameters
-    here = [every.index(n) for n in own.parameters]
+    here = [every.index(n) for n in largest.parameters]
     by_size_of_all = linear.of(every) / linear.scale_of(every)
     columns, estimate = by_size_of_all[:, here], np.array(finding.estimate)[here]
     elsewhere = by_size_of_all @ np.array(finding.estimate) - columns @ estimate
-    index = [search.fit.selected.index(n) for n in own.parameters]
+    index = [search.fit.selected.index(n) for n in largest.parameters]
     unit = _leading(problem, diagnosis, placed, (columns @ estimate).reshape(shape))
     length2 = (unit**2).sum(axis=1)
     used = (length2 > 1e-6 * length2.max()) & problem.measured.any(axis=1)
@@ -125,7 +125,7 @@ def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
         fitted=by_size @ estimate,
         band=1.96 * np.sqrt(np.einsum("nk,kl,nl->n", by_size, covariance, by_size)),
         side=None if side is None else side[used],
-        turns=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
+        rotary=placed.effect.enters == "carriage" or placed.sites[0].kind == "rotary",
     )
     return _by_temperature(panel, problem, placed, search.fit.values, used)
 

@@ -48,9 +48,9 @@ class Campaigns:
     alpha: float
     seed: int
 
-    def told(self, effect: Visibility | None, number: int) -> str:
+    def outcome(self, effect: Visibility | None, number: int) -> str:
         """What becomes of a campaign with an effect of the size detected in 80 %, of either sign; None: none."""
-        return _told(self._diagnosis(effect, _size(effect), number), effect)
+        return _outcome(self._diagnosis(effect, _size(effect), number), effect)
 
     def _diagnosis(self, effect: Visibility | None, size: float, number: int) -> Diagnosis | None:
         """Of one campaign; None where it cannot be predicted."""
@@ -68,8 +68,8 @@ class Campaigns:
     def _drawn(self, effect: Visibility | None, size: float, rng: np.random.Generator) -> Array:
         """True parameters (P,)."""
         model = self.plan.problem.model
-        own = {n for h in self.plan.candidates.hypotheses if h.effect != RELEASE for n in h.parameters}
-        held = [n for n in held_parameters(self.plan.problem, self.selected, ()) if n not in own]
+        candidate_parameters = {n for h in self.plan.candidates.hypotheses if h.effect != RELEASE for n in h.parameters}
+        held = [n for n in held_parameters(self.plan.problem, self.selected, ()) if n not in candidate_parameters]
         index = [model.names.index(n) for n in (*self.selected, *held)]
         values = self.values.copy()
         low, high = np.array([model.parameters[k].bounds for k in index]).reshape(-1, 2).T
@@ -96,7 +96,7 @@ class PowerWork:
     def __call__(self, number: int, observe: Observer = unobserved) -> str:
         """What becomes of a campaign, as `Rates` counts it."""
         effect, campaign = divmod(number, self.count)
-        return self.campaigns.told(self.effects[effect], campaign)
+        return self.campaigns.outcome(self.effects[effect], campaign)
 
     def rates(self, outcomes: Mapping[int, str]) -> tuple[Rates, ...]:
         """Counted, by effect."""
@@ -135,7 +135,7 @@ def chosen(visibilities: Sequence[Visibility], names: Sequence[str]) -> list[Vis
     return list(hardest.values())
 
 
-def _told(d: Diagnosis | None, effect: Visibility | None) -> str:
+def _outcome(d: Diagnosis | None, effect: Visibility | None) -> str:
     """What became of a campaign, as `Rates` counts it."""
     if d is None:
         return "lost"
@@ -143,9 +143,9 @@ def _told(d: Diagnosis | None, effect: Visibility | None) -> str:
     if effect is None:
         return "other" if others else "missed"
     name = d.same.get(effect.hypothesis.name, effect.hypothesis.name)
-    own = next((f for f in d.findings if f.hypothesis.name == name), None)
-    if own is not None and not own.ambiguous and others == 1:
+    finding = next((f for f in d.findings if f.hypothesis.name == name), None)
+    if finding is not None and not finding.ambiguous and others == 1:
         return "named"
-    if own is not None or any(r.hypothesis.name == name for f in d.findings for r in f.rivals):
+    if finding is not None or any(r.hypothesis.name == name for f in d.findings for r in f.rivals):
         return "in_set"
     return "other" if others else "missed"

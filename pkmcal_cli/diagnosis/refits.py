@@ -23,7 +23,7 @@ def recalibrated(search: Search) -> Search:
     """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
     fit = identify(search.problem, search.selected, search.start, states=search.fit.before.start)
     if search.accepted and fit.chi2 > _LOST * search.fit.chi2:  # with fewer rows
-        fit = _better(fit, _settled(search, _near(search), search.fit.after.start)) or fit
+        fit = _better(fit, _converged_fit(search, _near(search), search.fit.after.start)) or fit
     return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
 
 
@@ -39,21 +39,21 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
             k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
                 start[k] = near[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
-    fit = _settled(search, start, search.fit.before.start)
+    fit = _converged_fit(search, start, search.fit.before.start)
     if fit is not None and fit.chi2 < _LOST * expected:
         return fit
-    return _better(fit, _settled(search, near, search.fit.after.start))
+    return _better(fit, _converged_fit(search, near, search.fit.after.start))
 
 
 def _near(search: Search) -> Array:
     """Values (P,) to begin with: those of the fit before, of what was fitted."""
     near = search.start
-    own = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
-    near[own] = search.fit.values[own]
+    index = [search.problem.model.names.index(n) for n in search.selected if n in search.fit.selected]
+    near[index] = search.fit.values[index]
     return near
 
 
-def _settled(search: Search, start: Array, states: WarmStart) -> Fit | None:
+def _converged_fit(search: Search, start: Array, states: WarmStart) -> Fit | None:
     """A fit from values (P,), and from states of rows near those there."""
     most = _HOPELESS * search.fit.chi2
     try:

@@ -74,7 +74,7 @@ class OuterFold:
         A set of these rows that holds the first counts too.
         """
         named, *_ = alike
-        return any(own[0] in alike or named in own for own in self.sets)
+        return any(names[0] in alike or named in names for names in self.sets)
 
 
 def errors_of(folds: Sequence[OuterFold]) -> Errors:
@@ -88,8 +88,8 @@ def errors_of(folds: Sequence[OuterFold]) -> Errors:
         part, there = _predicted(t.report, there)
         report.append(error_figures(part, there))
         channels.append(channel_figures(part, there))
-        own = point_errors(part, there.residual, part.measured)
-        points.append(replace(own, rows=t.rows[own.rows]))
+        errors = point_errors(part, there.residual, part.measured)
+        points.append(replace(errors, rows=t.rows[errors.rows]))
         squares += float((weighted_residual(part, there) ** 2).sum())
         values += part.count
     return Errors(

@@ -82,7 +82,7 @@ class Diagnosis:
         search = self.search
         return {**search.failed, **reasons(search.problem, search.fit.after)}
 
-    def not_told_from(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
+    def indistinguishable_from(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
         """An accepted effect, first, and those that explain all rows as well."""
         if shape := next((s for s in self.shapes if s.hypothesis == hypothesis), None):
             return tuple(nameless_at(at) for at, _ in shape.places)
@@ -238,10 +238,10 @@ _Left = tuple[Scored, tuple[Unknown, ...], tuple[NoiseGrowth, ...]]
 def _left(search: Search, parts: Alpha) -> _Left:
     """All hypotheses scored at the end of a search, what is unknown then, and noise that grows."""
     of = (search.candidates, search.problem, search.fit, search.accepted, search.shapes, search.vetoed)
-    return search.known.once(of, ("left", parts), lambda: _what_is_left(search, parts))
+    return search.known.once(of, ("left", parts), lambda: _unexplained_rest(search, parts))
 
 
-def _what_is_left(search: Search, parts: Alpha) -> _Left:
+def _unexplained_rest(search: Search, parts: Alpha) -> _Left:
     last, least = score_all(search, search.open), parts.groups / TESTS
     unknown = unknown_effects(last.linear, search.problem, last.scale, parts.groups, search.bad_rows)
     if unknown and search.accepted:  # unless a richer shape of what was found explains it

@@ -97,12 +97,14 @@ def p_of_part(statistic: Array, count: Array, variance: Array | float, dof: Arra
     return np.asarray(np.where(dof > count, betainc(0.5 * np.maximum(dof - count, 1), 0.5 * count, left), 1.0))
 
 
-def projected_out(information: Array, gradient: Array, before: Array, own: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Information (k, k) and gradient (k,) with some own parameters projected out, whose entries are 0 then.
+def projected_out(
+    information: Array, gradient: Array, before: Array, of_hypothesis: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Information (k, k) and gradient (k,) with those of one hypothesis projected out, whose entries are 0 then.
 
     before (k,): squared lengths of all columns.
     """
-    at = np.nonzero(own & (before > 0))[0]
+    at = np.nonzero(of_hypothesis & (before > 0))[0]
     length = np.sqrt(before[at])
     values, vectors = np.linalg.eigh(information[np.ix_(at, at)] / np.outer(length, length))
     kept = values > KEPT
@@ -110,7 +112,7 @@ def projected_out(information: Array, gradient: Array, before: Array, own: NDArr
     cross = information[:, at] @ free / values[kept]
     information = information - cross @ (free.T @ information[at])
     gradient = gradient - cross @ (free.T @ gradient[at])
-    information[own], information[:, own], gradient[own] = 0.0, 0.0, 0.0
+    information[of_hypothesis], information[:, of_hypothesis], gradient[of_hypothesis] = 0.0, 0.0, 0.0
     return information, gradient
 
 

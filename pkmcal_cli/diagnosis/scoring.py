@@ -151,9 +151,9 @@ class Search:
 
     def open_without(self, removed: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
         """Hypotheses that are open where some accepted ones are removed."""
-        own = {h.name: h for h in self.accepted if h not in removed}
-        more = [h.beyond(own[h.name]) if h.name in own else h for h in self.candidates.hypotheses]
-        return tuple(h for h in more if h.name not in own or len(h.parameters) > len(own[h.name].parameters))
+        accepted = {h.name: h for h in self.accepted if h not in removed}
+        more = [h.beyond(accepted[h.name]) if h.name in accepted else h for h in self.candidates.hypotheses]
+        return tuple(h for h in more if h.name not in accepted or len(h.parameters) > len(accepted[h.name].parameters))
 
 
 def score_all(search: Search, hypotheses: Sequence[Hypothesis]) -> Scored:

@@ -74,8 +74,10 @@ def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
     rows = _bad_rows(search, scored, alpha)
     evidence = np.where(scored.p_values < search.critical, scored.log_bayes, -np.inf)
     evidence[[h.name in search.refused for h in scored.hypotheses]] = -np.inf
-    usual = np.where(scored.unusual, -np.inf, evidence)
-    evidence = usual if usual.max(initial=-np.inf) > 0 else evidence  # what is far beyond its range comes last
+    within_range = np.where(scored.unusual, -np.inf, evidence)
+    evidence = (
+        within_range if within_range.max(initial=-np.inf) > 0 else evidence
+    )  # what is far beyond its range comes last
     best = int(np.argmax(evidence)) if len(evidence) else -1
     most = float(evidence[best]) if best >= 0 else -np.inf
     if len(rows) and float(scored.rows.log_bayes(scored.linear.used)[rows].max()) > most:

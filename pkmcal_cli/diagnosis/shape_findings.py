@@ -101,9 +101,9 @@ def _covariance(linear: Linear, names: Sequence[str]) -> Array:
     columns, prior = linear.fixed
     vectors = linear.spectrum.vectors  # (d, p), in standard deviations of the priors
     whole = vectors.T @ np.linalg.solve(columns.T @ columns + prior, vectors)
-    own = [linear.projected.index(n) for n in names]
+    at = [linear.projected.index(n) for n in names]
     scale = linear.scale_of(names)
-    return np.asarray(whole[np.ix_(own, own)] * np.outer(scale, scale))
+    return np.asarray(whole[np.ix_(at, at)] * np.outer(scale, scale))
 
 
 def known_shape(nameless: NamelessShape, weights: Array, covariance: Array) -> FreeShape:

@@ -80,13 +80,13 @@ def simulated_effects(
     parameters that a calibration identifies.
     """
     problem = replace(problem, model=fixed_smoothing(problem.model, values, problem.rows))
-    own = [h for h in candidates.single if h.effect != RELEASE]
-    taken = _taken_up(problem, values, selected, own, still)
+    hypotheses = [h for h in candidates.single if h.effect != RELEASE]
+    taken = _taken_up(problem, values, selected, hypotheses, still)
     nothing = _rounding(problem, still)
     scale = _scale(problem, nothing)
     strained = still.energy is not None and bool((still.energy > _RELAXED).any())
     simulated = []
-    for h in own:
+    for h in hypotheses:
         movements = tuple(_movements(problem, values, h, still))
         reason = _why_still(h, movements, nothing, strained)
         simulated.append(SimulatedEffect(h, movements, scale, () if reason else taken.get(h.name, ()), reason))
@@ -114,13 +114,13 @@ def _movements(problem: Problem, values: Array, hypothesis: Hypothesis, still: P
 
 
 def _taken_up(
-    problem: Problem, values: Array, selected: tuple[str, ...], own: list[Hypothesis], still: Prediction
+    problem: Problem, values: Array, selected: tuple[str, ...], hypotheses: list[Hypothesis], still: Prediction
 ) -> dict[str, tuple[str, ...]]:
     """Identified parameters that move the readings as effects do, by the effects' names."""
     if not problem.count or not selected:
         return {}
-    linear = linear_problem(problem, values, selected, [n for h in own for n in h.parameters], still.start)
-    by = {h.name: absorbing(linear, h, np.eye(len(h.parameters))[linear.score_of(h).leading]) for h in own}
+    linear = linear_problem(problem, values, selected, [n for h in hypotheses for n in h.parameters], still.start)
+    by = {h.name: absorbing(linear, h, np.eye(len(h.parameters))[linear.score_of(h).leading]) for h in hypotheses}
     return {name: names for name, names in by.items() if names}
 
 

@@ -81,9 +81,9 @@ def _evidence(gram: Array, counts: Sequence[int], prior: Array, pull: Array, sco
     left = gram[p:, p:] - gram[p:, :p] @ np.linalg.solve(gram[:p, :p] + prior, right)
     statistic, first = [], 0
     for count in counts[1:]:
-        own = slice(first, first + count)
-        score = left[own, -1]
-        statistic.append(float(score @ np.linalg.lstsq(left[own, own], score, rcond=1e-9)[0]))
+        block = slice(first, first + count)
+        score = left[block, -1]
+        statistic.append(float(score @ np.linalg.lstsq(left[block, block], score, rcond=1e-9)[0]))
         first += count
     return log_evidence(np.array(statistic) / scores.scale.variance, np.array(counts[1:]))
 

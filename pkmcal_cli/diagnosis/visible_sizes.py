@@ -100,7 +100,7 @@ def visible_sizes(
 def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> VisibleSizes:
     hypothesis, score = detection.hypotheses[k], detection.scores[k]
     acts = score.length2 > _ACTS  # not so what is no part of the effect, or only shapes what the others do, as a lag
-    own = [j for j in range(len(acts)) if acts[j]] or [score.leading]
+    acting = [j for j in range(len(acts)) if acts[j]] or [score.leading]
 
     def along(direction: Array) -> SizeAlong:
         mdb = noise * minimal_detectable(float(direction @ score.whole @ direction))
@@ -111,9 +111,9 @@ def _sizes(detection: Detection, k: int, procedure: Procedure, noise: float) -> 
     return VisibleSizes(
         hypothesis=hypothesis,
         scale=detection.linear.scale_of(hypothesis.parameters),
-        leading=max(own, key=lambda j: float(score.alone[j])),
-        numbers={j: along(unit[j]) for j in own},
-        worst=along(_worst(score, own)) if len(own) > 1 else None,
+        leading=max(acting, key=lambda j: float(score.alone[j])),
+        numbers={j: along(unit[j]) for j in acting},
+        worst=along(_worst(score, acting)) if len(acting) > 1 else None,
         tested=score.count > 0 and not score.far,
     )
 
@@ -122,17 +122,17 @@ def _detected(detection: Detection, k: int, direction: Array, procedure: Procedu
     return float(np.sqrt(procedure.scale.variance)) * detection.size(k, direction, procedure)
 
 
-def _worst(score: Score, own: list[int]) -> Array:
+def _worst(score: Score, among: list[int]) -> Array:
     """Direction (p,) with least information among some parameters.
 
     Of several such the one with the largest share of a parameter, which is positive: the same under any library.
     """
-    values, vectors = np.linalg.eigh(score.whole[np.ix_(own, own)])
+    values, vectors = np.linalg.eigh(score.whole[np.ix_(among, among)])
     least = vectors[:, values <= values[0] + _ALIKE * (abs(values[0]) + 1e-3 * values[-1])]
     shares = np.einsum("pk,pk->p", least, least)
     first = int(np.nonzero(shares >= (1 - _ALIKE) * shares.max())[0][0])
     vector = np.zeros(len(score.whole))
-    vector[own] = least @ least[first] / np.sqrt(shares[first])
+    vector[among] = least @ least[first] / np.sqrt(shares[first])
     return np.where(np.abs(vector) > _ALIKE, vector, 0.0)
 
 

@@ -10,17 +10,17 @@ from pkmcal_cli.effects.effect import DURING, FRAME_PARTS, WIDTHS, Effect, Effec
 _PLACE = tuple(
     EffectParameter(name=f"t{c}", unit="um", range=1000, text=f"shift along {c}", spatial=c == "z") for c in "xyz"
 )
-_TURN = tuple(
+_ROTATION_PARAMETERS = tuple(
     EffectParameter(name=f"r{c}", unit="urad", range=1000, text=f"rotation about {c}", spatial=c != "z", order=1)
     for c in "xyz"
 )
 _DIRECTIONS = {**{c: f"shift along {c}" for c in "xyz"}, "n": "shift of a single number"}
 
 
-def _parts(**given: Any) -> list[Any]:
+def _parts(**vectors: Any) -> list[Any]:
     """The numbers of the entry, those of some of its parts as given."""
     out: list[Any] = [0.0] * WIDTHS["frame"]
-    for name, values in given.items():
+    for name, values in vectors.items():
         out[FRAME_PARTS[name]] = values
     return out
 
@@ -41,7 +41,7 @@ FRAME = Effect(
     symbol="",
     source="datum definition; ISO 230-10, ISO 10360",
     enters="frame",
-    parameters=_PLACE + _TURN,
+    parameters=_PLACE + _ROTATION_PARAMETERS,
     formula=_moved,
     common=False,
     measurement=True,
@@ -87,7 +87,7 @@ RESETUP = Effect(
     symbol="",
     source="datum definition of each session",
     enters="frame",
-    parameters=tuple(replace(p, range=400 if p.unit == "um" else 600) for p in _PLACE + _TURN),
+    parameters=tuple(replace(p, range=400 if p.unit == "um" else 600) for p in _PLACE + _ROTATION_PARAMETERS),
     formula=_moved,
     needs=("session",),
     places="session",

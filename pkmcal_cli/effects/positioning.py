@@ -18,10 +18,10 @@ def _wave(at: Inputs, c: Any, s: Any) -> Any:
     return c * np.cos(phase) + s * np.sin(phase)
 
 
-def _turns(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
-    angle, arm = at.reading, at.length
+def _eccentric(at: Inputs, c1: Any, s1: Any, c2: Any, s2: Any) -> Any:
+    angle, lever = at.reading, at.length
     first = c1 * (np.cos(angle) - 1) + s1 * np.sin(angle)
-    return arm * (first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle))
+    return lever * (first + c2 * (np.cos(2 * angle) - 1) + s2 * np.sin(2 * angle))
 
 
 def _unwinding(at: Inputs, b: Any) -> Any:
@@ -154,7 +154,7 @@ GEAR = Effect(
         for n in (1, 2)
         for part, word in (("c", "cosine"), ("s", "sine"))
     ),
-    formula=_turns,
+    formula=_eccentric,
     where="rotary",
     common=False,
     cause="The rotary encoder or gear of {at} is eccentric.",

@@ -13,11 +13,11 @@ _LAG = EffectParameter(
 )
 
 
-def _per_kelvin(size: float, what: str) -> tuple[EffectParameter, ...]:
+def _per_kelvin(size: float, label: str) -> tuple[EffectParameter, ...]:
     """Parameters of a shift along each axis, and of its lag."""
     axes = (
         EffectParameter(
-            name=f"g{c}", unit="um/K", range=size, text=f"{what} along {c} per unit of temperature", spatial=c == "z"
+            name=f"g{c}", unit="um/K", range=size, text=f"{label} along {c} per unit of temperature", spatial=c == "z"
         )
         for c in "xyz"
     )

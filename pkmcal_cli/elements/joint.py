@@ -155,10 +155,10 @@ def _add_angle(out: Array, ti: Array, tj: Array, stress: Array) -> None:
     for name, moment in (("sine", cross(y, d)), ("cosine", cross(x, d))):
         gradient[name] = np.zeros((*moment.shape[:-1], 9), dtype=moment.dtype, order="F")
         gradient[name][..., THETA_I], gradient[name][..., THETA_J] = moment, -moment
-    own = (2 * stress * sine * cosine / norm**2)[..., None, None]
+    factor = (2 * stress * sine * cosine / norm**2)[..., None, None]
     mixed = (stress * (sine**2 - cosine**2) / norm**2)[..., None, None]
     both = outer(gradient["sine"], gradient["cosine"])
-    out += own * (outer(gradient["cosine"], gradient["cosine"]) - outer(gradient["sine"], gradient["sine"]))
+    out += factor * (outer(gradient["cosine"], gradient["cosine"]) - outer(gradient["sine"], gradient["sine"]))
     out += mixed * (both + transpose(both))
 
 

@@ -144,8 +144,8 @@ def link_vectors(topology: Topology, offset_vectors: Array) -> Array:
 def point_poses(topology: Topology, coefficients: Array, state: State, point: int, rotation: int) -> Array:
     """Give poses (N, 6), m and rad, of a point that is read: place, and rotation since the configuration as filed."""
     links = link_vectors(topology, offset_vectors_at(topology, coefficients, state))
-    turn = log(times(state.rotation[:, rotation], topology.rotations.filed[rotation].T))
-    return np.concatenate([links[:, topology.points[point]], turn], axis=1)
+    rotation_vector = log(times(state.rotation[:, rotation], topology.rotations.filed[rotation].T))
+    return np.concatenate([links[:, topology.points[point]], rotation_vector], axis=1)
 
 
 def geometries(system: System, state: State, offset_vectors: Array) -> Array:

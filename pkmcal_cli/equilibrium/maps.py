@@ -197,11 +197,11 @@ class MapsBuilder:
         hinged = links.unknowns[links.hinged.link, links.hinged.column]
         self._add_at(blocks.hinged, hinged, hinged)
         sliding = links.unknowns[links.sliding.link, links.sliding.column]
-        for block, pairs, about_what in (
+        for block, pairs, about_columns in (
             (blocks.sliding_rotating, links.sliding_rotating, rotating),
             (blocks.sliding_hinged, links.sliding_hinged, hinged),
         ):
-            along, about = sliding[pairs.sliding], about_what[pairs.rotating]
+            along, about = sliding[pairs.sliding], about_columns[pairs.rotating]
             along = along.reshape(along.shape + (1,) * (about.ndim - 1))
             self._add_at(block, along, about)
             self._add_at(block, about, along)

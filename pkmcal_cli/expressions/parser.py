@@ -59,9 +59,9 @@ _OPERATORS: dict[type[ast.operator], str] = {
 class ExpressionError(ValueError):
     """A text is no expression: what is wrong, at which offset in the text, and a hint."""
 
-    def __init__(self, what: str, offset: int = 0, hint: str | None = None) -> None:
-        super().__init__(what)
-        self.what = what
+    def __init__(self, message: str, offset: int = 0, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
         self.offset = offset
         self.hint = hint
 
@@ -89,11 +89,11 @@ def parse_expression(text: str) -> ast.expr:
         raise ExpressionError(f"`{char}` is not allowed in an expression", end, _HINTS.get(char, EXAMPLE))
     glued = _GLUED.search(text)
     if glued is not None:
-        what = f"`{glued[0]}` is neither a number nor a name"
+        message = f"`{glued[0]}` is neither a number nor a name"
         hint = "write `*` between a number and a name"
         if "_" in glued[0]:
             hint = "write digits without grouping: 1000, not 1_000"
-        raise ExpressionError(what, glued.start(), hint)
+        raise ExpressionError(message, glued.start(), hint)
     tree = _parse(text)
     _check(tree, text, 0)
     return tree
@@ -106,8 +106,8 @@ def _parse(text: str) -> ast.expr:
     try:
         tree = ast.parse(stripped.replace("^", "**"), mode="eval").body
     except SyntaxError:
-        what = f"`{text}` is not a number, a value with a unit or an expression"
-        raise ExpressionError(what, start, _syntax_hint(text)) from None
+        message = f"`{text}` is not a number, a value with a unit or an expression"
+        raise ExpressionError(message, start, _syntax_hint(text)) from None
     except (RecursionError, MemoryError, ValueError):
         raise ExpressionError("the expression is too deeply nested", 0, EXAMPLE) from None
     places = [start + k for k, char in enumerate(stripped) for _ in range(2 if char == "^" else 1)]
@@ -138,8 +138,8 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
         _check_number(node, text)
     elif isinstance(node, ast.Name):
         if node.id in FUNCTIONS:
-            what = f"function `{node.id}` has no argument"
-            raise ExpressionError(what, node.col_offset, f"write `{node.id}(...)`")
+            message = f"function `{node.id}` has no argument"
+            raise ExpressionError(message, node.col_offset, f"write `{node.id}(...)`")
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         _check(node.operand, text, depth + 1)
     elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
@@ -148,9 +148,9 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
     elif isinstance(node, ast.Call):
         _check_call(node, text, depth)
     else:
-        what = f"`{source_of(node, text)}` is not allowed in an expression"
+        message = f"`{source_of(node, text)}` is not allowed in an expression"
         wrong_operator = isinstance(node, ast.BinOp | ast.BoolOp | ast.Compare | ast.UnaryOp | ast.IfExp)
-        raise ExpressionError(what, node.col_offset, ALL_OPERATORS if wrong_operator else _syntax_hint(text))
+        raise ExpressionError(message, node.col_offset, ALL_OPERATORS if wrong_operator else _syntax_hint(text))
 
 
 def _check_number(node: ast.Constant, text: str) -> None:

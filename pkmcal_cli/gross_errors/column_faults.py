@@ -155,8 +155,8 @@ def _rotation(table: _Table) -> dict[int, _Match]:
             continue
         sizes = np.array([table.size(i) for i in group])
         before = float(np.sqrt(np.mean((table.before[group] / sizes) ** 2)))
-        for turn in (1, -1):
-            matches = {i: table.match(i, j) for i, j in zip(group, np.roll(group, turn).tolist(), strict=True)}
+        for shift in (1, -1):
+            matches = {i: table.match(i, j) for i, j in zip(group, np.roll(group, shift).tolist(), strict=True)}
             ratios = np.array([match.after for match in matches.values()]) / sizes
             if np.sqrt(np.mean(ratios**2)) <= BETTER * before and ratios.max() <= EXPLAINED:
                 return matches

@@ -44,7 +44,7 @@ def explain_by_prediction(
     few = np.linspace(0, len(problem) - 1, min(_ROWS, len(problem))).round().astype(int)
     part = problem.take(few)
     readings = np.where(part.measured, part.readings, np.nan)
-    own = part.model.measuring(Measurand.DRIVE)  # drives that are read only
+    read_only = part.model.measuring(Measurand.DRIVE)  # drives that are read only
     forces = np.array([c.measurand is Measurand.FORCE for c in part.model.channels])
     if not (~forces & part.measured.any(axis=0)).any():
         forces[:] = False  # else they are no witnesses: small errors of a stiff machine make large ones
@@ -53,7 +53,9 @@ def explain_by_prediction(
         if solved.mean() < _SOLVED:
             return np.inf
         moved = readings.copy()
-        moved[:, own] = np.where(part.measured[:, own], drives[:, [part.model.channels[k].index for k in own]], np.nan)
+        moved[:, read_only] = np.where(
+            part.measured[:, read_only], drives[:, [part.model.channels[k].index for k in read_only]], np.nan
+        )
         compared = np.where(forces, np.nan, seen(moved, predicted))
         return misfit(compared, predicted, compared)
 
@@ -84,8 +86,8 @@ def _predicted(
     prediction = predict(frozen(part.model, part.rows), values, rows, Request(compare=False))
     predicted = np.where(prediction.solved[:, None], prediction.values, np.nan)
     for k, readings in enumerate(drives):
-        own = slice(k * len(part), (k + 1) * len(part))
-        yield readings, predicted[own], prediction.solved[own]
+        chunk = slice(k * len(part), (k + 1) * len(part))
+        yield readings, predicted[chunk], prediction.solved[chunk]
 
 
 def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
@@ -96,9 +98,9 @@ def _changes(problem: Problem, kind: str) -> Iterator[_Change]:
     for dimension in sorted({actuators[a].dimension for a in used}):
         group = [a for a in used if actuators[a].dimension == dimension]
         if kind == "rotated" and len(group) > 2:
-            for turn in (1, -1):
+            for shift in (1, -1):
                 source = plain.copy()
-                source[group] = np.roll(group, turn)
+                source[group] = np.roll(group, shift)
                 yield _Change("rotated", tuple(group), source, ones)
         if kind == "swapped":
             for i, j in combinations(group, 2):

@@ -48,9 +48,9 @@ def far_off_text(rows: Sequence[int], place: Callable[[int], object], how: str =
     listed = ", ".join(str(place(row)) for row in rows[:_LISTED])
     more = f" and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
     one = len(rows) == 1
-    what = f"{count(len(rows), 'row')} {'is' if one else 'are'} far off what the others say"
-    remedy = f"(`--loss tukey` does without {'it' if one else 'them'})"
-    return f"{what}: {listed}{more}{how} {remedy}{_in_a_run(rows)}"
+    finding = f"{count(len(rows), 'row')} {'is' if one else 'are'} far from what the other rows predict"
+    remedy = f"(`--loss tukey` down-weights {'it' if one else 'them'})"
+    return f"{finding}: {listed}{more}{how} {remedy}{_in_a_run(rows)}"
 
 
 def _in_a_run(rows: Sequence[int]) -> str:

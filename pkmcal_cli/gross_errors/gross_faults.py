@@ -104,15 +104,15 @@ class _Table:
     def take(self, rows: IntArray) -> _Table:
         """Some rows (n,)."""
         states = None if self.states is None else self.states.take(rows)
-        place = _Places(self.place, rows)
+        place = _RowNames(self.place, rows)
         problem, sessions = self.problem.take(rows), self.sessions[rows]
         return replace(self, problem=problem, sessions=sessions, place=place, states=states, known=None)
 
 
 def _in_part(table: _Table, rows: IntArray, words: str) -> list[Hint]:
     """Suspicions by some rows (n,) alone, which `words` tell."""
-    found = _suspected(table.take(rows))
-    return [replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)) for h in found]
+    suspicions = _suspected(table.take(rows))
+    return [replace(h, message=words + h.message, rows=tuple(int(rows[k]) for k in h.rows)) for h in suspicions]
 
 
 def _from_a_row(table: _Table) -> tuple[Hint, ...]:
@@ -128,7 +128,7 @@ def _from_a_row(table: _Table) -> tuple[Hint, ...]:
 
 
 @dataclass(frozen=True)
-class _Places:
+class _RowNames:
     """Words for a row of a part of the table."""
 
     place: Callable[[int], str]
@@ -184,11 +184,11 @@ def _chosen(reasons: list[_Reason]) -> tuple[Hint, ...]:
     return (*first, *(replace(h, message=f"alternatively, {h.message}") for o in others for h in o))
 
 
-def _channels(sample: Sample, turns: bool) -> _Reason:
-    """What explains the measured channels; `turns`: with turns by the shorter way."""
+def _channels(sample: Sample, rotated: bool) -> _Reason:
+    """What explains the measured channels; `rotated`: with turns by the shorter way."""
     names, units = _named(sample)
     readings, predicted = sample.readings, sample.predicted
-    seen = sample.seen(readings, predicted) if turns else np.where(sample.informative, readings, np.nan)
+    seen = sample.seen(readings, predicted) if rotated else np.where(sample.informative, readings, np.nan)
     firm = seen.copy()
     firm[:, sample.of_unknown_frames] = np.nan
     explanation = explain_columns(firm, predicted, names, units, sample.prior_rms)

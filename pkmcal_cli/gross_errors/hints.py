@@ -17,7 +17,7 @@ from pkmcal_cli.gross_errors.gross_faults import gross_faults
 from pkmcal_cli.gross_errors.plausibility import find_limit_faults
 from pkmcal_cli.gross_errors.sample import Sample
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.loading.poses import Place, place_of
+from pkmcal_cli.loading.poses import RowOrigin, place_of
 from pkmcal_cli.prediction import WarmStart
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.measurands import Measurand
@@ -27,7 +27,7 @@ _REACH = 20.0  # sizes of the machine: no TCP is as far away
 _SHOWN = 5  # groups of copied rows told one by one
 
 
-def absurd_rows(problem: Problem, place: Callable[[int], Place]) -> list[Fault]:
+def absurd_rows(problem: Problem, place: Callable[[int], RowOrigin]) -> list[Fault]:
     """Readings beyond all measure, with which nothing can be computed."""
     with np.errstate(over="ignore", invalid="ignore"):
         far = problem.measured & (np.abs(problem.readings) > _LARGE * problem.sigma)
@@ -53,9 +53,9 @@ def nothing_measured(loaded: LoadedMachine, problem: Problem) -> Fault:
             None,
             "check that this is the right file",
         )
-    what = "no measured channel has a `sigma`, so the readings cannot be weighted"
+    message = "no measured channel has a `sigma`, so the readings cannot be weighted"
     hint = "declare `sigma:` of the sensor or drive, or give a column `sigma.CHANNEL`"
-    return Fault("sigma", what, Location(loaded.model.name), hint)
+    return Fault("sigma", message, Location(loaded.model.name), hint)
 
 
 def measurement_hints(
@@ -117,6 +117,6 @@ def copied_rows(problem: Problem, measured: Measurements) -> tuple[str, ...]:
     shown = [" and ".join(str(place_of(measured, row)) for row in group) for group in groups[:_SHOWN]]
     more = f", and {len(groups) - _SHOWN} more" if len(groups) > _SHOWN else ""
     extra = sum(len(group) - 1 for group in groups)
-    what = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"
+    finding = f"{count(extra, 'row')} {'is an exact copy' if extra == 1 else 'are exact copies'} of another"
     same = f"{'; '.join(shown)}{more}"
-    return (f"{what} ({same}): not used, as copies add no information",)
+    return (f"{finding} ({same}): not used, as copies add no information",)

@@ -43,8 +43,8 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points) ->
     known = np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1)
     if known.sum() < here.shape[1] + _SPARE:
         return out
-    turn, shift = _motion(here[known], there[known])
-    moved = np.where(known[:, None], here @ turn.T + shift, np.nan).reshape(len(points), len(readings), -1)
+    rotation, shift = _motion(here[known], there[known])
+    moved = np.where(known[:, None], here @ rotation.T + shift, np.nan).reshape(len(points), len(readings), -1)
     for point, place in zip(points, moved, strict=True):
         out[:, list(point)] = place
     return out
@@ -53,8 +53,8 @@ def brought_back(readings: FloatArray, predicted: FloatArray, points: Points) ->
 def _motion(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Rotation (d, d) and shift (d,) that bring points `here` (n, d) closest to `there`."""
     a, b = here.mean(axis=0), there.mean(axis=0)
-    turn = best_rotation(here - a, there - b)
-    return turn, b - turn @ a
+    rotation = best_rotation(here - a, there - b)
+    return rotation, b - rotation @ a
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,9 @@ _NO_VALUE = (ValueError, ZeroDivisionError, OverflowError)
 class Slip(ValueError):
     """A dimension does not fit, or an expression has no value: what, where in the text, remedy."""
 
-    def __init__(self, what: str, offset: int = 0, hint: str | None = None, code: str = "dimension") -> None:
-        super().__init__(what)
-        self.what = what
+    def __init__(self, message: str, offset: int = 0, hint: str | None = None, code: str = "dimension") -> None:
+        super().__init__(message)
+        self.message = message
         self.offset = offset
         self.hint = hint
         self.code = code
@@ -69,8 +69,8 @@ class Binder:
             unit = written.unit or bare or self.units.unit(dimensions[0])
             fitting = _fitting(unit.dimension, dimensions)
             if fitting is None and written.unit is not None:
-                what = f"`{written.text}` is {article(unit.dimension)}; expected {_a_of(dimensions)}"
-                raise Slip(what, 0, _unit_hint(example))
+                message = f"`{written.text}` is {article(unit.dimension)}; expected {_a_of(dimensions)}"
+                raise Slip(message, 0, _unit_hint(example))
             term: Term = ("number", unit.to_si(written.number))
             return Quantity(written.text, fitting or dimensions[0], (), _sized(term, written))
         term, dimension = self.typed(written.tree, written.text)
@@ -79,8 +79,8 @@ class Binder:
             term, dimension = self._scaled(term, unit, written.tree), dimensions[0]
         fitting = _fitting(dimension, dimensions)
         if fitting is None:
-            what = f"`{written.text}` is {article(dimension)}; expected {_a_of(dimensions)}"
-            raise Slip(what, written.tree.col_offset)
+            message = f"`{written.text}` is {article(dimension)}; expected {_a_of(dimensions)}"
+            raise Slip(message, written.tree.col_offset)
         return Quantity(written.text, fitting, written.names, _sized(term, written))
 
     def _scaled(self, term: Term, unit: Unit, node: ast.expr) -> Term:
@@ -98,9 +98,9 @@ class Binder:
         except _NO_VALUE as error:
             if isinstance(error, Slip):
                 raise
-            what = f"`{source_of(node, text)}` has no finite value"
+            message = f"`{source_of(node, text)}` has no finite value"
             hint = "check for a division by zero, a root of a negative number or an overflow"
-            raise Slip(what, node.col_offset, hint, "value") from None
+            raise Slip(message, node.col_offset, hint, "value") from None
 
     def _typed(self, node: ast.expr, text: str) -> Typed:
         if isinstance(node, ast.Constant):
@@ -134,13 +134,13 @@ class Binder:
     def _power(self, node: ast.BinOp, base: Dimension | None, exponent: Typed, text: str) -> Dimension | None:
         term, dimension = exponent
         if dimension not in (None, NUMBER):
-            what = f"exponent `{source_of(node.right, text)}` is {article(dimension)}"
-            raise Slip(what, node.right.col_offset, "use a plain number as the exponent")
+            message = f"exponent `{source_of(node.right, text)}` is {article(dimension)}"
+            raise Slip(message, node.right.col_offset, "use a plain number as the exponent")
         if base is None or base == NUMBER:
             return base
         if term[0] != "number":
-            what = f"`{source_of(node.left, text)}` is {article(base)}; its exponent must be a constant number"
-            raise Slip(what, node.right.col_offset)
+            message = f"`{source_of(node.left, text)}` is {article(base)}; its exponent must be a constant number"
+            raise Slip(message, node.right.col_offset)
         return base ** float(term[1])
 
     def _alike(self, nodes: list[ast.expr], text: str) -> tuple[list[Term], Dimension | None]:
@@ -153,11 +153,11 @@ class Binder:
             if common is None:
                 common, first = dimension, node
             elif not dimension.fits(common):
-                what = (
+                message = (
                     f"cannot combine `{source_of(first, text)}` ({article(common)})"
                     f" with `{source_of(node, text)}` ({article(dimension)})"
                 )
-                raise Slip(what, node.col_offset)
+                raise Slip(message, node.col_offset)
         if common is None:
             return [term for term, _ in typed], None
         unit = self.units.unit(common).difference
@@ -177,8 +177,8 @@ class Binder:
         allowed = (None, NUMBER, ANGLE) if name in ("sin", "cos", "tan") else (None, NUMBER)
         if dimension not in allowed:
             expected = "an angle" if ANGLE in allowed else "a plain number"
-            what = f"`{source_of(node.args[0], text)}` is {article(dimension)}; `{name}` expects {expected}"
-            raise Slip(what, node.args[0].col_offset)
+            message = f"`{source_of(node.args[0], text)}` is {article(dimension)}; `{name}` expects {expected}"
+            raise Slip(message, node.args[0].col_offset)
         return ("call", name, term), ANGLE if name in ("asin", "acos", "atan") else None
 
 
@@ -189,7 +189,7 @@ def unknown_unit(written: WrittenValue, fitting: tuple[Dimension, ...], example:
     except UnitError as error:
         inside = re.search(r"\s[-+*]\s|[()]", written.unknown_unit)
         hint = UNIT_HINT if inside else error.hint or (None if example is None else _unit_hint(example))
-        return Slip(error.what, 0, hint, "unit")
+        return Slip(error.message, 0, hint, "unit")
     raise AssertionError(f"`{written.unknown_unit}` is a unit")
 
 

@@ -100,14 +100,14 @@ def _channels(machine: Machine[Any, Any], name: str, sensor: Sensor[Any], one: b
     for target in sensor.at:
         point = f"{target}." if len(sensor.at) > 1 else ""
         for direction in read:
-            own = ("" if one else f"{name}.") + point + direction
+            default = ("" if one else f"{name}.") + point + direction
             header = sensor.reads.get(direction, "")  # type: ignore[call-overload]
-            column = point + header if header else own
+            column = point + header if header else default
             turning = direction in ORIENTATION
             unit = machine.file_units.angle if turning else reading_unit(machine, sensor)
             measurand = Measurand.ORIENTATION if turning else kind.measurand
             yield SensorChannel(
-                name=own,
+                name=default,
                 column=column,
                 sensor=name,
                 target=target,

@@ -34,9 +34,9 @@ class Expansion:
         """The tree with every `each` expanded."""
         return self._expanded(root, {})
 
-    def _fault(self, what: str, where: Location, hint: str | None = None) -> None:
+    def _fault(self, message: str, where: Location, hint: str | None = None) -> None:
         line = self.lines[where.line - 1] if 0 < where.line <= len(self.lines) else None
-        self.faults.add(Fault("each", what, where, hint, line))
+        self.faults.add(Fault("each", message, where, hint, line))
 
     def _expanded(self, node: SourceNode, env: Environment) -> SourceNode:
         if env:
@@ -53,8 +53,8 @@ class Expansion:
     def _counted(self, node: SourceNode) -> None:
         self.count += 1
         if self.count > MAX_NODES:
-            what = f"`each` produces more than {MAX_NODES} values"
-            raise BadInput([Fault("each", what, node.where)])
+            message = f"`each` produces more than {MAX_NODES} values"
+            raise BadInput([Fault("each", message, node.where)])
 
     def _expanded_map(self, node: SourceNode, entries: dict[str, SourceNode], env: Environment) -> SourceNode:
         made: dict[str, SourceNode] = {}
@@ -107,9 +107,9 @@ class Expansion:
         first = next(iter(lists))
         for variable, items in lists.items():
             if len(items) != len(lists[first]):
-                what = f"`{variable}` has {len(items)} values, but `{first}` has {len(lists[first])}"
+                message = f"`{variable}` has {len(items)} values, but `{first}` has {len(lists[first])}"
                 self._fault(
-                    what, each.value[variable].where, "give all variables of one `each` the same number of values"
+                    message, each.value[variable].where, "give all variables of one `each` the same number of values"
                 )
                 return None
         return lists

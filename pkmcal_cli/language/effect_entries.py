@@ -67,9 +67,9 @@ class EffectResolver:
         known = {p.name: unit_at(p, at.partition("[")[0] in turning) for p in every}
         for option in effect.options:
             if option.needed and option.name not in entries:
-                what = f"`{name}` needs `{option.name}`: {option.text}"
+                message = f"`{name}` needs `{option.name}`: {option.text}"
                 self._fault(
-                    "effect", what, ("effects", name), f"add, for example, `{option.name}: 5 {option.unit}`", True
+                    "effect", message, ("effects", name), f"add, for example, `{option.name}: 5 {option.unit}`", True
                 )
         out: Entries = {}
         for key, entry in entries.items():
@@ -85,28 +85,28 @@ class EffectResolver:
 
     def _check_possible(self, spec: EffectParameter | Option, entry: EffectNumber, unit: Unit, path: Path) -> None:
         """Values that nothing has: a stiffness e^1000 times the declared one, a negative lag or period."""
-        what, value = f"`{spec.name}` of `{path[1]}`", entry.value / unit.scale
+        label, value = f"`{spec.name}` of `{path[1]}`", entry.value / unit.scale
         if isinstance(spec, Option):
             if spec.positive and not entry.value >= SMALLEST:
                 self._fault(
                     "value",
-                    f"{what} must be positive",
+                    f"{label} must be positive",
                     (*path, "value"),
                     f"write, for example, `{spec.name}: 5 {unit.text}`",
                 )
         elif not spec.possible[0] <= value <= spec.possible[1]:
             low, high = (f"{limit:g}" for limit in spec.possible)
             hint = f"use {low} to {high}" + ("" if unit.text == "1" else f" {unit.text}") + f" ({spec.text})"
-            self._fault("value", f"{what} cannot be {value:g}", (*path, "value"), hint)
+            self._fault("value", f"{label} cannot be {value:g}", (*path, "value"), hint)
 
     def _number(self, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path) -> EffectNumber:
         changes: dict[str, Any] = {}
         for field in ("value", "std", "range", "bounds", "interval"):
-            given = getattr(entry, field)
-            if isinstance(given, WrittenValue):
-                changes[field] = self._bound(given, unit, (*path, field), field != "value")
-            elif isinstance(given, tuple):
-                parts = [self._bound(d, unit, (*path, field), False) for d in given]
+            value = getattr(entry, field)
+            if isinstance(value, WrittenValue):
+                changes[field] = self._bound(value, unit, (*path, field), field != "value")
+            elif isinstance(value, tuple):
+                parts = [self._bound(d, unit, (*path, field), False) for d in value]
                 changes[field] = tuple(parts)
                 if not parts[0] < parts[1]:
                     self._fault("range", "the first limit must be below the second", path, "write [from, to]")
@@ -121,27 +121,27 @@ class EffectResolver:
         if not isinstance(written, WrittenValue):
             return float(written)
         if written.names:
-            what = f"a parameter of an effect must be a number, not an expression of `{written.names[0]}`"
-            self._fault("parameter", what, path, f"write, for example, `12 {unit.text}`")
+            message = f"a parameter of an effect must be a number, not an expression of `{written.names[0]}`"
+            self._fault("parameter", message, path, f"write, for example, `12 {unit.text}`")
             return 0.0
         bare = self.units.unit(unit.dimension)
         try:
             bare = bare.difference if difference else bare
             return Binder(self.units, {}).bind(written, (unit.dimension,), bare, unit).number({})
         except Slip as slip:
-            self._fault(slip.code, slip.what, path, slip.hint)
+            self._fault(slip.code, slip.message, path, slip.hint)
             return 0.0
 
     def bound(self, written: WrittenNumber, unit: Unit, path: Path) -> float:
         """A number in SI, of the dimension of a unit; bare ones in the file's."""
         return self._bound(written, unit, path, True)
 
-    def fault(self, code: str, what: str, path: Path, hint: str | None, at_key: bool = False) -> None:
+    def fault(self, code: str, message: str, path: Path, hint: str | None, at_key: bool = False) -> None:
         """A fault at a place of the file."""
-        self._fault(code, what, path, hint, at_key)
+        self._fault(code, message, path, hint, at_key)
 
-    def _fault(self, code: str, what: str, path: Path, hint: str | None, at_key: bool = False) -> None:
-        self.faults.add(self.source.fault(code, what, path, hint, at_key=at_key))
+    def _fault(self, code: str, message: str, path: Path, hint: str | None, at_key: bool = False) -> None:
+        self.faults.add(self.source.fault(code, message, path, hint, at_key=at_key))
 
 
 def unit_at(parameter: EffectParameter | Option, rotary: bool) -> Unit:

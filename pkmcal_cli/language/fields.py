@@ -123,21 +123,21 @@ def _unit_of(*dimensions: Dimension) -> AfterValidator:
         try:
             unit = parse_unit(text, dimensions)
         except UnitError as error:
-            raise fault("unit", error.what, error.hint) from None
+            raise fault("unit", error.message, error.hint) from None
         if dimensions and unit.dimension not in dimensions:
             allowed = " or ".join(d.name for d in dimensions)
             example = ", ".join(u for u, at in UNITS.items() if at.dimension in dimensions)
-            what = f"`{text}` is a unit of {unit.dimension}, not of {allowed}"
-            raise fault("unit", what, f"use one of {example}")
+            message = f"`{text}` is a unit of {unit.dimension}, not of {allowed}"
+            raise fault("unit", message, f"use one of {example}")
         return text
 
     return AfterValidator(check)
 
 
 UnitText = Annotated[str, _unit_of()]
-_OWN = (BeforeValidator(unit_definition), WithJsonSchema(UNIT_SCHEMA))
-ReadingUnit = Annotated[str, *_OWN, _unit_of(LENGTH, ANGLE)]
-SensorUnit = Annotated[str, *_OWN, _unit_of(LENGTH, ANGLE, FORCE, TORQUE, NUMBER)]
+_DEFINED_UNIT = (BeforeValidator(unit_definition), WithJsonSchema(UNIT_SCHEMA))
+ReadingUnit = Annotated[str, *_DEFINED_UNIT, _unit_of(LENGTH, ANGLE)]
+SensorUnit = Annotated[str, *_DEFINED_UNIT, _unit_of(LENGTH, ANGLE, FORCE, TORQUE, NUMBER)]
 
 
 LengthUnit = Annotated[str, _unit_of(LENGTH)]
@@ -152,7 +152,7 @@ TemperatureUnit = Annotated[str, _unit_of(TEMPERATURE)]
 class Shape:
     """Marks a tuple of quantities: how many in the plane and in space; a scalar where 1 may be."""
 
-    what: str
+    noun: str
     planar: tuple[int, ...]
     spatial: tuple[int, ...]
 
@@ -166,19 +166,19 @@ class Shape:
         if isinstance(raw, dict) and set(raw) == {"at"}:
             raw = raw["at"]
         if raw is None or isinstance(raw, dict | bool):
-            raise fault("type", f"{self._wanted(counts)}, found {kind_of(raw)}", _form(counts))
+            raise fault("type", f"{self._expectation(counts)}, found {kind_of(raw)}", _form(counts))
         if not isinstance(raw, tuple):
             if 1 in counts:
                 return (raw,)
-            raise fault("type", f"{self._wanted(counts)}, found {kind_of(raw)}", _form(counts))
+            raise fault("type", f"{self._expectation(counts)}, found {kind_of(raw)}", _form(counts))
         if len(raw) not in counts or (raw == () and 0 not in counts):
             where = f" in a {space} machine" if space in ("planar", "spatial") else ""
-            raise fault("value", f"{self._wanted(counts)}{where}, found {len(raw)}", _form(counts))
+            raise fault("value", f"{self._expectation(counts)}{where}, found {len(raw)}", _form(counts))
         return raw
 
-    def _wanted(self, counts: tuple[int, ...]) -> str:
+    def _expectation(self, counts: tuple[int, ...]) -> str:
         numbers = " or ".join(str(n) for n in sorted(set(counts)))
-        return f"expected {self.what} of {numbers} number{'' if numbers == '1' else 's'}"
+        return f"expected {self.noun} of {numbers} number{'' if numbers == '1' else 's'}"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_before_validator_function(self.read, handler(source))
@@ -289,8 +289,8 @@ SensorScale = Annotated[V, Measure(NUMBER, (FORCE, TORQUE, LENGTH, ANGLE), sign=
 
 # --- tuples of them ------------------------------------------------------------------------
 Point = Annotated[tuple[Length[V], ...], Shape("a point", (2,), (3,))]
-Place = Annotated[tuple[Length[V], ...], Shape("a point or a travel", (1, 2), (1, 3))]
-Turn = Annotated[tuple[Angle[V], ...], Shape("an angle or rotation vector", (1,), (3,))]
+PointOrTravel = Annotated[tuple[Length[V], ...], Shape("a point or a travel", (1, 2), (1, 3))]
+RotationVector = Annotated[tuple[Angle[V], ...], Shape("an angle or rotation vector", (1,), (3,))]
 Gravity = Annotated[tuple[Acceleration[V], ...], Shape("a vector", (2,), (3,))]
 ForceVector = Annotated[tuple[Force[V], ...], Shape("a vector", (2,), (3,))]
 Torque = Annotated[V, Measure(TORQUE)]

@@ -63,11 +63,11 @@ class Fingerprint:
 
     def difference(self, other: Fingerprint) -> str | None:
         """What this machine has, lacks and has otherwise than the other, in words; None where they are alike."""
-        own, others = dict(self._flat()), dict(other._flat())
+        entries, others = dict(self._flat()), dict(other._flat())
         parts = (
-            ("additional: {}", [k for k in own if k not in others]),
-            ("missing: {}", [k for k in others if k not in own]),
-            ("changed: {}", [k for k in own if own[k] != others.get(k, own[k])]),
+            ("additional: {}", [k for k in entries if k not in others]),
+            ("missing: {}", [k for k in others if k not in entries]),
+            ("changed: {}", [k for k in entries if entries[k] != others.get(k, entries[k])]),
         )
         return "; ".join(words.format(_listed(keys)) for words, keys in parts if keys) or None
 
@@ -93,7 +93,7 @@ def fingerprint_of(machine: Machine) -> Fingerprint:
         **{section: _forms(getattr(machine, section), owners) for section in _whole()},
         "actuators": {name: _drive(drive) for name, drive in machine.actuators.items()},
         **{section: _forms(_dependent(getattr(machine, section)), owners) for section in _PLACES},
-        "sensors": _forms(_own(machine), owners),
+        "sensors": _forms(_own_sensors(machine), owners),
         "effects": {name: _effect(name, entries, machine) for name, entries in machine.effects.items()},
     }
     hashes = {section: {name: _hash(form) for name, form in forms.items()} for section, forms in sections.items()}
@@ -161,7 +161,7 @@ def _names(value: Any) -> set[str]:
     return {name for _, quantity in quantities(value) for name in quantity.names}
 
 
-def _own(machine: Machine) -> dict[str, Sensor]:
+def _own_sensors(machine: Machine) -> dict[str, Sensor]:
     """Sensors that bring parameters: their own, or the place of their frame. Others say nothing of the machine."""
     elsewhere = set().union(*(_names(getattr(machine, s)) for s in (*_whole(), *_PLACES, "gravity")))
     return {

@@ -63,22 +63,24 @@ class _Chain:
     def base(self, extends: SourceNode, file: str, read: Source) -> SourceNode:
         line = read.lines[extends.where.line - 1]
         if not isinstance(extends.value, str) or not extends.value.isprintable():
-            what = "`extends` must be the path of a machine file"
-            raise BadInput.single(what, extends.where, "write, for example, `extends: machine.yaml`", "extends", line)
+            message = "`extends` must be the path of a machine file"
+            raise BadInput.single(
+                message, extends.where, "write, for example, `extends: machine.yaml`", "extends", line
+            )
         folder = os.path.dirname(file)
         path = os.path.normpath(os.path.join(folder, extends.value))
         if os.path.realpath(path) in self.seen or len(self.seen) >= MAX_CHAIN:
-            what = f"circular `extends`: `{extends.value}` extends this file"
+            message = f"circular `extends`: `{extends.value}` extends this file"
             if os.path.realpath(path) == self.seen[-1]:
-                what = "the file extends itself"
+                message = "the file extends itself"
             elif os.path.realpath(path) not in self.seen:
-                what = f"more than {MAX_CHAIN} files in one `extends` chain"
+                message = f"more than {MAX_CHAIN} files in one `extends` chain"
             remedy = "delete one `extends:` from the chain"
-            raise BadInput.single(what, extends.where, remedy, "extends", line)
+            raise BadInput.single(message, extends.where, remedy, "extends", line)
         if not os.path.isfile(path):
-            what = f"the file `{extends.value}` does not exist"
+            message = f"the file `{extends.value}` does not exist"
             hint = did_you_mean(extends.value, _yaml_files(folder), "give the path relative to this file")
-            raise BadInput.single(what, extends.where, hint, "extends", line)
+            raise BadInput.single(message, extends.where, hint, "extends", line)
         return self.read(path)
 
     def merged(self, base: SourceNode, over: SourceNode, path: tuple[str, ...]) -> SourceNode:
@@ -102,11 +104,11 @@ class _Chain:
         if made.pop(key, None) is not None:
             return
         where = child.key or child.where
-        what = f"cannot delete `{'.'.join((*path, key))}`: it does not exist"
+        message = f"cannot delete `{'.'.join((*path, key))}`: it does not exist"
         close = nearest(key, made)
         hint = f"did you mean `{close}`?" if close else "use `null` only to delete an entry of the extended file"
         line = self.lines[where.file][where.line - 1]
-        self.faults.add(Fault("extends", what, where, hint, line))
+        self.faults.add(Fault("extends", message, where, hint, line))
 
 
 def _promoted(base: SourceNode, over: SourceNode, key: str) -> tuple[SourceNode, SourceNode]:

@@ -51,9 +51,9 @@ class ParameterResolver:
 
     def resolve(self, name: str, parameter: WrittenParameter, dimension: Dimension) -> Parameter:
         """The parameter with SI floats; faults are added at their places."""
-        own = parse_unit(parameter.unit) if parameter.unit else None
-        bare = own or self.units.unit(dimension)
-        if own is not None and own.dimension != dimension:
+        parameter_unit = parse_unit(parameter.unit) if parameter.unit else None
+        bare = parameter_unit or self.units.unit(dimension)
+        if parameter_unit is not None and parameter_unit.dimension != dimension:
             bare = self.units.unit(dimension)
         path: Path = ("parameters", name)
         nominal = self._number(parameter.nominal, dimension, bare, (*path, "nominal"))
@@ -85,14 +85,14 @@ class ParameterResolver:
         if not isinstance(written, WrittenValue):
             return float(written)
         if written.names:
-            what = f"the value of a parameter must be a number, not an expression of `{written.names[0]}`"
+            message = f"the value of a parameter must be a number, not an expression of `{written.names[0]}`"
             hint = "write the expression where the parameter is used"
-            self.faults.add(self.source.fault("parameter", what, path, hint))
+            self.faults.add(self.source.fault("parameter", message, path, hint))
             return None
         try:
             made = Binder(self.units, {}).bind(written, (dimension,), bare)
         except Slip as slip:
-            fault = self.source.fault(slip.code, slip.what, path, slip.hint, slip.offset)
+            fault = self.source.fault(slip.code, slip.message, path, slip.hint, slip.offset)
             self.faults.add(fault)
             return None
         return made.number({})
@@ -102,10 +102,10 @@ class ParameterResolver:
             where = (*path, "range")
             value = self._number(parameter.range, dimension, bare.difference, where)
             if value is not None and not value >= SMALLEST:
-                what = f"the range of `{name}` must be positive"
+                message = f"the range of `{name}` must be positive"
                 hint = "give the half-width about nominal (2 standard deviations); to hold it fixed, "
                 hint += "write `identify: false`; if it is exact, `fixed: true`"
-                self.faults.add(self.source.fault("range", what, where, hint))
+                self.faults.add(self.source.fault("range", message, where, hint))
             return math.nan if value is None else value
         if self.quarantined.touches((*path, "range")) or self.quarantined.touches(("ranges",)):
             return math.nan
@@ -119,8 +119,8 @@ class ParameterResolver:
         hint = "add `range:` here"
         if key in Ranges.model_fields:
             hint += f", or `{key}:` in `ranges:` for every {dimension.name}"
-        what = f"parameter `{name}` ({_kind(dimension)}) has no range"
-        self.faults.add(self.source.fault("range", what, path, hint, at_key=True))
+        message = f"parameter `{name}` ({_kind(dimension)}) has no range"
+        self.faults.add(self.source.fault("range", message, path, hint, at_key=True))
         return math.nan
 
     def _bounds(
@@ -134,16 +134,16 @@ class ParameterResolver:
         if low is None or high is None:
             return None
         if not low < high:
-            what = "the lower bound must be below the upper bound"
-            self.faults.add(self.source.fault("range", what, where, "write `bounds: [min, max]`"))
+            message = "the lower bound must be below the upper bound"
+            self.faults.add(self.source.fault("range", message, where, "write `bounds: [min, max]`"))
             return None
         return low, high
 
     def _check_inside(self, nominal: float, bounds: tuple[float, float], path: Path, unit: Unit) -> None:
         if not bounds[0] <= nominal <= bounds[1]:
-            what = f"the nominal value {unit.format(nominal)} is outside its bounds"
+            message = f"the nominal value {unit.format(nominal)} is outside its bounds"
             hint = f"correct the value or the bounds ({unit.format(bounds[0])} to {unit.format(bounds[1])})"
-            self.faults.add(self.source.fault("range", what, (*path, "nominal"), hint))
+            self.faults.add(self.source.fault("range", message, (*path, "nominal"), hint))
 
 
 def _kind(dimension: Dimension) -> str:

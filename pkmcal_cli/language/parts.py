@@ -33,16 +33,16 @@ from pkmcal_cli.language.fields import (
     Moment,
     Name,
     Number,
-    Place,
     Point,
+    PointOrTravel,
     RotationalStiffness,
     RotationCoupling,
+    RotationVector,
     SecondMoment,
     TemperatureUnit,
     TimeUnit,
     Torque,
     TranslationCoupling,
-    Turn,
     UnitText,
 )
 from pkmcal_cli.language.quantities import F, Measure, V, WrittenNumber
@@ -146,7 +146,7 @@ class Frame(Entity, Generic[V]):
 
     body: str | None = Field(default=None, description="Body that carries the frame; default: the base")
     at: Point[V] = Field(default=(), description="Origin in the axes of the base or body; default: 0")
-    turn: Turn[V] = Field(
+    turn: RotationVector[V] = Field(
         default=(),
         description="Angle (planar) or rotation vector [rx, ry, rz] (spatial); default: 0",
     )
@@ -221,8 +221,10 @@ class Body(Entity, Generic[V]):
     driven_by: ClassVar[tuple[str, ...]] = ("moves", "turns")
     renamed: ClassVar[Mapping[str, str]] = MappingProxyType({"on": "guide"})
 
-    at: Place[V] = Field(description="Position of the origin in the reference configuration; on a guide: the travel")
-    turn: Turn[V] = Field(default=(), description="Orientation in the reference configuration; default: 0")
+    at: PointOrTravel[V] = Field(
+        description="Position of the origin in the reference configuration; on a guide: the travel"
+    )
+    turn: RotationVector[V] = Field(default=(), description="Orientation in the reference configuration; default: 0")
     guide: str | None = Field(default=None, description="Guide on which the body is a carriage")
     points: dict[Name, Point[V]] = Field(default={}, description="Points of the body, in its own axes")
     mass: Mass[V] | None = Field(default=None, description="Mass")

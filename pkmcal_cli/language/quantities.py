@@ -157,7 +157,7 @@ class Measure:
         try:
             return WrittenValue(raw, self, parse_expression(raw))
         except ExpressionError as error:
-            raise fault("expression", error.what, error.hint, error.offset) from None
+            raise fault("expression", error.message, error.hint, error.offset) from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read)
@@ -166,10 +166,10 @@ class Measure:
         return {"type": ["number", "string"]}
 
 
-def fault(code: str, what: str, hint: str | None = None, offset: int = 0) -> PydanticCustomError:
+def fault(code: str, message: str, hint: str | None = None, offset: int = 0) -> PydanticCustomError:
     """An error inside pydantic's validation that becomes a `Fault` of this code."""
-    context = {"what": what, "hint": hint or "", "offset": offset, "code": code}
-    return PydanticCustomError("pkmcal", "{what}", context)
+    context = {"message": message, "hint": hint or "", "offset": offset, "code": code}
+    return PydanticCustomError("pkmcal", "{message}", context)
 
 
 def kind_of(raw: object) -> str:

@@ -110,18 +110,18 @@ class Resolver:
         for name, parameter in self.machine.parameters.items():
             slips = [] if name in known else list(unknown_units(parameter))
             for key, slip in slips:
-                self.faults.add(self.source.fault(slip.code, slip.what, ("parameters", name, *key), slip.hint))
+                self.faults.add(self.source.fault(slip.code, slip.message, ("parameters", name, *key), slip.hint))
             if name not in known and name in used and not slips:
-                what = f"the dimension of parameter `{name}` cannot be inferred from its uses"
-                fault = self.source.fault("dimension", what, ("parameters", name), "add `unit:`", at_key=True)
+                message = f"the dimension of parameter `{name}` cannot be inferred from its uses"
+                fault = self.source.fault("dimension", message, ("parameters", name), "add `unit:`", at_key=True)
                 self.faults.add(fault)
         return {name: known[name] for name in self.machine.parameters if name in known}
 
     def _constant(self, path: Path, written: WrittenValue) -> Quantity:
         """A quantity of numbers only (default ranges)."""
         if written.names:
-            what = f"a range must be a number, not an expression of `{written.names[0]}`"
-            self.faults.add(self.source.fault("range", what, path, "give a number"))
+            message = f"a range must be a number, not an expression of `{written.names[0]}`"
+            self.faults.add(self.source.fault("range", message, path, "give a number"))
             return Quantity.constant(1.0, written.measure.dimension)
         made = self._bind(Binder(self.units, {}), path, written, ExpectedDimension(written.measure.dimensions))
         if not made.number({}) >= SMALLEST:
@@ -141,7 +141,7 @@ class Resolver:
         except Slip as slip:
             self.slipped.add(path)
             hint = slip.hint or self._first_uses(written, path)
-            self.faults.add(self.source.fault(slip.code, slip.what, path, hint, slip.offset))
+            self.faults.add(self.source.fault(slip.code, slip.message, path, hint, slip.offset))
             return placeholder
 
     def _first_uses(self, written: WrittenValue, path: Path) -> str | None:

@@ -25,7 +25,7 @@ class Resolver(Protocol):
     @property
     def rotary(self) -> frozenset[str]: ...  # names of drives that turn
     def bound(self, written: WrittenNumber, unit: Unit, path: Path) -> float: ...
-    def fault(self, code: str, what: str, path: Path, hint: str | None, at_key: bool = False) -> None: ...
+    def fault(self, code: str, message: str, path: Path, hint: str | None, at_key: bool = False) -> None: ...
 
 
 def shape_units(at: str, rotary: bool) -> tuple[Unit, Unit, Unit]:
@@ -50,8 +50,8 @@ def resolved_shape(resolver: Resolver, name: str, entries: WrittenEntries) -> En
             out[key] = made
     missing = [key for key in _NEEDED if key not in entries]
     if missing:
-        what = f"`{name}` needs {', '.join(f'`{key}`' for key in missing)}"
-        resolver.fault("effect", what, ("effects", name), "`pkmcal improve` writes such entries", True)
+        message = f"`{name}` needs {', '.join(f'`{key}`' for key in missing)}"
+        resolver.fault("effect", message, ("effects", name), "`pkmcal improve` writes such entries", True)
     if len(out) == len(entries) and not missing:
         _check(resolver, name, out)
     return out
@@ -61,7 +61,7 @@ def _in_si(
     resolver: Resolver, key: str, entry: EffectNumber[WrittenNumber], unit: Unit, path: Path
 ) -> EffectNumber | None:
     """One entry with SI numbers; None, with a fault, where it has another form than its key asks for."""
-    given = entry.interval or entry.numbers
+    values = entry.interval or entry.numbers
     if key == "cov":
         rows = entry.matrix
         if rows is None:
@@ -74,16 +74,16 @@ def _in_si(
             ),
         )
     if key in ("knots", "values"):
-        if given is None:
+        if values is None:
             resolver.fault(
                 "value", f"`{key}` must be a list of numbers", path, f"write, for example, {key}: [0, 10, 20]"
             )
             return None
         return _with(
-            entry, interval=None, numbers=tuple(resolver.bound(x, unit, (*path, i)) for i, x in enumerate(given))
+            entry, interval=None, numbers=tuple(resolver.bound(x, unit, (*path, i)) for i, x in enumerate(values))
         )
     value = resolver.bound(entry.value, unit, path)
-    if given is not None or entry.matrix is not None or not value >= SMALLEST:
+    if values is not None or entry.matrix is not None or not value >= SMALLEST:
         resolver.fault(
             "value", f"`{key}` must be a positive number", path, f"write, for example, {key}: 20 {unit.text}"
         )
@@ -109,22 +109,22 @@ def _check(resolver: Resolver, name: str, entries: Entries) -> None:
     elif not (np.diff(knots) > 0).all():
         resolver.fault("value", "`knots` must rise", (*path, "knots"), "sort them, with their values")
     if len(values) != len(knots):
-        what = f"`values` has {len(values)} numbers for {len(knots)} knots"
-        resolver.fault("value", what, (*path, "values"), "give one value at each knot")
+        message = f"`values` has {len(values)} numbers for {len(knots)} knots"
+        resolver.fault("value", message, (*path, "values"), "give one value at each knot")
     if "cov" not in entries:
         return
     rows = entries["cov"].matrix
     assert rows is not None
     if len(rows) != len(knots) or any(len(row) != len(knots) for row in rows):
-        what = f"`cov` must have {len(knots)} rows of {len(knots)} numbers"
-        resolver.fault("value", what, (*path, "cov"), "give the covariance of the values at the knots, or delete it")
+        message = f"`cov` must have {len(knots)} rows of {len(knots)} numbers"
+        resolver.fault("value", message, (*path, "cov"), "give the covariance of the values at the knots, or delete it")
         return
     matrix = np.array(rows)
     size = float(np.abs(matrix).max())
     skew = float(np.abs(matrix - matrix.T).max())
     if skew > _ASYMMETRY * size or float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min()) < _NEGATIVE * size:
-        what = "`cov` is no covariance: it must be symmetric, with no negative variance in any direction"
-        resolver.fault("value", what, (*path, "cov"), "copy it from where it was computed, or delete it")
+        message = "`cov` is no covariance: it must be symmetric, with no negative variance in any direction"
+        resolver.fault("value", message, (*path, "cov"), "copy it from where it was computed, or delete it")
 
 
 def shape_of(entries: Mapping[str, EffectNumber]) -> FreeShape:

@@ -69,13 +69,13 @@ def _divided(text: str, value: tuple[float, str | None], factor: float) -> Writt
     try:
         unit = None if name is None else parse_unit(name)
     except UnitError as error:
-        raise fault("unit", error.what, error.hint) from None
+        raise fault("unit", error.message, error.hint) from None
     return WrittenValue(text.strip(), SIGMA, None, number / factor, unit)
 
 
 def _growth(text: str, value: tuple[float, str | None], factor: float) -> WrittenValue:
     written = _divided(text, value, factor)
     if written.unit is not None and written.unit.dimension != NUMBER:
-        what = f"`{written.text}` is in units of {written.unit.dimension}; the part that grows is per length"
-        raise fault("dimension", what, _EXAMPLE)
+        message = f"`{written.text}` is in units of {written.unit.dimension}; the part that grows is per length"
+        raise fault("dimension", message, _EXAMPLE)
     return written

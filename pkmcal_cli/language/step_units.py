@@ -36,7 +36,7 @@ def unit_definition(raw: Any) -> Any:
     try:
         return parse_unit(f"{name}={size}").definition
     except UnitError as error:
-        raise fault("unit", error.what, error.hint) from None
+        raise fault("unit", error.message, error.hint) from None
 
 
 def _known(text: str) -> str:
@@ -47,7 +47,7 @@ def _known(text: str) -> str:
         parse_unit(text)
     except UnitError as error:
         more = f"; or give its size: `unit: {{{text}: 1.25 um}}`" if text.isalpha() else ""
-        raise fault("unit", error.what, f"{error.hint}{more}") from None
+        raise fault("unit", error.message, f"{error.hint}{more}") from None
     return text
 
 

@@ -37,8 +37,8 @@ def with_directions(rows: Rows, names: Sequence[str]) -> Rows:
     columns = dict(rows.columns)
     derived = directions(rows.readings, rows.session)
     for a, name in enumerate(names):
-        given = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
-        columns[f"dir.{name}"] = np.where(np.isnan(given), derived[:, a], given)
+        measured = columns.get(f"dir.{name}", np.full(len(rows), np.nan))
+        columns[f"dir.{name}"] = np.where(np.isnan(measured), derived[:, a], measured)
     return replace(rows, columns=columns)
 
 
@@ -52,19 +52,19 @@ def at_rest(model: Model, rows: Rows) -> Rows:
     return replace(rows, columns={**named.columns, **columns})
 
 
-def reference_conditions(model: Model, given: Collection[str]) -> tuple[dict[str, float], str]:
+def reference_conditions(model: Model, names: Collection[str]) -> tuple[dict[str, float], str]:
     """Columns, SI, that declared effects need besides those that are given, and what is to be said of them."""
-    bare = {name.partition(".")[0] for name in given}
+    bare = {name.partition(".")[0] for name in names}
     at_reference = {need: r for need, r in _resting(model).items() if r[0] not in bare}
     return {name: value for name, value, _ in at_reference.values()}, _words(at_reference)
 
 
-def without_effect(model: Model, given: Collection[str]) -> list[str]:
+def without_effect(model: Model, columns: Collection[str]) -> list[str]:
     """Which of some columns no declared effect depends on."""
     needs = {need for e in model.effects if e.sites for need in e.effect.needs}
     needed = {"direction": "dir", **{need: column for need, (column, _, _) in _REST.items()}}
     acting = {needed[need] for need in needs if need in needed}
-    return [name for name in given if name.partition(".")[0] not in acting]
+    return [name for name in columns if name.partition(".")[0] not in acting]
 
 
 def resting(model: Model) -> str:
@@ -101,5 +101,5 @@ def directions(readings: Array, session: NDArray[np.int64]) -> Array:
 
 def derived_directions(measurements: Measurements, names: Sequence[str]) -> tuple[str, ...]:
     """Drives whose direction the table does not give."""
-    given = measurements.covariates
-    return tuple(n for n in names if f"dir.{n}" not in given or bool(np.isnan(given[f"dir.{n}"]).any()))
+    columns = measurements.covariates
+    return tuple(n for n in names if f"dir.{n}" not in columns or bool(np.isnan(columns[f"dir.{n}"]).any()))

@@ -35,7 +35,7 @@ class Evidence:
 
     def lines(self) -> list[str]:
         """As sections of a parameter file."""
-        out = [f"{MEASURED}: # ranges of what was set and logged; `correct` tells what is outside"]
+        out = [f"{MEASURED}: # ranges of what was set and logged; `correct` reports what is outside"]
         for name, ends in self.measured.items():
             unit = parse_unit(self.units.get(name) or "1")
             low, high = (float(f"{unit.from_si(v):.9g}") for v in ends)

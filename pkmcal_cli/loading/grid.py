@@ -77,8 +77,8 @@ def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid
     motion = tool_motion(loaded)
     held = motion.with_all([a.name for a in axes])
     if held is None:
-        what, hint = unusable_set(loaded, [a.name for a in axes])
-        raise UsageError(f"{option}: {what}", hint=hint)
+        message, hint = unusable_set(loaded, [a.name for a in axes])
+        raise UsageError(f"{option}: {message}", hint=hint)
     grid = Grid(tuple(axes), held)
     if len(grid) > _MOST:
         raise UsageError(f"{option}: more than {_MOST} poses", hint="use a coarser grid")
@@ -100,20 +100,22 @@ def _axis(loaded: LoadedMachine, part: str, option: str) -> Axis:
     if not (number.isascii() and number.isdigit() and len(number) < 16 and int(number) > 0):
         raise UsageError(f"{option}: `{number}` is not a number of poses", hint="give an integer of at least 1")
     units = loaded.machine.file_units
-    own = units.angle if name.startswith("r") else units.length
-    start, stop = (_limit(part, text, own, option) for text in limits[:2])
+    expected = units.angle if name.startswith("r") else units.length
+    start, stop = (_limit(part, text, expected, option) for text in limits[:2])
     return Axis(name, start, stop, int(number))
 
 
-def _limit(part: str, text: str, own: Unit, option: str) -> float:
+def _limit(part: str, text: str, expected: Unit, option: str) -> float:
     """A limit of an axis, SI: a number in the file's unit, or a value with a unit."""
     try:
-        number, unit = parse_value(text, (own.dimension,))
+        number, unit = parse_value(text, (expected.dimension,))
     except UnitError as error:
-        hint = error.hint or f"give a number in {own.text}"
-        raise UsageError(f"{option}: `{part}`: {error.what}", hint=hint) from None
-    unit = own if unit.text == "1" else unit
+        hint = error.hint or f"give a number in {expected.text}"
+        raise UsageError(f"{option}: `{part}`: {error.message}", hint=hint) from None
+    unit = expected if unit.text == "1" else unit
     value = unit.to_si(number)
-    if unit.dimension != own.dimension or not math.isfinite(value):
-        raise UsageError(f"{option}: `{part}`: `{text.strip()}` is not a limit", hint=f"give a number in {own.text}")
+    if unit.dimension != expected.dimension or not math.isfinite(value):
+        raise UsageError(
+            f"{option}: `{part}`: `{text.strip()}` is not a limit", hint=f"give a number in {expected.text}"
+        )
     return value

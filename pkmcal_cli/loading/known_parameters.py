@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 
 _ROUNDING = 1e-6
+_WRITE = "write it with `pkmcal calibrate -o`"
 
 
 @dataclass(frozen=True)
@@ -91,10 +92,10 @@ def known_parameters(path: str) -> KnownParameters:
         try:
             entries[name] = _entry(node)
         except UnitError as error:
-            faults.add(tree.fault("unit", error.what, ("parameters", name), error.hint, at_key=True))
+            faults.add(tree.fault("unit", error.message, ("parameters", name), error.hint, at_key=True))
         except (TypeError, ValueError, OverflowError):
-            what, hint = f"`{name}` must have a finite `value`, and its `unit`", "write it with `pkmcal calibrate -o`"
-            faults.add(tree.fault("value", what, ("parameters", name), hint, at_key=True))
+            message = f"`{name}` must have a finite `value`, and its `unit`"
+            faults.add(tree.fault("value", message, ("parameters", name), _WRITE, at_key=True))
     faults.raise_if_any()
     units = {name: p.unit.scale for name, p in entries.items()}
     names, covariance = _covariance(_plain(source.root, "correlations"), units)

@@ -70,11 +70,11 @@ def loaded_machine(machine: Machine, receptive: bool = False) -> LoadedMachine:
     except BadConfiguration as error:
         raise BadInput([configuration_fault(machine, error)]) from None
     except np.linalg.LinAlgError as error:
-        what, hint = "the equations of this machine are singular", "check the lengths and stiffnesses"
-        raise BadInput.single(what, Location(machine.files[0][0]), hint, "machine") from error
+        message, hint = "the equations of this machine are singular", "check the lengths and stiffnesses"
+        raise BadInput.single(message, Location(machine.files[0][0]), hint, "machine") from error
     except (ValueError, KeyError) as error:
-        what = f"this machine cannot be built: {error.args[0] if error.args else error}"
-        raise BadInput.single(what, Location(machine.files[0][0]), code="machine") from error
+        message = f"this machine cannot be built: {error.args[0] if error.args else error}"
+        raise BadInput.single(message, Location(machine.files[0][0]), code="machine") from error
     warnings = _raise_errors(mechanism_faults(machine, compiled))
     remarks = tuple(w for w in machine.warnings if w.code == _CHANGES_NOTHING)
     doubts = (w for w in machine.warnings if w.code != _CHANGES_NOTHING)
@@ -134,7 +134,7 @@ def load_parameters(model: Model, path: str | None) -> Start:
 def _status_text(path: str, status: str, accepted: tuple[str, ...]) -> str:
     """What is to be said of a fit that did not end well, and was accepted or not, or that leaves more than noise."""
     if status == "incomplete":
-        return f"note: {path}: incomplete: the fit leaves more than the stated noise (`pkmcal diagnose` tells why)"
+        return f"note: {path}: incomplete: residuals exceed the stated noise (`pkmcal diagnose` looks for the cause)"
     if accepted:
         return f"note: {path}: implausible, but accepted: {'; '.join(accepted)}"
     return f"warning: {path}: the fit ended with status `{status}`"

@@ -19,10 +19,10 @@ _SCALED = re.compile(r"<(-?\d+(?:\.\d+)?)(?:\^(\d))?>")
 
 @dataclass(frozen=True)
 class Template:
-    """A machine file to begin with; `what`: what machine it is, in a sentence; `span`: what its span is."""
+    """A machine file to begin with; `description`: what machine it is, in a sentence; `span`: what its span is."""
 
     name: str
-    what: str
+    description: str
     span: str
     text: str
 

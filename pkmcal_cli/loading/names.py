@@ -30,11 +30,11 @@ def _section(machine: str, section: str, deep: int) -> dict[str, Any]:
     root = read_source(machine).root.plain()
     tree = root if isinstance(root, Mapping) else {}
     base = tree.get("extends")
-    own = tree.get(section)
+    listed = tree.get(section)
     known: dict[str, Any] = {}
     if isinstance(base, str) and deep:
         known = _section(os.path.join(os.path.dirname(machine), base), section, deep - 1)
-    if isinstance(own, Mapping):
-        known |= {str(name): what for name, what in own.items()}
-        known = {name: what for name, what in known.items() if what is not None or name not in own}
+    if isinstance(listed, Mapping):
+        known |= {str(name): entry for name, entry in listed.items()}
+        known = {name: entry for name, entry in known.items() if entry is not None or name not in listed}
     return known

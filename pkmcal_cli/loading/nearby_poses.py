@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.covariates import at_rest
-from pkmcal_cli.loading.poses import Place, Poses
+from pkmcal_cli.loading.poses import Poses, RowOrigin
 from pkmcal_cli.model.limits import limit_excess
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
@@ -32,7 +32,7 @@ def nearby_poses(model: Model, count: int) -> Poses:
         if len(readings) == count:
             break
     rows = at_rest(model, Rows(readings, np.full(readings.shape, np.nan), partner=rows_before(model, len(readings))))
-    return Poses(rows, np.ones(len(readings), dtype=bool), lambda row: Place(None, 0, f"drawn pose {row + 1}"))
+    return Poses(rows, np.ones(len(readings), dtype=bool), lambda row: RowOrigin(None, 0, f"drawn pose {row + 1}"))
 
 
 def _reached(model: Model, width: float, drawn: int) -> Array:

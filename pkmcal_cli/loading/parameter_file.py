@@ -96,9 +96,9 @@ def _values(
             others.append(name)
             continue
         if name not in known:
-            what = f"the machine has no parameter `{name}`"
+            message = f"the machine has no parameter `{name}`"
             remedy = did_you_mean(name, known, "remove it, or check that this file belongs to this machine")
-            faults.add(tree.fault("name", what, ("parameters", name), remedy, at_key=True))
+            faults.add(tree.fault("name", message, ("parameters", name), remedy, at_key=True))
             continue
         value = _entry_value(tree, name, node, known[name], faults)
         if value is not None:
@@ -127,16 +127,16 @@ def _is_of(machine: Fingerprint, tree: SourceMap) -> bool:
     try:
         fingerprint = read_fingerprint(node.plain())
     except ValueError:
-        what, remedy = "this is not the fingerprint of a machine", "delete the line"
+        message, remedy = "this is not the fingerprint of a machine", "delete the line"
     else:
         difference = machine.difference(fingerprint)
         if difference is None:
             return True
-        what = f"these values belong to another machine, `{fingerprint.of}`; `{machine.of}` differs ({difference})"
+        message = f"these values belong to another machine, `{fingerprint.of}`; `{machine.of}` differs ({difference})"
         if fingerprint.of == machine.of:
-            what = f"these values belong to an earlier version of `{machine.of}` ({difference})"
+            message = f"these values belong to an earlier version of `{machine.of}` ({difference})"
         remedy = "use the machine that they belong to; to accept them anyway, delete this line"
-    raise BadInput([tree.fault(FINGERPRINT, what, (FINGERPRINT,), remedy, at_key=True)])
+    raise BadInput([tree.fault(FINGERPRINT, message, (FINGERPRINT,), remedy, at_key=True)])
 
 
 def _of_a_session(name: str, parameters: Sequence[ModelParameter]) -> bool:
@@ -174,19 +174,19 @@ def _unknown_keys(
     assert isinstance(node.value, dict)
     for key in node.value:
         if key not in known:
-            what = f"unknown key `{key}`" + (f" in `{path[-1]}`" if path else "")
+            message = f"unknown key `{key}`" + (f" in `{path[-1]}`" if path else "")
             remedy = _other_release(tree.root) or did_you_mean(key, known)
-            faults.add(tree.fault("unknown-key", what, (*path, key), remedy, at_key=True))
+            faults.add(tree.fault("unknown-key", message, (*path, key), remedy, at_key=True))
 
 
 def _other_release(root: SourceNode) -> str | None:
     """What to do with a file that another release has written; None for one of this release, or of nobody."""
     provenance = root.child("provenance") if isinstance(root.value, dict) else None
     program = provenance.child("program") if provenance is not None and isinstance(provenance.value, dict) else None
-    own = f"pkmcal {__version__}"
-    if program is None or not isinstance(program.value, str) or program.value == own:
+    this_program = f"pkmcal {__version__}"
+    if program is None or not isinstance(program.value, str) or program.value == this_program:
         return None
-    return f"the file was written by {program.value[:40]}, this is {own}: use that release, or calibrate again"
+    return f"the file was written by {program.value[:40]}, this is {this_program}: use that release, or calibrate again"
 
 
 def _entry_value(
@@ -210,15 +210,15 @@ def _entry_value(
     try:
         number, unit = _number_and_unit(raw, unit_text, expected)
     except UnitError as error:
-        faults.add(tree.fault("unit", error.what, unit_path, error.hint or remedy))
+        faults.add(tree.fault("unit", error.message, unit_path, error.hint or remedy))
         return None
     except (ValueError, OverflowError):
-        what = f"`{name}` must be a finite number or a text with a unit"
-        faults.add(tree.fault("value", what, path, 'write, for example, 12.5 or "12.5 mm"'))
+        message = f"`{name}` must be a finite number or a text with a unit"
+        faults.add(tree.fault("value", message, path, 'write, for example, 12.5 or "12.5 mm"'))
         return None
     if not unit.dimension.fits(expected):
-        what = f"`{unit.text}` is a unit of {unit.dimension}, not of {parameter.dimension}"
-        faults.add(tree.fault("unit", what, unit_path, remedy))
+        message = f"`{unit.text}` is a unit of {unit.dimension}, not of {parameter.dimension}"
+        faults.add(tree.fault("unit", message, unit_path, remedy))
         return None
     return unit.to_si(number)
 

@@ -19,13 +19,13 @@ def yaml_kind(name: str) -> str:
         return "machine"
     if any(k in keys for k in _PARAMETERS):
         return "parameters"
-    what = "this is neither a parameter file nor a machine file"
-    raise BadInput.single(what, Location(name), "give files that `pkmcal calibrate -o` has written", "file")
+    message = "this is neither a parameter file nor a machine file"
+    raise BadInput.single(message, Location(name), "give files that `pkmcal calibrate -o` has written", "file")
 
 
-def plain_map(name: str, what: str, example: str) -> dict[str, Any]:
+def plain_map(name: str, kind: str, example: str) -> dict[str, Any]:
     """A file that is a map, as plain data. Raises BadInput."""
-    source = read_source(name, what, example)
+    source = read_source(name, kind, example)
     if source.faults:
         raise BadInput(list(source.faults))
     plain = source.root.plain()

@@ -51,8 +51,8 @@ def touched_channels(model: Model, machine: Machine, rows: int, stated: Channels
         return np.zeros((rows, len(known)), dtype=bool) if stated is None else stated
     touches = implied_touches(machine, (), measured=False)
     if touches.unclear:
-        what, hint = unclear_touches(touches.unclear)
-        raise UsageError(f"--grid: {what}", hint=f"give a table of poses; {hint}")
+        message, hint = unclear_touches(touches.unclear)
+        raise UsageError(f"--grid: {message}", hint=f"give a table of poses; {hint}")
     return np.tile(known & bool(touches.readings), (rows, 1))
 
 

@@ -34,7 +34,7 @@ _APART = 1e-9  # of the machine's size, or rad: less is rounding
 
 
 @dataclass(frozen=True)
-class Place:
+class RowOrigin:
     """Where a row came from: file, line and `id`, or the number of a grid point; a pose that was drawn has a name."""
 
     file: str | None
@@ -59,13 +59,13 @@ class Place:
         return Fault("row", f"row `{self.id}`: {reason}" if self.id else reason, Location(self.file, self.line), hint)
 
 
-def place_of(measurements: Measurements, row: int) -> Place:
+def place_of(measurements: Measurements, row: int) -> RowOrigin:
     """Where a row of a table stands."""
     name = measurements.ids[row] if "id" in measurements.labels else ""
-    return Place(measurements.files[measurements.file_index[row]], int(measurements.line[row]), name)
+    return RowOrigin(measurements.files[measurements.file_index[row]], int(measurements.line[row]), name)
 
 
-def failed_rows(place: Callable[[int], Place], reasons: dict[int, str]) -> BadInput:
+def failed_rows(place: Callable[[int], RowOrigin], reasons: dict[int, str]) -> BadInput:
     """Rows that cannot be predicted, as one error with all of them."""
     shown = sorted(reasons)[:_SHOWN]
     return BadInput([place(row).fault(reasons[row]) for row in shown], len(reasons))
@@ -83,7 +83,7 @@ class Poses:
 
     rows: Rows
     reachable: NDArray[np.bool_]
-    place: Callable[[int], Place]
+    place: Callable[[int], RowOrigin]
     measured: NDArray[np.bool_] | None = None
     touched: NDArray[np.bool_] | None = None
     sides: NDArray[np.float64] | None = None
@@ -122,7 +122,7 @@ class PoseSource:
     tool: ToolPoint | None = None
 
     def __post_init__(self) -> None:
-        self.travels = TravelLimits(self.loaded.model)
+        self.travel_limits = TravelLimits(self.loaded.model)
         both = self.path is not None and self.grid is not None
         if both or (self.path is None and self.grid is None and not self.stands):
             raise UsageError(
@@ -139,7 +139,7 @@ class PoseSource:
         model = self.loaded.model
         whole = bool(model.effects) or any(p.per_session for p in model.parameters)  # these see the whole table
         for poses in [_joined(model, list(self._blocks()))] if whole else self._blocks():
-            self.travels.add(poses.rows.readings)
+            self.travel_limits.add(poses.rows.readings)
             yield poses
 
     @property
@@ -162,7 +162,7 @@ class PoseSource:
             self.inputs |= block.inputs
             poses = table.of(block)
             self.forces = self.forces or not np.isnan(block.forces).all()
-            self.covariates = self.covariates or _given(block)
+            self.covariates = self.covariates or _stated_covariates(block)
             yield poses
         self.notes, self.tool = (*stream.notes, *table.notes), table.tool
 
@@ -176,7 +176,7 @@ class PoseSource:
         if self.points is not None and len(self.points) > _TOGETHER:
             raise UsageError(f"--grid: more than {_TOGETHER} poses", hint="use a coarser grid")
         poses = _joined(self.loaded.model, list(self._blocks()))
-        self.travels.add(poses.rows.readings)
+        self.travel_limits.add(poses.rows.readings)
         if poses.lost and self.points is None:
             raise failed_rows(poses.place, poses.lost)
         return poses if self.points is None else replace(poses, sides=None)
@@ -185,14 +185,14 @@ class PoseSource:
 def reference_poses(model: Model) -> Poses:
     """The reference configuration alone."""
     rows = at_rest(model, Rows.at(model.reference_readings[None]))
-    return Poses(rows, np.ones(1, dtype=bool), lambda _: Place(None, 0, ""))
+    return Poses(rows, np.ones(1, dtype=bool), lambda _: RowOrigin(None, 0, ""))
 
 
 def _joined(model: Model, blocks: list[Poses]) -> Poses:
     """All blocks as one, with the directions of motion in the order of all rows."""
     starts = [0, *accumulate(len(b) for b in blocks)]
 
-    def place(row: int) -> Place:
+    def place(row: int) -> RowOrigin:
         k = bisect_right(starts, row) - 1
         return blocks[k].place(row - starts[k])
 
@@ -232,11 +232,11 @@ class TablePoses:
     def _inverse(self, poses: Array) -> DrivePositions:
         """Drive readings for poses (N, 6), held at the coordinates that are given, so far as they are independent."""
         motion, self.tool = tool_motion(self.loaded), required_tool_point(self.loaded)
-        given = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
-        held = motion.most_of(given)
-        self.lacking = tuple(c for c in held if c not in given)
+        coordinates = [DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0]]
+        held = motion.most_of(coordinates)
+        self.lacking = tuple(c for c in held if c not in coordinates)
         inverse = drive_positions(self.loaded.model, poses, held=held)
-        for name in given:
+        for name in coordinates:
             if name not in held:
                 k = DIRECTIONS.index(name)
                 apart = np.nan_to_num(np.abs(poses[:, k] - inverse.poses[:, k])).max()
@@ -259,10 +259,10 @@ class TablePoses:
         if apart <= _APART * (1.0 if turning else self.loaded.model.length):
             return text
         unit = units.angle if turning else units.length
-        return f"{text}; in the table it is up to {unit.format(apart, 3)} from where it follows"
+        return f"{text}; the table differs by up to {unit.format(apart, 3)} from the value that follows"
 
 
-def _given(block: Measurements) -> tuple[str, ...]:
+def _stated_covariates(block: Measurements) -> tuple[str, ...]:
     """Columns that a table gives beside its positions."""
     return (*block.covariates, *(("session",) if "session" in block.labels else ()))
 
@@ -271,4 +271,4 @@ def _grid_blocks(loaded: LoadedMachine, grid: Grid) -> Iterator[Poses]:
     for first in range(0, len(grid), _BLOCK):
         inverse = drive_positions(loaded.model, grid.poses(first, min(first + _BLOCK, len(grid))), held=grid.held)
         rows = at_rest(loaded.model, Rows.at(inverse.readings))
-        yield Poses(rows, inverse.reached, lambda row, first=first: Place(None, first + row + 1, ""))  # type: ignore[misc]
+        yield Poses(rows, inverse.reached, lambda row, first=first: RowOrigin(None, first + row + 1, ""))  # type: ignore[misc]

@@ -13,7 +13,7 @@ from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import reference_conditions, with_covariates, without_effect
 from pkmcal_cli.loading.grid import parse_grid
 from pkmcal_cli.loading.load_machine import LoadedMachine
-from pkmcal_cli.loading.poses import Place, place_of
+from pkmcal_cli.loading.poses import RowOrigin, place_of
 from pkmcal_cli.loading.tool_coordinates import kept_note, required_tool_point, tool_motion, unusable_set
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.prediction import Rows
@@ -34,7 +34,7 @@ class Targets:
     held: tuple[str, ...]
     coordinates: tuple[str, ...]
     rows: Rows
-    place: Callable[[int], Place]
+    place: Callable[[int], RowOrigin]
     tool: ToolPoint
     covariates: tuple[str, ...]
     forces: bool
@@ -52,16 +52,16 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         raise UsageError("give either a table of targets or --grid", hint='for example --grid "x=0:950:3,y=160:390:77"')
     motion = tool_motion(loaded)
     if not motion.freedoms:
-        what, _ = unusable_set(loaded, [])
-        raise BadInput.single(what, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
+        message, _ = unusable_set(loaded, [])
+        raise BadInput.single(message, Location(loaded.model.name), "a machine that moves can be corrected", "targets")
     targets = _of_grid(loaded, grid) if grid is not None else _of_table(loaded, path or "")
     if twice := [name for name in at if name in targets.rows.columns]:
-        what = f"--at: the table has a column `{twice[0]}`"
-        raise UsageError(what, hint="give a circumstance in the table or with `--at`, not in both")
+        message = f"--at: the table has a column `{twice[0]}`"
+        raise UsageError(message, hint="give a circumstance in the table or with `--at`, not in both")
     columns = {**targets.rows.columns, **{name: np.full(len(targets), value) for name, value in at.items()}}
     at_reference, words = reference_conditions(loaded.model, columns)
     columns |= {name: np.full(len(targets), value) for name, value in at_reference.items()}
-    if settled := _settled(loaded, columns):
+    if time_note := _time_note(loaded, columns):
         columns["time"], at_reference["time"] = np.zeros(len(targets)), 0.0
     poses = targets.poses.copy()
     kept = [DIRECTIONS.index(c) for c in targets.held if c not in targets.coordinates]
@@ -71,11 +71,11 @@ def read_targets(loaded: LoadedMachine, path: str | None, grid: str | None, at: 
         poses=poses,
         rows=replace(targets.rows, columns=columns),
         covariates=tuple(dict.fromkeys([*targets.covariates, *at, *at_reference])),
-        notes=(*targets.notes, *filter(None, [words, settled]), *_idle(loaded, at)),
+        notes=(*targets.notes, *filter(None, [words, time_note]), *_idle(loaded, at)),
     )
 
 
-def _settled(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
+def _time_note(loaded: LoadedMachine, columns: Mapping[str, Array]) -> str:
     """What is to be said where parts lag behind temperatures that never change, and nobody gives the time."""
     lagging = any(p.name == "lag" for e in loaded.model.effects if e.sites for p in e.effect.parameters)
     felt = [column for name, column in columns.items() if name.partition(".")[0] == "T"]
@@ -97,7 +97,7 @@ def _of_grid(loaded: LoadedMachine, text: str) -> Targets:
     empty = np.full((len(points), len(loaded.model.actuators)), np.nan)
     return Targets(
         poses=points.poses(0, len(points)), held=points.held, coordinates=tuple(a.name for a in points.axes),
-        rows=Rows(empty, empty), place=lambda row: Place(None, row + 1, ""), tool=tool, covariates=(), forces=False,
+        rows=Rows(empty, empty), place=lambda row: RowOrigin(None, row + 1, ""), tool=tool, covariates=(), forces=False,
         grid=True, notes=(tool.text, *points.notes), inputs={},
     )  # fmt: skip
 
@@ -109,18 +109,21 @@ def _of_table(loaded: LoadedMachine, path: str) -> Targets:
         raise BadInput.single(f"more than {_MOST} targets", Location(measured.files[0]), "split the table", "targets")
     poses = np.full((len(measured), len(DIRECTIONS)), np.nan)
     poses[:, [DIRECTIONS.index(c) for c in measured.coordinates]] = measured.targets
-    given = tuple(DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0])
-    held = model.tool_motion.with_all(given)
+    coordinates = tuple(DIRECTIONS[k] for k in np.nonzero(~np.isnan(poses).all(axis=0))[0])
+    held = model.tool_motion.with_all(coordinates)
     if held is None:
-        what, hint = unusable_set(loaded, given)
-        raise BadInput.single(what, Location(measured.files[0], 1), hint.replace("`--grid`", "the others"), "targets")
-    kept = [name for name in held if name not in given]
+        message, hint = unusable_set(loaded, coordinates)
+        raise BadInput.single(
+            message, Location(measured.files[0], 1), hint.replace("`--grid`", "the others"), "targets"
+        )
+    kept = [name for name in held if name not in coordinates]
     forces = np.array(measured.forces, dtype=float)
     rows = with_covariates(Rows(np.full(forces.shape, np.nan), forces, partner=measured.partners), measured)
     sessions = ("session",) if "session" in measured.labels else ()
     forced = [a for a, d in enumerate(model.topology.drives) if d.force_controlled]
     return Targets(
-        poses=poses, held=held, coordinates=given, rows=rows, place=lambda row: place_of(measured, row), tool=tool,
-        covariates=(*measured.covariates, *sessions), forces=bool(np.isfinite(forces[:, forced]).any()), grid=False,
+        poses=poses, held=held, coordinates=coordinates, rows=rows, tool=tool,
+        place=lambda row: place_of(measured, row), covariates=(*measured.covariates, *sessions),
+        forces=bool(np.isfinite(forces[:, forced]).any()), grid=False,
         notes=(*measured.notes, tool.text, *([kept_note(kept)] if kept else [])), inputs=measured.inputs,
     )  # fmt: skip

@@ -17,8 +17,8 @@ def required_tool_point(loaded: LoadedMachine) -> ToolPoint:
     """The tool point. Raises BadInput where the machine has none."""
     tool = tool_point_of(loaded.machine)
     if tool is None:
-        what = "the machine has no tool point: it has neither `tool_point` nor a sensor of kind `tcp`"
-        raise BadInput.single(what, Location(loaded.model.name), REMEDY, "tool-point")
+        message = "the machine has no tool point: it has neither `tool_point` nor a sensor of kind `tcp`"
+        raise BadInput.single(message, Location(loaded.model.name), REMEDY, "tool-point")
     return tool
 
 
@@ -27,9 +27,9 @@ def tool_motion(loaded: LoadedMachine) -> ToolMotion:
     tool, motion = required_tool_point(loaded), loaded.model.tool_motion
     if motion.shown < motion.freedoms:
         freedoms = count(motion.freedoms, "degree")
-        what = f"the pose of tool point `{tool.name}` shows {motion.shown} of the mechanism's {freedoms} of freedom"
+        message = f"the pose of tool point `{tool.name}` shows {motion.shown} of the mechanism's {freedoms} of freedom"
         hint = "name another `tool_point`, or give a table of actuator positions instead of poses"
-        raise BadInput.single(what, Location(loaded.model.name), hint, "tool-point")
+        raise BadInput.single(message, Location(loaded.model.name), hint, "tool-point")
     return motion
 
 

@@ -97,8 +97,8 @@ def _numbers(machine: Machine, size: float) -> Iterator[_Number]:
 def _keys(path: Path, entity: Any, bands: dict[str, Band]) -> Iterator[_Number]:
     """Those keys of an entity that are given."""
     for key, band in bands.items():
-        given = getattr(entity, key, None)
-        for quantity in given if isinstance(given, tuple) else (given,):
+        value = getattr(entity, key, None)
+        for quantity in value if isinstance(value, tuple) else (value,):
             if isinstance(quantity, Quantity):
                 yield _Number(f"{key} of {path[-1]}", (*path, key), quantity, band)
 
@@ -114,18 +114,20 @@ def _written_at(machine: Machine, number: _Number) -> Path:
 
 
 def _warning(machine: Machine, number: _Number, path: Path, value: float) -> Fault:
-    return _told(machine, number.label, path, value, number.quantity.dimension, number.band)
+    return _doubt(machine, number.label, path, value, number.quantity.dimension, number.band)
 
 
-def _told(machine: Machine, label: str, path: Path, value: float, dimension: Dimension, band: Band) -> Fault:
+def _doubt(machine: Machine, label: str, path: Path, value: float, dimension: Dimension, band: Band) -> Fault:
     """The warning: the number, the unit that would make it usual, and what is usual."""
     unit = machine.file_units.unit(dimension)
     likely = unit_meant(value / unit.scale, unit, band, dimension)
-    what = f"{label} = {unit.format(value, 3)}"
-    what += f": did you mean {value / unit.scale:g} {likely}?" if likely else " is far outside the usual range"
-    usual = f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
-    hint = f"check the unit; usual: {usual}"
-    return machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
+    message = f"{label} = {unit.format(value, 3)}"
+    message += f": did you mean {value / unit.scale:g} {likely}?" if likely else " is far outside the usual range"
+    band_text = (
+        f"{unit.format(band[0], 3)} to {unit.format(band[1], 3)}" if band[0] else f"up to {unit.format(band[1], 3)}"
+    )
+    hint = f"check the unit; typical: {band_text}"
+    return machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 
 def _there(machine: Machine, path: Path) -> Path:
@@ -149,11 +151,11 @@ def _unlike(machine: Machine, reported: set[Path]) -> Iterator[Fault]:
             numbers = [n for name, m in members for n in _keys((kind, name), m, {key: (0.0, math.inf)})]
             stated = [number.quantity.number(values) for number in numbers]
             for number, value in zip(numbers, stated, strict=True) if len(stated) > 2 else ():
-                usual, path = sorted(stated)[len(stated) // 2], _written_at(machine, number)
-                if not usual / _LIKE <= value <= usual * _LIKE and path not in reported:
+                median, path = sorted(stated)[len(stated) // 2], _written_at(machine, number)
+                if not median / _LIKE <= value <= median * _LIKE and path not in reported:
                     reported.add(path)
-                    band = (usual / _LIKE, usual * _LIKE)
-                    yield _told(machine, number.label, path, value, number.quantity.dimension, band)
+                    band = (median / _LIKE, median * _LIKE)
+                    yield _doubt(machine, number.label, path, value, number.quantity.dimension, band)
 
 
 def _gravity(machine: Machine) -> Iterator[Fault]:
@@ -166,14 +168,14 @@ def _gravity(machine: Machine) -> Iterator[Fault]:
     least = 0.0 if machine.space == "planar" else _GRAVITY[0]
     unit = machine.file_units.unit(ACCELERATION)
     if not least <= size <= _GRAVITY[1]:
-        what = f"gravity is {unit.format(size, 3)}"
-        what += ": did you mean 9.81 m/s^2?" if size > 2 * _GRAVITY[1] else ", not that of the earth"
+        message = f"gravity is {unit.format(size, 3)}"
+        message += ": did you mean 9.81 m/s^2?" if size > 2 * _GRAVITY[1] else ", not that of the earth"
         hint = "bare numbers are in m/s^2; `gravity: [0, 0, -9.81]`"
-        yield machine.source.fault("magnitude", what, ("gravity",), hint, warning=True)
+        yield machine.source.fault("magnitude", message, ("gravity",), hint, warning=True)
     if pull[-1] > 0.5 * size:
-        what = f"gravity points along +{'y' if machine.space == 'planar' else 'z'}: weight acts upwards"
+        message = f"gravity points along +{'y' if machine.space == 'planar' else 'z'}: weight acts upwards"
         hint = "give a negative number where this axis points up; a machine that is drawn upside down may ignore this"
-        yield machine.source.fault("gravity-up", what, ("gravity",), hint, warning=True)
+        yield machine.source.fault("gravity-up", message, ("gravity",), hint, warning=True)
 
 
 def _ranges(machine: Machine, size: float) -> Iterator[Fault]:
@@ -186,7 +188,7 @@ def _ranges(machine: Machine, size: float) -> Iterator[Fault]:
             continue
         if (dimension, value) not in reported:
             reported.add((dimension, value))
-            yield _told(machine, f"range of {name}", ("parameters", name, "range"), value, dimension, band)
+            yield _doubt(machine, f"range of {name}", ("parameters", name, "range"), value, dimension, band)
 
 
 def _band_of_range(dimension: Dimension, size: float, nominal: float) -> Band | None:
@@ -203,25 +205,25 @@ def _angles(machine: Machine) -> Iterator[Fault]:
     """Angles of more than a turn in a file in radians; in one in degrees, multiples of 15 degrees in radians."""
     values, radians = machine.nominal_values(), machine.file_units.angle.scale == 1.0
     reported: set[str] = set()
-    for label, path, written in _turns(machine, values):
+    for label, path, written in _orientations(machine, values):
         number = abs(written / machine.file_units.angle.scale)
         steps = number / _ROUND[0]
         slipped = number > 2 * math.pi + 1e-9 if radians else steps > 0.9 and abs(steps - round(steps)) < _ROUND[1]
         if slipped and label not in reported:
             reported.add(label)
-            likely_unit, own = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
-            what = f"{label} = {number:g} {own}: did you mean {number:g} {likely_unit}?"
-            hint = f"bare angles are in {own}; write `{number:g} {likely_unit}`, if that is meant"
-            yield machine.source.fault("magnitude", what, _there(machine, path), hint, warning=True)
+            likely_unit, file_unit = ("deg", "rad") if radians else ("rad", machine.file_units.angle.text)
+            message = f"{label} = {number:g} {file_unit}: did you mean {number:g} {likely_unit}?"
+            hint = f"bare angles are in {file_unit}; write `{number:g} {likely_unit}`, if that is meant"
+            yield machine.source.fault("magnitude", message, _there(machine, path), hint, warning=True)
 
 
-def _turns(machine: Machine, values: dict[str, float]) -> Iterator[tuple[str, Path, float]]:
+def _orientations(machine: Machine, values: dict[str, float]) -> Iterator[tuple[str, Path, float]]:
     """Angles as drawn."""
     for name, parameter in machine.parameters.items():
         if parameter.dimension == ANGLE:
             yield f"nominal of {name}", ("parameters", name, "nominal"), parameter.nominal
     for kind in ("frames", "bodies"):
         for name, entity in getattr(machine, kind).items():
-            turn: Sequence[Quantity] = entity.turn
-            for quantity in turn:
+            orientation: Sequence[Quantity] = entity.turn
+            for quantity in orientation:
                 yield f"turn of {name}", (kind, name, "turn"), quantity.number(values)

@@ -13,7 +13,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.covariates import at_rest
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.nearby_poses import rows_before
-from pkmcal_cli.loading.poses import Place, Poses
+from pkmcal_cli.loading.poses import Poses, RowOrigin
 from pkmcal_cli.loading.tool_coordinates import kept_note, tool_motion
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
@@ -50,14 +50,14 @@ def workspace_poses(loaded: LoadedMachine, workspace: Workspace, count: int) -> 
     rows = at_rest(model, replace(Rows.at(readings), partner=rows_before(model, len(readings))))
     kept = [c for c in held if c not in spread] if spread else []
     notes = (kept_note(kept),) if kept else ()
-    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: Place(None, row + 1, "")), notes
+    return Poses(rows, np.ones(len(rows), dtype=bool), lambda row: RowOrigin(None, row + 1, "")), notes
 
 
 def out_of_workspace(loaded: LoadedMachine) -> BadInput:
     """No pose of the workspace can be reached."""
     hint = "correct its limits or their units; the reference configuration is a pose that the machine reaches"
-    what = "the machine reaches no pose of its workspace"
-    return BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
+    message = "the machine reaches no pose of its workspace"
+    return BadInput([loaded.machine.source.fault("workspace", message, ("workspace",), hint, at_key=True)])
 
 
 def _by_coordinates(
@@ -77,9 +77,9 @@ def _by_drives(loaded: LoadedMachine, workspace: Workspace, count: int) -> Itera
     placing = [a for a, d in enumerate(model.topology.drives) if not (d.redundant or d.force_controlled)]
     low, high = workspace.drives[placing].T
     if not np.isfinite(workspace.drives[placing]).all():
-        what = "the workspace limits neither coordinates of the tool point nor all drives that are not redundant"
+        message = "the workspace limits neither coordinates of the tool point nor all drives that are not redundant"
         hint = "add a `box` or a `cylinder`, or `limits` to the actuators"
-        raise BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
+        raise BadInput([loaded.machine.source.fault("workspace", message, ("workspace",), hint, at_key=True)])
     bare = tcp_model(model).with_options(())
     for share in _shares(len(placing), count):
         readings = np.tile(model.reference_readings, (len(share), 1))

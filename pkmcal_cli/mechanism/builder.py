@@ -89,10 +89,12 @@ class TopologyBuilder:
         )
         return len(self.rotations) - 1
 
-    def frame(self, name: str, turn: Sequence[Number], carrier: int = GROUND, reference: Array | None = None) -> int:
+    def frame(
+        self, name: str, rotation: Sequence[Number], carrier: int = GROUND, reference: Array | None = None
+    ) -> int:
         """A new rotation that coefficients turn against its carrier by a rotation vector (rad, the carrier's axes)."""
         kind, axis = self.rotations[carrier][:2]
-        coefficients = [self.coefficient(v, f"{name}.turn.{c}") for v, c in zip(turn, "xyz", strict=True)]
+        coefficients = [self.coefficient(v, f"{name}.turn.{c}") for v, c in zip(rotation, "xyz", strict=True)]
         made = self.rotation(kind, name, axis, reference, coefficients)
         self.carriers[made] = carrier
         return made

@@ -45,14 +45,14 @@ Ends = tuple[ConnectionPoint, ConnectionPoint]
 class Rail:
     """A guide: origin and frame rotation, unit vector along it at nominal in the frame's axes.
 
-    `tilted`: the rotation that carries this vector; `turn`: how far parameters turn it, rotation vector in base axes.
+    `tilted`: the rotation that carries this vector; `tilt`: how far parameters turn it, rotation vector in base axes.
     """
 
     origin: Point
     rotation: int
     along: Array
     tilted: int
-    turn: tuple[Number, Number, Number] | None
+    tilt: tuple[Number, Number, Number] | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,5 +28,5 @@ class Base:
     def felt(self, sensors: Collection[str]) -> Base:
         """What of it something stands on, or one of some sensors looks at."""
         places = [not by or not set(by).isdisjoint(sensors) for by in self.only_seen_by]
-        turns = [not by or not set(by).isdisjoint(sensors) for by in self.rotations_only_seen_by]
-        return Base(places=self.places[places], rotations=self.rotations[turns])
+        rotating = [not by or not set(by).isdisjoint(sensors) for by in self.rotations_only_seen_by]
+        return Base(places=self.places[places], rotations=self.rotations[rotating])

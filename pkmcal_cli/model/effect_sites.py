@@ -188,10 +188,12 @@ def places(
         return dict.fromkeys(sessions if everywhere else (), everywhere)
     if effect.places == "all":
         return {ALL: everywhere} if everywhere else {}
-    of_sessions = {in_session(at, s): own for at, own in named.items() for s in sessions} if effect.by_session else {}
+    of_sessions = (
+        {in_session(at, s): members for at, members in named.items() for s in sessions} if effect.by_session else {}
+    )
     if effect.common and len(named) > 1:
         alike = {g: tuple(s for m in members for s in named[m]) for g, members in _some(named, groups or {}).items()}
-        named |= {ALL: everywhere} | {g: own for g, own in alike.items() if g not in named}
+        named |= {ALL: everywhere} | {g: members for g, members in alike.items() if g not in named}
     return named | of_sessions
 
 

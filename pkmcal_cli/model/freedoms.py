@@ -96,7 +96,7 @@ class Freedoms:
     coordinates: tuple[str, ...]  # (f,)
     gains: Index  # (D,) coefficients of their gains
     size: Array  # (D,) size of the machine, or 1 rad
-    turn: Array  # (D,) 2 pi where a whole turn changes nothing, else infinite
+    period: Array  # (D,) 2 pi where a whole turn changes nothing, else infinite
     home: Array  # (f,) the TCP's coordinates in the reference configuration, in sizes or rad
     commanded: Index  # (D,) coefficients of the drives' commanded positions
     reference: Array  # (D,) these in the reference configuration
@@ -122,7 +122,7 @@ class Freedoms:
         values, slopes = released_readings(self.system, coefficients, state, numbers, self.drives, self.gains)
         per_size = coefficients[:, self.gains] / self.size  # commanded positions are the zeros of these readings
         misfit = values * per_size
-        misfit -= np.where(np.isfinite(self.turn), self.turn, 0.0) * np.round(misfit / self.turn)
+        misfit -= np.where(np.isfinite(self.period), self.period, 0.0) * np.round(misfit / self.period)
         return misfit, slopes * per_size[:, :, None]
 
     def expected_misfit(self, coefficients: Array, state: State, by_parameter: Array, sigma: Array) -> float:

@@ -46,14 +46,14 @@ class Placed:
         out = np.zeros((len(self.state), 3))
         numbers = self.topology.offset_vectors.offset_coefficients
         for rotation, sign, offset in point.offsets:
-            out += sign * np.einsum("nij,nj->ni", self._turn(rotation), self.coefficients[:, numbers[offset]])
+            out += sign * np.einsum("nij,nj->ni", self._rotation(rotation), self.coefficients[:, numbers[offset]])
         for rotation, travel, axis in point.translations:
-            out += self.state.translation[:, travel, None] * (self._turn(rotation) @ np.array(axis))
+            out += self.state.translation[:, travel, None] * (self._rotation(rotation) @ np.array(axis))
         return out
 
     def direction(self, rotation: int, vector: Array) -> Array:
         """A vector (3,) that a rotation carries, (N, 3)."""
-        return np.asarray(self._turn(rotation) @ vector)
+        return np.asarray(self._rotation(rotation) @ vector)
 
     def course(self, piece: Piece) -> Array:
         """Points (N, K, 3) along an element: its ends, or the cubic curve between them where it bends."""
@@ -68,5 +68,5 @@ class Placed:
         by_ends = (1 + 2 * s) * (1 - s) ** 2 * a + s**2 * (3 - 2 * s) * b
         return np.asarray(by_ends + s * (1 - s) ** 2 * start - s**2 * (1 - s) * end)
 
-    def _turn(self, rotation: int) -> Array:
+    def _rotation(self, rotation: int) -> Array:
         return np.asarray(self.state.rotation[:, rotation])

@@ -230,15 +230,17 @@ class Model:
     @cached_property
     def freedoms(self) -> Freedoms:
         """The mechanism with its drives released, a point held at its independent coordinates."""
-        topology, posed, own = self.topology, self.posed, self.held_points.completing(self.posed) or ()
-        names, groups = self.held_points.motion(posed, own).sets[0], [topology.aims[g] for g in posed.aims]
+        topology, posed, completing = self.topology, self.posed, self.held_points.completing(self.posed) or ()
+        names, groups = self.held_points.motion(posed, completing).sets[0], [topology.aims[g] for g in posed.aims]
         held = {name: group.rest.start + k for group in groups for k, name in enumerate(group.element.strains)}
-        drives = np.array([a for a, d in enumerate(topology.drives) if not (d.force_controlled or a in own)], dtype=int)
+        drives = np.array(
+            [a for a, d in enumerate(topology.drives) if not (d.force_controlled or a in completing)], dtype=int
+        )
         commanded = np.array([topology.drives[a].coefficient for a in drives], dtype=np.intp)
         unit = np.array([self.length if name in ("x", "y", "z") else 1.0 for name in names])
         lengths = [topology.moves_length(topology.drives[a]) for a in drives]
         return Freedoms(
-            system=self.held_points.system(posed, names, own),
+            system=self.held_points.system(posed, names, completing),
             length=self.length,
             held=np.array([held[name] for name in names], dtype=np.intp),
             unit=unit,
@@ -246,7 +248,7 @@ class Model:
             coordinates=names,
             gains=np.array([self.actuators[a].gain_coefficient for a in drives], dtype=np.intp),
             size=np.where(lengths, self.length, 1.0),
-            turn=np.where(lengths, np.inf, 2 * np.pi),
+            period=np.where(lengths, np.inf, 2 * np.pi),
             home=posed.reference[[DIRECTIONS.index(n) for n in names]] / unit,
             commanded=commanded,
             reference=self.reference_coefficients[0, commanded],

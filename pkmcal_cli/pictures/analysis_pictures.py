@@ -39,19 +39,19 @@ def sensitivity_picture(
     return composed("sensitivity", titles, alt, parts)
 
 
-def _sizes_part(result: Sensitivity, model: Model, kind: str, dimension: str, what: str) -> Part:
+def _sizes_part(result: Sensitivity, model: Model, kind: str, dimension: str, quantity: str) -> Part:
     shifts = {p.name: float(getattr(p, kind)) for p in result.parameters}
     unit = shown_unit(dimension, max((ranked(s) for s in shifts.values()), default=0.0))
     dots = []
     for p in sorted(result.parameters, key=lambda p: -ranked(shifts[p.name])):
         seen = ranked(shifts[p.name]) > 0
-        own = parameter_unit(model, p.name)
+        file_unit = parameter_unit(model, p.name)
         dots.append(Dot(name=p.name, value=shifts[p.name] / unit.scale if seen else math.nan,
-                        text=f"by {handy(p.size, own)}" if seen else "no influence"))  # fmt: skip
+                        text=f"by {handy(p.size, file_unit)}" if seen else "no influence"))  # fmt: skip
     known = [d.value for d in dots if math.isfinite(d.value)]
     wide = bool(known) and max(known) > 30 * min(known)
     note = " (logarithmic)" if wide else ""
-    return dot_part(dots, Scale(label=f"{what} [{unit.text}]{note}", logarithmic=wide, line=None if wide else 0.0))
+    return dot_part(dots, Scale(label=f"{quantity} [{unit.text}]{note}", logarithmic=wide, line=None if wide else 0.0))
 
 
 def _along_part(result: Sensitivity, model: Model, coordinate: str) -> Part:
@@ -90,7 +90,7 @@ def observability_picture(result: Observability, model: Model, titles: Titles) -
 
 
 @dataclass(frozen=True)
-class PlanPlaces:
+class PlannedPositions:
     """Positions (N, K), m, of planned points and of those that are added, in coordinates of the tool point."""
 
     planned: Array
@@ -98,7 +98,7 @@ class PlanPlaces:
     names: tuple[str, ...]
 
 
-def plan_picture(plan: Plan | None, titles: Titles, length: Unit, places: PlanPlaces | None) -> Picture:
+def plan_picture(plan: Plan | None, titles: Titles, length: Unit, places: PlannedPositions | None) -> Picture:
     """Where the points are; what they detect, by the smallest size as a share of what is plausible."""
     parts, sentences = [], []
     if places is not None and len(places.planned) + len(places.added) and planes(places.names):

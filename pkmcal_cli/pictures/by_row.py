@@ -30,22 +30,22 @@ class Panel:
     noise: Array = field(default_factory=lambda: np.zeros(0))
 
 
-def by_row(title: str, what: str, panels: Sequence[Panel]) -> Picture:
+def by_row(title: str, quantity: str, panels: Sequence[Panel]) -> Picture:
     """Panels one below the other; what: the quantity in words."""
     shown = tuple(panels[:_MOST])
     names = ", ".join(p.name for p in shown) or "nothing"
     more = f" (first {_MOST} of {len(panels)} channels)" if len(panels) > _MOST else ""
     size = (_WIDTH, _HEIGHT * max(len(shown), 1) + 0.6)
-    alt = f"{what} by row: {names}{more}"
-    return Picture("rows", title + more, alt, size, partial(_draw, title=title + more, what=what, panels=shown))
+    alt = f"{quantity} by row: {names}{more}"
+    return Picture("rows", title + more, alt, size, partial(_draw, title=title + more, quantity=quantity, panels=shown))
 
 
-def _draw(figure: Figure, title: str, what: str, panels: Sequence[Panel]) -> None:
+def _draw(figure: Figure, title: str, quantity: str, panels: Sequence[Panel]) -> None:
     figure.suptitle(title, fontsize=10)
     if not panels:
         figure.text(0.5, 0.5, "nothing to show", ha="center")
         return
-    figure.supylabel(what, fontsize=9)
+    figure.supylabel(quantity, fontsize=9)
     axes = np.atleast_1d(np.asarray(figure.subplots(len(panels), 1, sharex=True)))
     for ax, panel in zip(axes, panels, strict=True):
         if len(panel.noise):

@@ -11,7 +11,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.correction.assessment import Assessment
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.pictures.error_map import Places, errors_in_words, map_part
+from pkmcal_cli.pictures.error_map import PlaneErrors, errors_in_words, map_part
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
 from pkmcal_cli.pictures.picture import LOOKS, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles
@@ -29,7 +29,7 @@ class _Moved:
 
     name: str
     by: Array
-    turns: bool
+    angular: bool
 
 
 def correction_picture(
@@ -41,15 +41,15 @@ def correction_picture(
     places = _places(result, held)
     parts = [map_part(p, length) for p in places]
     moved = _moved(model, result)
-    for turns in (False, True):
-        alike = [m for m in moved if m.turns == turns]
+    for angular in (False, True):
+        alike = [m for m in moved if m.angular == angular]
         parts += [_moved_part(alike[k : k + len(LOOKS)]) for k in range(0, len(alike), len(LOOKS))]
     count = len(result.correction.good)
     errors = errors_in_words(places) + " " if places else ""
     return composed("correction", titles, f"{errors}Changes of set values of {count} targets.", parts)
 
 
-def _places(result: Assessment, held: Sequence[str]) -> list[Places]:
+def _places(result: Assessment, held: Sequence[str]) -> list[PlaneErrors]:
     """Targets and errors of the tool point, plane by plane; none where fewer than two coordinates are held."""
     made, good = result.correction, result.correction.good
     columns = [k for k, name in enumerate(held) if not name.startswith("r")]
@@ -65,7 +65,7 @@ def _places(result: Assessment, held: Sequence[str]) -> list[Places]:
     out = []
     for pair in pairs:
         errors = tuple((n, e[known][:, list(pair)]) for n, e in stages)
-        out.append(Places("".join(names[k] for k in pair), targets[known][:, list(pair)], errors, np.nan))
+        out.append(PlaneErrors("".join(names[k] for k in pair), targets[known][:, list(pair)], errors, np.nan))
     return out
 
 
@@ -80,7 +80,7 @@ def _moved(model: Model, result: Assessment) -> list[_Moved]:
 
 def _moved_part(moved: Sequence[_Moved]) -> Part:
     largest = max(float(np.nanmax(np.abs(m.by))) for m in moved)
-    unit = shown_unit("angle" if moved[0].turns else "length", largest)
+    unit = shown_unit("angle" if moved[0].angular else "length", largest)
 
     def draw(figure: SubFigure) -> None:
         from matplotlib.ticker import MaxNLocator

@@ -12,7 +12,7 @@ from pkmcal_cli.base.outputs import check_target, make_folder
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals, waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
-from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
+from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text, three_digits
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
@@ -75,7 +75,7 @@ def diagnosis_picture(diagnosis: Diagnosis, titles: Titles, units: FileUnits) ->
     return composed("diagnosis", titles, " ".join(words), parts)
 
 
-def diagnosed_places(diagnosis: Diagnosis) -> list[Places]:
+def diagnosed_places(diagnosis: Diagnosis) -> list[PlaneErrors]:
     """Positions and errors, calibrated and with the effects found; none without positions."""
     stages = [(_CALIBRATED, diagnosis.before.after.residual)]
     if diagnosis.findings or diagnosis.shapes:
@@ -97,14 +97,14 @@ def is_circle(at: Array) -> bool:
 
 
 # --- circular run ----------------------------------------------------------------------------
-def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> Picture:
+def circle_picture(places: PlaneErrors, titles: Titles, length: Unit, name: str) -> Picture:
     """Radial errors of a circular run, by stage, magnified."""
     middle = 0.5 * (places.at.min(axis=0) + places.at.max(axis=0))
     ray = places.at - middle
     radius = np.linalg.norm(ray, axis=1)
     radial = [(n, (errors * ray).sum(axis=1) / radius) for n, errors in places.stages]
     labels = [f"{n} {size_text(float(np.sqrt((r**2).mean())))} rms" for n, r in radial]
-    what = f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}"
+    caption = f"radial error, radius {radius.mean() / length.scale:.4g} {length.text}"
 
     def draw(figure: Figure) -> None:
         titles.write(figure)
@@ -117,10 +117,10 @@ def circle_picture(places: Places, titles: Titles, length: Unit, name: str) -> P
         ax.set_yticks([2 * largest, 3 * largest, 4 * largest])
         ax.set_yticklabels([f"-{size_text(largest)}", "0", f"+{size_text(largest)}"], fontsize=7)
         ax.set_rlabel_position(11)
-        figure.text(0.5, 1 - 0.62 / size[1], what, ha="center", va="top", size=9)
+        figure.text(0.5, 1 - 0.62 / size[1], caption, ha="center", va="top", size=9)
         figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
 
-    return Picture(name, f"{titles.machine}: {titles.what}", f"{what}: {', '.join(labels)}.", (6.0, 6.4), draw)
+    return Picture(name, f"{titles.machine}: {titles.subject}", f"{caption}: {', '.join(labels)}.", (6.0, 6.4), draw)
 
 
 # --- effects ---------------------------------------------------------------------------------
@@ -233,6 +233,6 @@ def rivals_part(diagnosis: Diagnosis) -> Part:
                         bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
         ax.set_yticks(range(len(rivals)), [plain(near.name) for near in rivals])
         ax.grid(axis="y", visible=False)
-        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not told apart)")
+        ax.set_xlabel("effect found, and the one most similar to it: cosine between them (grey: not distinguishable)")
 
     return Part(0.75 + 0.3 * max(len(rivals), 1), draw)

@@ -33,7 +33,7 @@ _NOTHING = 1e-12  # m: rounding
 
 
 @dataclass(frozen=True)
-class Places:
+class PlaneErrors:
     """Positions (N, 2) and their errors by stage (N, 2), SI, in a plane; sigma: of a coordinate, nan where unknown."""
 
     plane: str
@@ -50,7 +50,7 @@ class _Panel:
     colour: str
 
 
-def places_of(problem: Problem, stages: Sequence[tuple[str, Array]]) -> list[Places]:
+def places_of(problem: Problem, stages: Sequence[tuple[str, Array]]) -> list[PlaneErrors]:
     """Positions and errors of the first point that is measured, plane by plane; none without positions.
 
     stages: names and residuals (N, C), measured minus predicted.
@@ -66,9 +66,9 @@ def places_of(problem: Problem, stages: Sequence[tuple[str, Array]]) -> list[Pla
     pairs = [(0, 1)] if len(channels) == 2 else [(0, 1), (0, 2)]
     out = []
     for pair in pairs:
-        own = [channels[k] for k in pair]
-        errors = tuple((n, r[whole][:, own]) for n, r in stages)
-        out.append(Places("".join(letters[k] for k in pair), at[:, list(pair)], errors, sigma))
+        pair_columns = [channels[k] for k in pair]
+        errors = tuple((n, r[whole][:, pair_columns]) for n, r in stages)
+        out.append(PlaneErrors("".join(letters[k] for k in pair), at[:, list(pair)], errors, sigma))
     return out
 
 
@@ -79,18 +79,18 @@ def position_channels(problem: Problem) -> list[int]:
     return [k for k in every if problem.model.channels[k].index == first]
 
 
-def error_map(places: Sequence[Places], titles: Titles, length: Unit, name: str = "errors") -> Picture:
+def error_map(places: Sequence[PlaneErrors], titles: Titles, length: Unit, name: str = "errors") -> Picture:
     """All planes in one picture; `length`: unit of the axes."""
     return composed(name, titles, errors_in_words(places), [map_part(p, length) for p in places])
 
 
-def errors_in_words(places: Sequence[Places]) -> str:
+def errors_in_words(places: Sequence[PlaneErrors]) -> str:
     """What the arrows say."""
     by_plane = [f"{p.plane}: " + ", ".join(f"{n} {size_text(_rms(e))} rms" for n, e in p.stages) for p in places]
     return "Errors of positions as arrows. " + "; ".join(by_plane) + "."
 
 
-def map_part(places: Places, length: Unit) -> Part:
+def map_part(places: PlaneErrors, length: Unit) -> Part:
     """One plane as a part of a picture: a panel for each stage."""
     panels, factor = _panels(places), _factor(places)
     ends = [places.at, *(places.at + factor * p.magnified * p.errors for p in panels)]
@@ -127,7 +127,7 @@ def map_part(places: Places, length: Unit) -> Part:
     return Part(total, draw)
 
 
-def _panels(places: Places) -> list[_Panel]:
+def _panels(places: PlaneErrors) -> list[_Panel]:
     """A panel for each stage, and the last one magnified where it is much smaller than the first."""
     colours = [BEFORE] + [AFTER] * (len(places.stages) - 1) if len(places.stages) > 1 else [AFTER]
     out = [_Panel(n, e, 1.0, c) for (n, e), c in zip(places.stages, colours, strict=True)]
@@ -142,7 +142,7 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt((errors**2).sum(axis=1).mean()))
 
 
-def _factor(places: Places) -> float:
+def _factor(places: PlaneErrors) -> float:
     """How much larger errors are drawn than positions, at the scale of the first stage."""
     region = _region(places.at)
     largest = max(places.stages, key=lambda stage: _rms(stage[1]))[1]
@@ -166,7 +166,7 @@ def _limits(places: Array, region: float) -> Array:
     return np.array([low - lacking, high + lacking])
 
 
-def _key(ax: Axes, panel: _Panel, places: Places, inches: float, width: float) -> None:
+def _key(ax: Axes, panel: _Panel, places: PlaneErrors, inches: float, width: float) -> None:
     """Above a panel: what it shows, the scale arrow and the circle of noise; `inches` per metre of error."""
     from matplotlib.patches import Circle
 

@@ -30,7 +30,7 @@ _SLIGHT = 1e-6  # of the largest force: no force
 _FACES = {"ground": "#d9d9d9", "body": "#cfe0ee"}
 
 
-def usual_scale(shape: MachineShape) -> float:
+def default_scale(shape: MachineShape) -> float:
     """A round factor by which the largest displacement is seen well; 1 where it is large, or where there is none."""
     _, size = shape.largest
     if not size:
@@ -49,7 +49,7 @@ def machine_picture(
 
     forces: members in the colour and width of their axial force, and numbers at members and drives.
     """
-    factor = usual_scale(shape) if scale is None else scale
+    factor = default_scale(shape) if scale is None else scale
     shown = shape.reference.towards(shape.actual, factor)
     size, views = panes(np.vstack([shape.reference.corners, shown.corners]), shape.planar)
     point, largest = shape.largest

@@ -191,9 +191,9 @@ def _tensions(model: Model, solution: Solution, machine: Machine[Quantity, float
     known, wound = members(machine), [a for a in machine.actuators.values() if a.winds is not None]
     cables = {a.target: {rope: weight.number({}) for rope, weight in (a.winds or {}).items()} for a in wound}
     for name, force in _elongations(model, balanced.stresses):
-        own = name.partition(".")[0]
-        if own in known and abs(force) >= abs(out.get(own, 0.0)):
-            out[own] = force
+        member = name.partition(".")[0]
+        if member in known and abs(force) >= abs(out.get(member, 0.0)):
+            out[member] = force
         for rope, weight in cables.get(name, {}).items():
             out[rope] = weight * force
     return out

@@ -44,12 +44,12 @@ def composed(name: str, titles: Titles, alt: str, parts: Sequence[Part]) -> Pict
         for part, pane in zip(parts, panes[1:], strict=True):
             part.draw(pane)
 
-    return Picture(name, f"{titles.machine}: {titles.what}", alt, size, draw)
+    return Picture(name, f"{titles.machine}: {titles.subject}", alt, size, draw)
 
 
-def shown_unit(dimension: str, size: float, usual: Unit | None = None) -> Unit:
-    """The unit in which values of a size (SI) have up to four figures before the point; `usual`: where to begin."""
-    unit = usual or parse_unit({"length": "um", "angle": "urad", "force": "N", "torque": "N m"}.get(dimension, "1"))
+def shown_unit(dimension: str, size: float, default: Unit | None = None) -> Unit:
+    """The unit in which values of a size (SI) have up to four figures before the point; `default`: where to begin."""
+    unit = default or parse_unit({"length": "um", "angle": "urad", "force": "N", "torque": "N m"}.get(dimension, "1"))
     while size >= 3000 * unit.scale and unit.text in _COARSER:
         unit = parse_unit(_COARSER[unit.text])
     while 0 < size < 0.3 * unit.scale and unit.text in _FINER:

@@ -71,12 +71,12 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     def draw(figure: SubFigure) -> None:
         axes = np.ravel(figure.subplots(*_shape(len(drives)), sharey=True, squeeze=False))
         for k, (ax, a) in enumerate(zip(axes, drives, strict=False)):
-            own = parse_unit(readings[a].unit)
-            x = drive_readings(problem)[:, a] / own.scale
+            drive_unit = parse_unit(readings[a].unit)
+            x = drive_readings(problem)[:, a] / drive_unit.scale
             for values, colour, marker, label in ((before, BEFORE, "o", "before"), (after, AFTER, "s", "calibrated")):
                 dots(ax, x, values[:, k] / unit.scale, colour, marker, label)
             ax.axhline(0, color=NOISE, lw=0.8)
-            ax.set_xlabel(f"{readings[a].name} [{own.text}]")
+            ax.set_xlabel(f"{readings[a].name} [{drive_unit.text}]")
             if k % _COLUMNS == 0:
                 ax.set_ylabel(f"length, measured - predicted [{unit.text}]", fontsize=8)
         _finish(figure, axes, len(drives))
@@ -84,7 +84,7 @@ def _length_part(problem: Problem, fit: Fit, after: Array) -> Part:
     return Part(_height(len(drives)), draw)
 
 
-def _by_drive(problem: Problem, what: str, series: Sequence[_Series], dimension: str) -> Part:
+def _by_drive(problem: Problem, quantity: str, series: Sequence[_Series], dimension: str) -> Part:
     """Panels of one kind, one for each drive."""
     unit = shown_unit(dimension, _typical([s.values for s in series]))
     drives = list(range(len(problem.model.actuators)))
@@ -93,16 +93,16 @@ def _by_drive(problem: Problem, what: str, series: Sequence[_Series], dimension:
     def draw(figure: SubFigure) -> None:
         axes = np.ravel(figure.subplots(*_shape(len(drives)), sharey=True, squeeze=False))
         for k, (ax, a) in enumerate(zip(axes, drives, strict=False)):
-            own = parse_unit(problem.model.actuators[a].unit)
-            x = drive_readings(problem)[:, a] / own.scale
+            drive_unit = parse_unit(problem.model.actuators[a].unit)
+            x = drive_readings(problem)[:, a] / drive_unit.scale
             for (colour, marker), one in zip(LOOKS, series, strict=False):
                 dots(ax, x[rows], one.values[rows] / unit.scale, colour, marker, plain(one.name))
             for one in series[len(LOOKS) :]:
                 dots(ax, x[rows], one.values[rows] / unit.scale, NOISE, ".")
             ax.axhline(0, color=NOISE, lw=0.8)
-            ax.set_xlabel(f"{problem.model.actuators[a].name} [{own.text}]")
+            ax.set_xlabel(f"{problem.model.actuators[a].name} [{drive_unit.text}]")
             if k % _COLUMNS == 0:
-                ax.set_ylabel(f"{what} [{unit.text}]")
+                ax.set_ylabel(f"{quantity} [{unit.text}]")
         _finish(figure, axes, len(drives))
 
     return Part(_height(len(drives)), draw)

@@ -90,20 +90,20 @@ def _others(result: Simulated) -> list[_Series]:
     return out
 
 
-def _over_rows(what: str, series: Sequence[_Series]) -> list[Part]:
+def _over_rows(quantity: str, series: Sequence[_Series]) -> list[Part]:
     """Panels over the rows, one for each unit, of a few series each."""
     out = []
     for unit in dict.fromkeys(s.unit for s in series):
         alike = [s for s in series if s.unit == unit and np.isfinite(s.values).any()]
         for first in range(0, len(alike), _PER_PANEL):
-            out.append(_panel(what, alike[first : first + _PER_PANEL], unit))
+            out.append(_panel(quantity, alike[first : first + _PER_PANEL], unit))
     return out
 
 
-def _panel(what: str, series: Sequence[_Series], unit: str) -> Part:
-    own = parse_unit(unit)
+def _panel(quantity: str, series: Sequence[_Series], unit: str) -> Part:
+    file_unit = parse_unit(unit)
     largest = max(float(np.nanmax(np.abs(s.values))) for s in series)
-    shown = shown_unit(series[0].dimension, largest, own) if own.text in ("N", "kN", "N m") else own
+    shown = shown_unit(series[0].dimension, largest, file_unit) if file_unit.text in ("N", "kN", "N m") else file_unit
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()
@@ -111,7 +111,7 @@ def _panel(what: str, series: Sequence[_Series], unit: str) -> Part:
             rows = thinned(len(one.values), _SHOWN)
             dots(ax, rows + 1, (one.values[rows] - shown.offset) / shown.scale, colour, marker, plain(one.name))
         ax.set_xlabel("row")
-        ax.set_ylabel(f"{what} [{shown.text}]")
+        ax.set_ylabel(f"{quantity} [{shown.text}]")
         ax.margins(0.04, 0.1)
         from matplotlib.ticker import MaxNLocator
 

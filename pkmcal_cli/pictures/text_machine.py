@@ -95,8 +95,8 @@ class _Page:
         row, column = self.cell(place)
         name = name[: _COLUMNS - 2]
         best: tuple[int, int, int] | None = None
-        for down, aside in _BESIDE:
-            first = column + aside - (0 if aside > 0 else len(name) - 1 if aside < 0 else len(name) // 2)
+        for down, across in _BESIDE:
+            first = column + across - (0 if across > 0 else len(name) - 1 if across < 0 else len(name) // 2)
             r, c = row + down, int(np.clip(first, 0, _COLUMNS - len(name)))
             if not 0 <= r < len(self.cells) or self.kept[r, max(c - 1, 0) : c + len(name) + 1].any():
                 continue

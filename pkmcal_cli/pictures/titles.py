@@ -22,13 +22,13 @@ class Titles:
     """Two lines: what is shown of which machine; from which files, of which date. All names as they can be drawn."""
 
     machine: str
-    what: str
+    subject: str
     source: str
 
     def write(self, figure: Figure) -> None:
         """At the top of a figure whose parts are placed by hand."""
         height = figure.get_size_inches()[1]
-        first = f"{self.machine}: {self.what}" if self.what else self.machine
+        first = f"{self.machine}: {self.subject}" if self.subject else self.machine
         _line(figure, 1 - 0.12 / height, first, size=10, weight="bold")
         _line(figure, 1 - 0.34 / height, self.source, size=8, color="0.3")
 
@@ -45,11 +45,11 @@ def _line(figure: Figure, y: float, text: str, **style: Any) -> None:
         line.set_text(text)
 
 
-def titles(machine: str, what: str, files: Sequence[str]) -> Titles:
+def titles(machine: str, subject: str, files: Sequence[str]) -> Titles:
     """Titles of a picture of a machine file and of measured files, of which the last one's date is told."""
     names = ", ".join(dict.fromkeys(plain(_name(f)) for f in files))
     date = _date(files[-1] if files else None)
-    return Titles(plain(_name(machine)), plain(what), f"{names}, {date}" if names else date)
+    return Titles(plain(_name(machine)), plain(subject), f"{names}, {date}" if names else date)
 
 
 def _name(file: str) -> str:

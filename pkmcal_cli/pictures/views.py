@@ -84,9 +84,9 @@ def hull(places: Array) -> Sequence[int]:
     """Numbers of the corners of the convex hull of places (K, 2), in order (Andrew 1979)."""
     order = sorted(range(len(places)), key=lambda k: (float(places[k, 0]), float(places[k, 1])))
     out: list[int] = []
-    for turn in (order, order[::-1]):
+    for sequence in (order, order[::-1]):
         part: list[int] = []
-        for k in turn:
+        for k in sequence:
             while len(part) > 1 and _area(places[part[-2]], places[part[-1]], places[k]) <= 0:
                 part.pop()
             part.append(k)

@@ -79,6 +79,6 @@ def _nearest(freedoms: Freedoms, coefficients: Array, starts: ClosedPoses) -> ND
     """Numbers (n, K) of the starts, those first at which the drives are nearest to their commanded positions."""
     asked = (coefficients[:, freedoms.commanded] - freedoms.reference) / freedoms.size  # (n, D)
     away = starts.misfit - asked[:, None]  # (n, K, D)
-    away -= np.where(np.isfinite(freedoms.turn), freedoms.turn, 0.0) * np.round(away / freedoms.turn)
+    away -= np.where(np.isfinite(freedoms.period), freedoms.period, 0.0) * np.round(away / freedoms.period)
     far = (away**2).sum(axis=2)
     return np.argsort(np.where(starts.closed, far, np.inf), axis=1, kind="stable")

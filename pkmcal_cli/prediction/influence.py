@@ -51,8 +51,8 @@ def _coefficient_influence(model: Model) -> Array:
     felt = (change > 0) | (np.abs(readings.coefficients).max(axis=(0, 1), initial=0.0) > 0)
     felt[gains] = True  # a gain scales its drive's commands
     for sensor in model.sensors:
-        for given_ in sensor.known.values():
-            felt[given_.coefficients[given_.coefficients >= 0]] = True
+        for known in sensor.known.values():
+            felt[known.coefficients[known.coefficients >= 0]] = True
     return np.asarray(felt)
 
 

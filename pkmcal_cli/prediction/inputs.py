@@ -83,9 +83,9 @@ class SiteInputs(AtSite):
     @property
     def over(self) -> tuple[float, float]:
         """Travel on which shapes are spread: as declared, the limits, or that of the table, m or rad."""
-        given = self.placed.options.get("over")
-        if given is not None:
-            return given[0], given[1]
+        over = self.placed.options.get("over")
+        if over is not None:
+            return over[0], over[1]
         drives = sorted({s.actuator for s in self.placed.sites if s.part == self.site.part})
         ends: list[float] = []
         for a in drives:
@@ -126,9 +126,9 @@ class SiteInputs(AtSite):
     @property
     def during(self) -> tuple[float, float]:
         """Time on which shapes are spread: as declared, or that of the table, s."""
-        given = self.placed.options.get("during")
-        if given is not None:
-            return given[0], given[1]
+        during = self.placed.options.get("during")
+        if during is not None:
+            return during[0], during[1]
         first, last = float(self.time.min()), float(self.time.max())
         return (first, last) if last > first else (first - 0.5, first + 0.5)
 
@@ -157,9 +157,9 @@ class SiteInputs(AtSite):
 
     def option(self, name: str) -> float:
         """A constant of the effect."""
-        given = self.placed.options.get(name)
-        if given is not None:
-            return given[0]
+        stated = self.placed.options.get(name)
+        if stated is not None:
+            return stated[0]
         value = self.site.period if name == "period" else _DEFAULTS[name]
         if np.isnan(value):
             hint = f"give `{name}` here, or `period` of actuator `{self.site.part}`"
@@ -171,10 +171,10 @@ class SiteInputs(AtSite):
     def _column(self, *names: str) -> Array:
         column = next((self.table.columns[name] for name in names if name in self.table.columns), None)
         if column is None or np.isnan(column).any():
-            what = f"effect `{self.placed.name}` needs the column {' or '.join(f'`{n}`' for n in names)}"
-            what += "" if column is None else " in every row"
+            message = f"effect `{self.placed.name}` needs the column {' or '.join(f'`{n}`' for n in names)}"
+            message += "" if column is None else " in every row"
             hint = "log it with the measurement, or delete the effect from the machine file"
-            raise BadInput.single(what, Location(self.model.name), hint, "csv-missing")
+            raise BadInput.single(message, Location(self.model.name), hint, "csv-missing")
         return np.asarray(column)
 
 
@@ -211,9 +211,9 @@ def fixed_options(model: Model, placed: PlacedEffect, rows: Rows) -> dict[str, t
     inputs = SiteInputs(placed.sites[0], model, rows, placed, None)
     for option in placed.effect.options:
         unit = option.rotary if option.rotary is not None and placed.sites[0].kind == "rotary" else option.unit
-        given = placed.options.get(option.name)
-        if given is not None:
-            out[option.name] = (given, unit)
+        stated = placed.options.get(option.name)
+        if stated is not None:
+            out[option.name] = (stated, unit)
         elif option.name == "over":
             out[option.name] = (inputs.over, unit)
         elif option.name == "during":

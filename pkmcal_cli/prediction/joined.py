@@ -41,12 +41,12 @@ def join_rows(model: Model, prediction: Prediction, partner: NDArray[np.intp]) -
         values[rows[:, None], sensor.channels] = read(sensor.kind, seen)[:, sensor.outputs]
         if jacobian is not None or by_drive is not None:
             slopes = derivatives(sensor.kind, seen, list(sensor.known))
-            own = np.concatenate([slopes[s] if s != _OTHERS else 0 * slopes[s] for s in sensor.known], axis=2)
-            own, of_partner = own[:, sensor.outputs], slopes[_OTHERS][:, sensor.outputs]
+            own_slopes = np.concatenate([slopes[s] if s != _OTHERS else 0 * slopes[s] for s in sensor.known], axis=2)
+            own_slopes, of_partner = own_slopes[:, sensor.outputs], slopes[_OTHERS][:, sensor.outputs]
             for full, out in ((prediction.jacobian, jacobian), (prediction.by_drive, by_drive)):
                 if full is not None and out is not None:
                     out[:, sensor.channels] = 0.0
-                    out[rows[:, None], sensor.channels] = own @ full[rows][:, own_columns]
+                    out[rows[:, None], sensor.channels] = own_slopes @ full[rows][:, own_columns]
             places = own_columns[_part(sensor, "place")]
             if prediction.jacobian is not None and jacobian is not None:
                 jacobian[rows[:, None], sensor.channels] += of_partner @ prediction.jacobian[partner[rows]][:, places]

@@ -45,14 +45,14 @@ def read_sensors(
             _hand_over(sensor, observed, coefficients, by_coefficient, target)
             start = stop
         elif sensor.known or rotates_in_space(model, sensor):
-            own = out[:, sensor.channels], None if slopes is None else slopes[:, sensor.channels]
+            readings_and_slopes = out[:, sensor.channels], None if slopes is None else slopes[:, sensor.channels]
             if sensor.known:
-                own = _of_equation(model, sensor, observed, coefficients, by_coefficient)
+                readings_and_slopes = _of_equation(model, sensor, observed, coefficients, by_coefficient)
             if measured is not None and rotates_in_space(model, sensor):
-                tell_as_read(sensor, *own, measured)
-            out[:, sensor.channels] = own[0][:, : len(sensor.channels)]
-            if slopes is not None and own[1] is not None:
-                slopes[:, sensor.channels] = own[1][:, : len(sensor.channels)]
+                tell_as_read(sensor, *readings_and_slopes, measured)
+            out[:, sensor.channels] = readings_and_slopes[0][:, : len(sensor.channels)]
+            if slopes is not None and readings_and_slopes[1] is not None:
+                slopes[:, sensor.channels] = readings_and_slopes[1][:, : len(sensor.channels)]
     return out, slopes
 
 
@@ -91,13 +91,13 @@ def _values(known: KnownValues, observed: Array, coefficients: Array) -> Array:
 def _chained(sensor: PlacedSensor, outputs: Index, slopes: Mapping[Variable, Array], by_coefficient: Array) -> Array:
     """Derivatives (N, c, S) of some of the readings of a sensor's kind by all coefficients."""
     total = np.zeros((len(by_coefficient), len(outputs), by_coefficient.shape[2]))
-    for variable, mine_all in slopes.items():
-        known, own = sensor.known[variable], mine_all[:, outputs]  # (N, c, w)
+    for variable, all_outputs in slopes.items():
+        known, derivative = sensor.known[variable], all_outputs[:, outputs]  # (N, c, w)
         seen, set_ = known.observed >= 0, known.coefficients >= 0
         if seen.any():
-            total += own[:, :, seen] @ by_coefficient[:, known.observed[seen]]
+            total += derivative[:, :, seen] @ by_coefficient[:, known.observed[seen]]
         if set_.any():
-            total[:, :, known.coefficients[set_]] += own[:, :, set_]
+            total[:, :, known.coefficients[set_]] += derivative[:, :, set_]
     return total
 
 

@@ -58,11 +58,11 @@ def predict(
     moved = _moved(model, values, base, rows, request, chain=chain, start=start)
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        some, own, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
+        some, part_moved, begin = rows.take(chunk), moved.take(chunk), None if start is None else start.take(chunk)
         coefficients = commanded_coefficients(model, base, some)
-        own.apply(coefficients)
+        part_moved.apply(coefficients)
         solution = solve(model, coefficients, request.method, begin, request.compare)
-        part = outcome(model, solution, some, request, chain, own)
+        part = outcome(model, solution, some, request, chain, part_moved)
         if receive is not None:
             receive(chunk, part)
             part = replace(part, jacobian=None, by_drive=None)
@@ -119,11 +119,13 @@ def _earlier_pass(
     """Forces at the effect sites of reactive effects, while these do not act; `start`: states near the solution."""
     parts = []
     for chunk in row_chunks(model.exact, len(rows)):
-        some, own = rows.take(chunk), moved.take(chunk)
+        some, part_moved = rows.take(chunk), moved.take(chunk)
         coefficients = commanded_coefficients(model, base, some)
-        own.apply(coefficients)
+        part_moved.apply(coefficients)
         begin = None if start is None else start.take(chunk)
-        parts.append(reactions(model, solve(model, coefficients, "exact", begin, True), reactive, some, chain, own))
+        parts.append(
+            reactions(model, solve(model, coefficients, "exact", begin, True), reactive, some, chain, part_moved)
+        )
     return joined_reactions(parts)
 
 

@@ -29,9 +29,9 @@ def rope_strains(solution: Solution, rows: Rows, chain: Chain, moved: Displaceme
     by_unknowns = strain_jacobian(system, solution.coefficients, state, 1.0)
     ropes, values, lines, direct = _ropes(system), [], [], []
     for g, e, line in ropes:
-        own, rest = numbers.groups[g], system.groups[g].group.rest.start + e
-        assert own.stiffness is not None
-        shift = 0.0 if own.prestress is None else own.prestress[:, e, 0] / own.stiffness[:, e, 0, 0]
+        group, rest = numbers.groups[g], system.groups[g].group.rest.start + e
+        assert group.stiffness is not None
+        shift = 0.0 if group.prestress is None else group.prestress[:, e, 0] / group.stiffness[:, e, 0, 0]
         values.append(balanced.strains[g][:, e, 0] + shift)
         lines.append(by_unknowns[:, line])
         direct.append(strain_gradient(system, numbers, state, (g, e, 0)))

@@ -153,8 +153,8 @@ def _apart(model: Model, coefficients: Array, state: State) -> Array:
     balanced = balance(model.exact, numbers, state, 1.0, tangent=False)
     slack = slack_ropes(model.exact, numbers, balanced)
     gaps = [
-        e * (group.elastic * group.group.element.gaps) * ~loose[:, :, None]
-        for group, e, loose in zip(model.exact.groups, balanced.strains, slack, strict=True)
+        e * (group.elastic * group.group.element.gaps) * ~is_slack[:, :, None]
+        for group, e, is_slack in zip(model.exact.groups, balanced.strains, slack, strict=True)
     ]
     return largest_strain(gaps, len(state)) / model.length
 

@@ -105,8 +105,10 @@ class Chain:
         moved.chain(coefficients, by_coefficient, jacobian, by_drive)
         for a, (drive, actuator) in enumerate(zip(self.model.topology.drives, self.model.actuators, strict=True)):
             if drive.force_controlled:
-                given = np.isnan(rows.forces[:, a])[:, None] * drive.force_sign  # by the machine, not by a column
-                by_coefficient[..., actuator.force_coefficient] += given * by_coefficient[..., drive.force_coefficient]
+                unstated = np.isnan(rows.forces[:, a])[:, None] * drive.force_sign  # by the machine, not by a column
+                by_coefficient[..., actuator.force_coefficient] += (
+                    unstated * by_coefficient[..., drive.force_coefficient]
+                )
             else:
                 by_position, gain = by_coefficient[..., drive.coefficient], actuator.gain_coefficient
                 by_drive[..., a] += by_position * coefficients[:, None, gain]

@@ -23,12 +23,12 @@ def tool_difference(before: tuple[Model, Array], after: tuple[Model, Array], row
     one, other = (predict(tcp_model(model), values, rows).values for model, values in (before, after))
     channels = tcp_model(before[0]).channels
     place = [k for k, c in enumerate(channels) if c.measurand is Measurand.POSITION]
-    turn = [k for k, c in enumerate(channels) if c.measurand is Measurand.ORIENTATION]
+    angles = [k for k, c in enumerate(channels) if c.measurand is Measurand.ORIENTATION]
     distance = np.linalg.norm(other[:, place] - one[:, place], axis=1)
-    if not turn:
+    if not angles:
         return distance, np.where(np.isnan(distance), np.nan, 0.0)
-    if len(turn) == 1:
-        return distance, np.abs(np.remainder(other[:, turn[0]] - one[:, turn[0]] + np.pi, 2 * np.pi) - np.pi)
-    rotations = exp(np.nan_to_num(one[:, turn])), exp(np.nan_to_num(other[:, turn]))
+    if len(angles) == 1:
+        return distance, np.abs(np.remainder(other[:, angles[0]] - one[:, angles[0]] + np.pi, 2 * np.pi) - np.pi)
+    rotations = exp(np.nan_to_num(one[:, angles])), exp(np.nan_to_num(other[:, angles]))
     between = log(np.swapaxes(rotations[0], 1, 2) @ rotations[1])
     return distance, np.where(np.isnan(distance), np.nan, np.linalg.norm(between, axis=1))

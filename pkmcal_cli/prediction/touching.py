@@ -48,11 +48,15 @@ def touching(
         return rows, done
     moved = np.zeros(rows.readings.shape) if shift is None else shift
     readings = rows.readings.copy()
-    readings[chosen], done[chosen] = _found(model, values, rows.take(chosen), trigger[chosen], moved[chosen])
+    readings[chosen], done[chosen] = _touching_readings(
+        model, values, rows.take(chosen), trigger[chosen], moved[chosen]
+    )
     return replace(rows, readings=readings), done
 
 
-def _found(model: Model, values: Array, rows: Rows, trigger: Array, shift: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _touching_readings(
+    model: Model, values: Array, rows: Rows, trigger: Array, shift: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     """Commands (n, A) of rows that all touch, and which rows do."""
     columns = np.nonzero(~np.isnan(trigger).all(axis=0))[0]
     known, target = ~np.isnan(trigger[:, columns]), np.nan_to_num(trigger[:, columns])

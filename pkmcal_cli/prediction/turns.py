@@ -28,8 +28,8 @@ def outputs_of(model: Model, sensor: PlacedSensor) -> Index:
 
 
 def _outputs(sensor: PlacedSensor) -> list[int]:
-    own = sensor.outputs.tolist()
-    return [*own, *(k for k in _ROTATION if k not in own)]
+    outputs = sensor.outputs.tolist()
+    return [*outputs, *(k for k in _ROTATION if k not in outputs)]
 
 
 def tell_as_read(sensor: PlacedSensor, readings: Array, by: Array | None, measured: Array) -> None:

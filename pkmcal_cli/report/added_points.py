@@ -61,12 +61,12 @@ class Added:
         before, after = self.figures
         unit, scale = None, 1.0
         if self.reached is not None:
-            own = parameter_unit(model, self.reached.name)
-            unit, scale = own.text, own.scale
-        what = "std" if self.reached is not None else "log_determinant" if self.aim.kind == "determine" else "mdb"
+            file_unit = parameter_unit(model, self.reached.name)
+            unit, scale = file_unit.text, file_unit.scale
+        figure = "std" if self.reached is not None else "log_determinant" if self.aim.kind == "determine" else "mdb"
         return {
             "kind": self.aim.kind,
-            "figure": what,
+            "figure": figure,
             "before": finite(before / scale),
             "after": finite(after / scale),
             "unit": unit,
@@ -112,7 +112,11 @@ class Added:
             if self.reached.done and not len(self.points):
                 return f"no further point: standard uncertainty of {self.reached.name} {before}, wanted {limit}"
             words = f"{points}: standard uncertainty of {self.reached.name} {before} -> {after}, wanted {limit}"
-            return words if self.reached.done else f"{words}: NOT REACHED; more points (--points), or measure otherwise"
+            return (
+                words
+                if self.reached.done
+                else f"{words}: NOT REACHED; use more points (--points), or other measurements"
+            )
         words = {
             "see": "smallest detectable size",
             "separate": "smallest separable size",

@@ -27,8 +27,8 @@ def show_sensitivity(to: Reporter, model: Model, units: FileUnits, result: Sensi
     largest = max((ranked(p.position) for p in result.parameters), default=0.0) or 1.0
     table = []
     for p in result.parameters:
-        shift, turn = _shift(p.position, units.length), _shift(p.orientation, units.angle)
-        table.append((p.name, _size(model, p), shift, bar(ranked(p.position) / largest), turn))
+        shift, rotation = _shift(p.position, units.length), _shift(p.orientation, units.angle)
+        table.append((p.name, _size(model, p), shift, bar(ranked(p.position) / largest), rotation))
     rows = count(int(result.prediction.solved.sum()), "position")
     title = f"Mean TCP shift and rotation per parameter {word}, {rows} (eq. 23)"
     to.table(title, ("parameter", word, "shift", "", "rotation"), table, spare=("",))
@@ -71,7 +71,7 @@ def sensitivity_json(model: Model, units: FileUnits, result: Sensitivity, coordi
         along = _along_json(result, coordinate, unit_along(units, coordinate))
     listed = []
     for p in result.parameters:
-        own = parameter_unit(model, p.name)
+        file_unit = parameter_unit(model, p.name)
         listed.append(
             {
                 "name": p.name,
@@ -79,9 +79,9 @@ def sensitivity_json(model: Model, units: FileUnits, result: Sensitivity, coordi
                 "orientation": finite(p.orientation),
                 "unit": units.length.text,
                 "orientation_unit": "rad",
-                "range": ranges[p.name] / own.scale,
-                "range_unit": own.text,
-                "size": p.size / own.scale,
+                "range": ranges[p.name] / file_unit.scale,
+                "range_unit": file_unit.text,
+                "size": p.size / file_unit.scale,
                 **along[p.name],
             }
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.robust import Doubtful, RobustFit
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import readable
@@ -22,7 +22,7 @@ _GROSS = 6.0  # standard uncertainties from which on a robust loss is worth a wo
 class Audit:
     """The doubtful values of a fit, with their places in the files."""
 
-    def __init__(self, model: Model, robust: RobustFit, place: Callable[[int], Place]) -> None:
+    def __init__(self, model: Model, robust: RobustFit, place: Callable[[int], RowOrigin]) -> None:
         self.model, self.robust, self.place, self.loss = model, robust, place, robust.loss
 
     def show(self, to: Reporter) -> None:
@@ -62,7 +62,7 @@ class Audit:
         for d in self.robust.doubtful:
             place, channel = self.place(d.row), self.model.channels[d.channel]
             if channel.measurand.once:
-                place = Place(self.model.name, 0, "")
+                place = RowOrigin(self.model.name, 0, "")
             unit = parse_unit(channel.unit)
             out.append(
                 {

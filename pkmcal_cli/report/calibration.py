@@ -22,7 +22,7 @@ from pkmcal_cli.calibration.residual import lost_rows
 from pkmcal_cli.calibration.unexplained import unexplained
 from pkmcal_cli.language.machine import Machine
 from pkmcal_cli.loading.parameter_text import ParameterEntry, dump_parameters
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.audit import Audit
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.evidence import evidence_of
@@ -56,7 +56,7 @@ class CalibrationReport:
         problem: Problem,
         calibration: Calibration,
         held_out: HeldOut | str,
-        place: Callable[[int], Place],
+        place: Callable[[int], RowOrigin],
         mistakes: tuple[str, ...] = (),
     ) -> None:
         fit, intervals = calibration.robust.fit, calibration.intervals
@@ -167,12 +167,12 @@ class CalibrationReport:
     def _show_parameters(self, to: Reporter, selected: list[ParameterRow]) -> None:
         """Parameters of the machine; apart from them where its instruments stand, for which no drawing has a value."""
         frames = tuple(f"frame@{name}." for name in self.model.fitted_frames)
-        own = [r for r in selected if not r.name.startswith(frames)]
+        machine_rows = [r for r in selected if not r.name.startswith(frames)]
         stand = [r for r in selected if r.name.startswith(frames)]
         more = (*self._held_head, *self._interval_head)
-        if own or not stand:
+        if machine_rows or not stand:
             heads = ("name", "nominal", "identified", *more, "range", "remark")
-            to.table("Parameters", heads, [self._row(r) for r in own])
+            to.table("Parameters", heads, [self._row(r) for r in machine_rows])
         if stand:
             cells = [self._row(r) for r in stand]
             to.table("Fitted frames", ("name", "fitted", *more, "remark"), [(c[0], *c[2:-2], c[-1]) for c in cells])
@@ -194,8 +194,8 @@ class CalibrationReport:
     @property
     def _held_head(self) -> tuple[str, ...]:
         """A column for what parameters that are not identified add, where it is worth one."""
-        own = [r for r in self.rows if r.by_data is not None and r.by_held is not None]
-        return (HELD,) if any(r.by_held > _WORTH * r.by_data for r in own) else ()  # type: ignore[operator]
+        split = [r for r in self.rows if r.by_data is not None and r.by_held is not None]
+        return (HELD,) if any(r.by_held > _WORTH * r.by_data for r in split) else ()  # type: ignore[operator]
 
     def _held(self, row: ParameterRow) -> tuple[str, ...]:
         if not self._held_head:
@@ -252,7 +252,7 @@ class CalibrationReport:
         lines = [
             {
                 "converged": f"converged in {steps}",
-                "incomplete": f"INCOMPLETE, though converged in {steps}: more is left than noise (next: `diagnose`)",
+                "incomplete": f"INCOMPLETE, though converged in {steps}: residuals exceed the noise (next: `diagnose`)",
                 "implausible": f"IMPLAUSIBLE, though converged in {steps}: do not use these parameters",
                 "not_converged": f"NOT CONVERGED in {steps}: do not use these parameters",
                 "nothing_identifiable": "NOTHING IDENTIFIABLE: these data determine none of the selected parameters",

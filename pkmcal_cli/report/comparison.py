@@ -81,8 +81,8 @@ class ComparisonReport:
         if not t.dof:
             return "NOTHING TO COMPARE: these data determine nothing in common"
         chance = f"F = {t.statistic:.3g} for {t.dof} and {t.freedom:.0f} degrees of freedom, p {t.p_value:.2g}"
-        what = "no change" if self.unchanged else "CHANGED"
-        return f"{what}: {chance}, of {count(t.dof, 'combination')} of parameters that all data sets determine"
+        verdict = "no change" if self.unchanged else "CHANGED"
+        return f"{verdict}: {chance}, of {count(t.dof, 'combination')} of parameters that all data sets determine"
 
     def show(self, to: Reporter) -> None:
         """For people."""
@@ -168,8 +168,8 @@ class ComparisonReport:
             by_files.setdefault(where, []).append(name)
         for where, names in by_files.items():
             lone = len(where) < len(self.known)
-            what = f"without partner, only in {', '.join(_letter(i) for i in where)}" if lone else "not compared"
-            to.say(f"{what}: {_listed(names)}")
+            label = f"without partner, only in {', '.join(_letter(i) for i in where)}" if lone else "not compared"
+            to.say(f"{label}: {_listed(names)}")
 
     def json(self) -> dict[str, Any]:
         """The JSON result."""

@@ -48,13 +48,13 @@ class Reporter:
 
     def warn(self, finding: str | Fault, where: Location | None = None) -> None:
         """A warning; `where`: the place that a text is about."""
-        self._found(finding, "yellow")
+        self._finding(finding, "yellow")
         if not self.quiet:
             self.mark(finding, where, "warning")
 
     def fail(self, finding: str | Fault) -> None:
         """Why the verdict is negative: shown even when quiet."""
-        self._found(finding, "red", always=True)
+        self._finding(finding, "red", always=True)
         self.mark(finding, None, "error")
 
     def mark(self, finding: str | Fault, where: Location | None, severity: Severity) -> None:
@@ -72,7 +72,7 @@ class Reporter:
 
             self._print(Text(visible(text), style=style or ""))
 
-    def _found(self, finding: str | Fault, colour: str, always: bool = False) -> None:
+    def _finding(self, finding: str | Fault, colour: str, always: bool = False) -> None:
         """A sentence in a colour; a fault with its parts apart."""
         if isinstance(finding, str):
             self._line(finding, colour, always)
@@ -108,20 +108,20 @@ class Reporter:
         for k, line in enumerate(laid.lines):
             self._print(Text(visible(line), style="bold" if k in laid.heads else ""))
         if laid.hidden:
-            what = ", ".join(header or "bars" for header in laid.hidden)
-            self._line(f"not shown in {width} columns: {what} (widen the terminal, or use --json)", "dim")
+            columns = ", ".join(header or "bars" for header in laid.hidden)
+            self._line(f"not shown in {width} columns: {columns} (widen the terminal, or use --json)", "dim")
 
     @contextmanager
-    def progress(self, what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    def progress(self, step: str, total: int | None) -> Iterator[Callable[[int], None]]:
         """Who is told how many more of these are done, of how many; None where nobody knows."""
         with self.stages() as observe:
             done = 0
-            observe(Stage(what, done, total))
+            observe(Stage(step, done, total))
 
             def tick(count: int) -> None:
                 nonlocal done
                 done += count
-                observe(Stage(what, done, total))
+                observe(Stage(step, done, total))
 
             yield tick
 

@@ -170,9 +170,9 @@ class CorrectionReport:
         evidence = self.start.evidence
         if evidence is not None and evidence.missing:
             left = ", ".join(_text(v, parse_unit(_unit_of(kind))) for kind, v in evidence.unexplained.items())
-            what = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
+            message = f"warning: something is missing: the calibration left {evidence.times_noise:.3g} times the noise"
             within = f"the uncertainties contain {left} for it" if left else "the uncertainties do not contain it"
-            to.warn(f"{what}; {within} (`pkmcal diagnose` looks for the cause)")
+            to.warn(f"{message}; {within} (`pkmcal diagnose` looks for the cause)")
         if evidence is None and self.start.inputs:
             to.notes(["the parameter file does not say what was measured (`calibrate -o` writes it now)"])
 

@@ -39,7 +39,8 @@ def _parts(model: Model, sizes: VisibleSizes, vector: Array) -> str:
     names = sizes.hypothesis.parameters
     parts = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= _PART * np.abs(vector).max()]
     return ", ".join(
-        f"{_own(names[j])} {handy(float(vector[j] * sizes.scale[j]), parameter_unit(model, names[j]))}" for j in parts
+        f"{_last_part(names[j])} {handy(float(vector[j] * sizes.scale[j]), parameter_unit(model, names[j]))}"
+        for j in parts
     )
 
 
@@ -48,11 +49,11 @@ def _names(sizes: VisibleSizes, direction: Array) -> str:
     share = direction / np.abs(direction).max()
     parts = [j for j in np.argsort(-np.abs(share)) if abs(share[j]) >= _PART]
     if len(parts) == 1:
-        return _own(sizes.hypothesis.parameters[parts[0]])
-    return ", ".join(f"{share[j]:+.2g} {_own(sizes.hypothesis.parameters[j])}" for j in parts)
+        return _last_part(sizes.hypothesis.parameters[parts[0]])
+    return ", ".join(f"{share[j]:+.2g} {_last_part(sizes.hypothesis.parameters[j])}" for j in parts)
 
 
-def _own(parameter: str) -> str:
+def _last_part(parameter: str) -> str:
     """The last part of a parameter's name."""
     return parameter.rpartition(".")[2]
 

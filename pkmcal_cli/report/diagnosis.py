@@ -112,7 +112,7 @@ class DiagnosisReport(VisibilityReport):
     def _far_off(self) -> str:
         """Which effects are far larger than what is usual."""
         far = [f.hypothesis.name for f in self.diagnosis.findings if f.run_away is not None]
-        return f"; far beyond what is usual: {listed(far, 3)}" if far else ""
+        return f"; far beyond the plausible range: {listed(far, 3)}" if far else ""
 
     def _provisional(self) -> str:
         """That something found is provisional, first of all; what is unknown says so by itself."""
@@ -221,16 +221,16 @@ class DiagnosisReport(VisibilityReport):
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""
         if finding.run_away is not None:
-            return f" Its size is far beyond what is usual.{self.run_away(finding.run_away)}"
+            return f" Its size is far beyond the plausible range.{self.run_away(finding.run_away)}"
         if finding.beyond:
-            return " Provisional: its size is beyond what is usual; the true cause may be another."
+            return " Provisional: its size is beyond the plausible range; the true cause may be another."
         if not finding.held_out.confirmed:
             return " Provisional: held-out rows do not confirm it."
         if finding.stable.share < STABLE:
             others = listed([f"{100 * share:.0f} % {h.name}" for h, share in finding.stable.others], 3)
             more = f"; of the others {others}" if others else ""
             return f" Provisional: only {100 * finding.stable.share:.0f} % of the resamples find it{more}."
-        return " Provisional: an unknown effect remains, of which this may be a part." if finding.provisional else ""
+        return " Provisional: an unknown effect remains; this may be part of it." if finding.provisional else ""
 
     def unknown_text(self, unknown: Unknown) -> str:
         size = "" if np.isnan(unknown.rms) else f"{self.error(unknown.rms * self.sigma)} rms "

@@ -122,10 +122,10 @@ class DiagnosisValues:
 
     def leading(self, finding: Finding) -> int:
         """The number of an effect's parameter that stands out most."""
-        names, own = self.model.names, finding.hypothesis.parameters
-        nominal = self.model.nominal[[names.index(n) for n in own]]
+        names, parameters = self.model.names, finding.hypothesis.parameters
+        nominal = self.model.nominal[[names.index(n) for n in parameters]]
         ratio = np.abs(np.array(finding.estimate) - nominal) / np.array(finding.std)
-        ratio[[own.index(n) for n in finding.hypothesis.free]] = np.nan
+        ratio[[parameters.index(n) for n in finding.hypothesis.free]] = np.nan
         return int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
 
     def run_away(self, offsets: Mapping[str, float]) -> str:

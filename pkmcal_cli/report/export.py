@@ -42,7 +42,7 @@ class ExportReport:
         """Errors (n, h) at the usable targets: of the nominal set values, with the export, corrected."""
         made, rows, targets = self.case.made, self.case.usable, self.case.targets
         tools = (made.before.tool[rows], self._installed.tool, made.after.tool[rows])
-        return {what: tool - targets for what, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
+        return {variant: tool - targets for variant, tool in zip((BEFORE, EXPORT, CORRECTED), tools, strict=True)}
 
     @cached_property
     def _energies(self) -> dict[str, float]:
@@ -54,11 +54,11 @@ class ExportReport:
 
     def _columns(self, kind: str) -> list[int]:
         turning = self.case.tool.turning
-        return [k for k, turns in enumerate(turning) if turns == (kind == "orientation")]
+        return [k for k, angular in enumerate(turning) if angular == (kind == "orientation")]
 
-    def _sizes(self, what: str, kind: str) -> Array:
+    def _sizes(self, variant: str, kind: str) -> Array:
         """Sizes (n,) of an error; nan where the machine finds no pose."""
-        return np.asarray(np.sqrt((self._errors[what][:, self._columns(kind)] ** 2).sum(axis=1)))
+        return np.asarray(np.sqrt((self._errors[variant][:, self._columns(kind)] ** 2).sum(axis=1)))
 
     def _uncertainty(self, kind: str) -> float:
         """Standard uncertainty of the tool point at the corrected set values, rms; nan where unknown."""
@@ -104,9 +104,9 @@ class ExportReport:
         rows = []
         names = {BEFORE: "nominal set values", EXPORT: self.format.title, CORRECTED: "corrected set values"}
         for kind, unit in self.kinds:
-            for what, name in names.items():
-                sizes = self._sizes(what, kind)
-                u = _NOTHING if what == BEFORE else _text(self._uncertainty(kind), unit)
+            for variant, name in names.items():
+                sizes = self._sizes(variant, kind)
+                u = _NOTHING if variant == BEFORE else _text(self._uncertainty(kind), unit)
                 rows.append((kind, name, _text(_rms(sizes), unit), _text(_largest(sizes), unit), u))
         title = f"Error of the tool point that remains at {count(len(self.case.usable), 'target')}"
         to.table(title, ("error", "with", "rms", "max", "u (rms)"), rows, left=2)
@@ -140,7 +140,7 @@ class ExportReport:
             "n_targets": len(self.case.usable),
             "n_lost": self.lost,
             "remaining": remaining,
-            "strain_energy": {what: finite(value) for what, value in self._energies.items()},
+            "strain_energy": {variant: finite(value) for variant, value in self._energies.items()},
             "notes": list(self.draft.notes),
             "entries": [dict(entry) for entry in self.draft.entries],
         }

@@ -10,7 +10,7 @@ from typing import Any
 from pkmcal_cli.base.errors import BadInput, Fault, Location
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 
 _SHOWN = 20  # rows told one by one
 _LISTED = 1000  # rows in the JSON
@@ -22,7 +22,7 @@ class FailedRows:
     """Why rows of a table of `total` rows have no prediction and are not used, by row; `place`: where a row stands."""
 
     reasons: Mapping[int, str]
-    place: Callable[[int], Place]
+    place: Callable[[int], RowOrigin]
     total: int
 
     def show(self, to: Listener) -> None:
@@ -61,7 +61,7 @@ def skipped(by_reason: Mapping[str, int], total: int, noun: str = GRID_POINT) ->
     points = count(total, noun)
     if sum(by_reason.values()) == total:
         reasons = "; ".join(f"{reason} ({n})" for reason, n in by_reason.items())
-        what = f"none of {points} can be used: {reasons}"
+        message = f"none of {points} can be used: {reasons}"
         hint = "check the limits of the grid and their units; a grid around the reference configuration has points"
-        raise BadInput([Fault("grid", what, Location("--grid") if noun == GRID_POINT else None, hint)])
+        raise BadInput([Fault("grid", message, Location("--grid") if noun == GRID_POINT else None, hint)])
     return [f"skipped: {n} of {points}: {reason}" for reason, n in by_reason.items()]

@@ -27,7 +27,7 @@ from pkmcal_cli.report.shape_text import shape_lines
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
-_NOT_TOLD, _NONE = "the data cannot separate it from other parameters", "no effect was accepted."
+_INSEPARABLE, _NONE = "the data cannot separate it from other parameters", "no effect was accepted."
 
 
 class ImprovedFiles:
@@ -41,8 +41,8 @@ class ImprovedFiles:
     def overlay(self, base: str) -> str:
         """The text of the improved machine."""
         released = [h.at for h in self.improvement.accepted if h.effect == RELEASE]
-        what = "effects found in measurements. Review them before use." if self.improvement.accepted else _NONE
-        lines = [f"# Written by `pkmcal improve`: {what}"]
+        summary = "effects found in measurements. Review them before use." if self.improvement.accepted else _NONE
+        lines = [f"# Written by `pkmcal improve`: {summary}"]
         if self.improvement.accepted and not self.improvement.confirmed:
             lines.append("# NOT CONFIRMED: rows used neither for fitting nor for selection are not predicted better.")
         lines.append(f"extends: {scalar(base)}")
@@ -78,7 +78,7 @@ class ImprovedFiles:
             text = "" if unit.text == "1" else f" {unit.text}"
             more = "" if std is None else f", std: {std / unit.scale:.3g}{text}"
             if name not in (*improvement.fit.selected, *dict(hypothesis.known)):
-                more += f", identify: false, note: {_NOT_TOLD}"
+                more += f", identify: false, note: {_INSEPARABLE}"
             lines.append(f"    {name.rpartition('.')[2]}: {{value: {unit.from_si(value):.8g}{text}{more}}}")
         return lines + null_lines(self.model, part) + option_lines(self.model, improvement.problem.rows, part)
 
@@ -124,7 +124,7 @@ class ImprovedFiles:
         unit = self._unit(name)
         if name not in self.improvement.fit.selected:
             known = {n for h in self.improvement.accepted for n, _ in h.known}
-            return handy(value, unit) if name in known else f"held at {handy(value, unit)} ({_NOT_TOLD})"
+            return handy(value, unit) if name in known else f"held at {handy(value, unit)} ({_INSEPARABLE})"
         return uncertain(unit.from_si(value), None if std is None else std / unit.scale, unit.text)
 
     def rivals(self, hypothesis: Hypothesis) -> str:

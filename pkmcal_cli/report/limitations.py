@@ -34,5 +34,5 @@ def limitations(machine: Machine, model: Model) -> list[dict[str, Any]]:
 
 def outside_text(rows: Mapping[str, int]) -> list[str]:
     """Warnings of rows outside the knots of shapes without a name, by the name of these."""
-    what = "the shape is not known there: it falls back to its level, as uncertain as its spread"
-    return [f"warning: {name}: {count(n, 'row')} outside its knots; {what}" for name, n in rows.items() if n]
+    consequence = "the shape is not known there: it falls back to its level, as uncertain as its spread"
+    return [f"warning: {name}: {count(n, 'row')} outside its knots; {consequence}" for name, n in rows.items() if n]

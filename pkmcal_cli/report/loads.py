@@ -15,7 +15,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.report.number_format import handy
@@ -28,9 +28,9 @@ class _Worst:
 
     rows: int = 0
     value: float = 0.0
-    place: Place | None = None
+    place: RowOrigin | None = None
 
-    def add(self, beyond: NDArray[np.bool_], values: Array, place: Callable[[int], Place]) -> None:
+    def add(self, beyond: NDArray[np.bool_], values: Array, place: Callable[[int], RowOrigin]) -> None:
         """Count rows (N,) and keep the one with the largest value (N,) of them."""
         self.rows += int(beyond.sum())
         if beyond.any():
@@ -60,7 +60,7 @@ class Loads:
     model: Model
     total: int = 0
     over: dict[str, _Worst] = field(default_factory=dict)  # by actuator
-    loose: dict[str, _Worst] = field(default_factory=dict)  # by rope; values are negative tensions
+    low_tension: dict[str, _Worst] = field(default_factory=dict)  # by rope; values are negative tensions
     apart: _Worst = field(default_factory=_Worst)  # drives that no pose satisfies, m
     force: _Worst = field(default_factory=_Worst)  # largest drive force in those rows
     drive: str = ""  # whose
@@ -69,7 +69,7 @@ class Loads:
 
     @classmethod
     def of(
-        cls, model: Model, values: Array, rows: Rows, place: Callable[[int], Place], start: WarmStart | None = None
+        cls, model: Model, values: Array, rows: Rows, place: Callable[[int], RowOrigin], start: WarmStart | None = None
     ) -> Loads:
         """The loads of rows at parameter values (P,), SI."""
         loads = cls(model=model)
@@ -77,11 +77,11 @@ class Loads:
         return loads
 
     @classmethod
-    def of_fit(cls, problem: Problem, fit: Fit, place: Callable[[int], Place]) -> Loads:
+    def of_fit(cls, problem: Problem, fit: Fit, place: Callable[[int], RowOrigin]) -> Loads:
         """The loads of the rows of a fit."""
         return cls.of(problem.model, fit.values, problem.rows.moved(fit.shift), place, fit.last.start)
 
-    def add(self, values: Array, rows: Rows, prediction: Prediction, place: Callable[[int], Place]) -> None:
+    def add(self, values: Array, rows: Rows, prediction: Prediction, place: Callable[[int], RowOrigin]) -> None:
         """Count the solved rows of a prediction at parameter values (P,), SI; `place`: where its rows stand."""
         self.total += int(prediction.solved.sum())
         if prediction.forces is not None and prediction.tension is not None:
@@ -109,17 +109,17 @@ class Loads:
         return np.asarray(compared & redundant & self.model.in_doubt(prediction.misfit))
 
     def _add_limits(
-        self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], Place]
+        self, solved: NDArray[np.bool_], forces: Array, tensions: Array, place: Callable[[int], RowOrigin]
     ) -> None:
         """Forces (N, A) above limits and tensions (N, R) below theirs."""
         for k, actuator in enumerate(self.model.actuators):
             over = solved & (forces[:, k] > actuator.force_limit)
             self.over.setdefault(actuator.name, _Worst()).add(over, forces[:, k], place)
         for k, rope in enumerate(self.model.least_tensions):
-            loose = solved & (tensions[:, k] < rope.tension)
-            self.loose.setdefault(rope.name, _Worst()).add(loose, -tensions[:, k], place)
+            below = solved & (tensions[:, k] < rope.tension)
+            self.low_tension.setdefault(rope.name, _Worst()).add(below, -tensions[:, k], place)
 
-    def _add_disagreement(self, prediction: Prediction, place: Callable[[int], Place]) -> None:
+    def _add_disagreement(self, prediction: Prediction, place: Callable[[int], RowOrigin]) -> None:
         """Rows whose drives hold positions that no pose satisfies within ranges and noise."""
         assert prediction.forces is not None
         forces, solved = np.abs(np.nan_to_num(prediction.forces)), prediction.solved
@@ -138,24 +138,24 @@ class Loads:
             worst = self.over.get(actuator.name, _Worst())
             if worst.rows:
                 limit, value = self._force(actuator.name, actuator.force_limit), self._force(actuator.name, worst.value)
-                what = f"force of `{actuator.name}` above its `force_limit` of {limit}"
-                out.append(f"warning: {what} in {self._rows(worst)}: up to {value} at {worst.place}")
+                message = f"force of `{actuator.name}` above its `force_limit` of {limit}"
+                out.append(f"warning: {message} in {self._rows(worst)}: up to {value} at {worst.place}")
         for rope in self.model.least_tensions:
-            worst = self.loose.get(rope.name, _Worst())
+            worst = self.low_tension.get(rope.name, _Worst())
             if worst.rows:
                 newton = parse_unit("N")
-                what = f"tension of rope `{rope.name}` below its `t_min` of {handy(rope.tension, newton)}"
+                message = f"tension of rope `{rope.name}` below its `t_min` of {handy(rope.tension, newton)}"
                 least = handy(max(-worst.value, 0.0), newton)
-                out.append(f"warning: {what} in {self._rows(worst)}: down to {least} at {worst.place}")
+                out.append(f"warning: {message} in {self._rows(worst)}: down to {least} at {worst.place}")
         if self.apart.rows:
             expected = handy(self.model.expected_misfit * self.model.length, parse_unit("mm"))
             by_ranges = self.model.explained_misfit > LEAST_MISFIT
             limit = "parameter ranges and noise explain" if by_ranges else f"{LEAST_MISFIT:g} of the machine's size"
             most = handy(self.apart.value, parse_unit("mm"))
-            what = f"the actuators strain the structure by up to {most} in {self._rows(self.apart)}"
+            message = f"the actuators strain the structure by up to {most} in {self._rows(self.apart)}"
             why = f"more than {limit} ({expected}): they disagree, or loads are large"
             force = f"forces up to {self._force(self.drive, self.force.value)} (`{self.drive}` at {self.force.place})"
-            out.append(f"warning: {what}, {why}; {force}")
+            out.append(f"warning: {message}, {why}; {force}")
         return out
 
     @property
@@ -182,7 +182,8 @@ class Loads:
                 for n, limit in limits.items()
             ],
             "t_min": [
-                {"rope": n, "limit": t, **self.loose.get(n, _Worst()).json("least", -1.0)} for n, t in least.items()
+                {"rope": n, "limit": t, **self.low_tension.get(n, _Worst()).json("least", -1.0)}
+                for n, t in least.items()
             ],
             "disagreement": self.apart.json("largest"),
             "slack": {"n_rows": self.slack_rows, "ropes": dict(self.slack)},

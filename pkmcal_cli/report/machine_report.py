@@ -109,8 +109,8 @@ def _workspace(machine: Machine, model: Model) -> list[dict[str, Any]]:
     if model.workspace is None:
         return []
     units, (low, high) = machine.file_units, model.workspace.bounds
-    own = [units.angle if c.startswith("r") else units.length for c in DIRECTIONS]
-    ends = [*zip(DIRECTIONS, low, high, own, strict=True)]
+    coordinate_units = [units.angle if c.startswith("r") else units.length for c in DIRECTIONS]
+    ends = [*zip(DIRECTIONS, low, high, coordinate_units, strict=True)]
     ends += [(a.name, *model.workspace.drives[k], parse_unit(a.unit)) for k, a in enumerate(model.actuators)]
     return [
         {"name": name, "low": finite(unit.from_si(one)), "high": finite(unit.from_si(other)), "unit": unit.text}

@@ -224,8 +224,8 @@ def determined_sums(
 def combination_text(model: Model, c: Combination, fit: Fit | None = None, covariance: Array | None = None) -> str:
     """A combination in words: what is determined, with value, and that the members cannot be separated."""
     if c.kind == "weak":
-        own, name = parameter_unit(model, c.hold[0]), c.hold[0]
-        data, both = handy(c.by_data, own), handy(c.with_range, own)
+        first_unit, name = parameter_unit(model, c.hold[0]), c.hold[0]
+        data, both = handy(c.by_data, first_unit), handy(c.with_range, first_unit)
         return f"{c.text} (uncertainty of this combination, in {name}: {data} by the data alone, {both} with the range)"
     if fit is None or not len(c.determined):
         return c.text

@@ -70,13 +70,13 @@ class PlanReport:
         unit = parameter_unit(self.model, p.name)
         gains = []
         for name, before, after in p.gains:
-            own = parameter_unit(self.model, name)
+            file_unit = parameter_unit(self.model, name)
             gains.append(
                 {
                     "name": name,
-                    "before": finite(before / own.scale),
-                    "after": finite(after / own.scale),
-                    "unit": own.text,
+                    "before": finite(before / file_unit.scale),
+                    "after": finite(after / file_unit.scale),
+                    "unit": file_unit.text,
                 }
             )
         return {"name": p.name, "sigma": p.sigma / unit.scale, "unit": unit.text, "std": gains}

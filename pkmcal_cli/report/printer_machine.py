@@ -33,10 +33,10 @@ def _parameter(name: str, value: Stated, note: str = "", more: str = "") -> str:
     return f"  {name}: {{{', '.join(entries)}}}"
 
 
-def _towers(names: Sequence[str], turn: Callable[[str], str], rod: Callable[[str], str], radius: str) -> list[str]:
-    """Guides, carriages and rods of a delta; `turn`, `rod`: by tower."""
+def _towers(names: Sequence[str], angle: Callable[[str], str], rod: Callable[[str], str], radius: str) -> list[str]:
+    """Guides, carriages and rods of a delta; `angle`, `rod`: by tower."""
     lines = ["", "frames: # the bed is the base: plane, horizontal, at height 0", "  bed: {at: [0, 0, 0]}"]
-    lines += [f"  tower_{t}: {{turn: [0, 0, {turn(t)}]}}" for t in names]
+    lines += [f"  tower_{t}: {{turn: [0, 0, {angle(t)}]}}" for t in names]
     lines += ["guides:", *(f"  rail_{t}: {{frame: tower_{t}, along: z}}" for t in names)]
     lines += ["nodes: {nozzle: [0, 0, 0]}", "bodies:"]
     for t in names:
@@ -85,20 +85,22 @@ def _reprap_delta(c: Constants) -> list[str]:
         last = t == "z"
         note = f"M665 {name}; {_FRAME}" if last else f"M665 {name}"
         lines.append(_parameter(f"corner_{t}", c[f"corner_{t}"], note, f"unit: deg, {_HELD}" if last else "unit: deg"))
-    usual = {"x": "210", "y": "330", "z": "90"}
-    lines += _towers("xyz", lambda t: f"{usual[t]} + corner_{t}", lambda t: f"rod_{t}", "radius")
+    standard = {"x": "210", "y": "330", "z": "90"}
+    lines += _towers("xyz", lambda t: f"{standard[t]} + corner_{t}", lambda t: f"rod_{t}", "radius")
     drives = {t.upper(): t for t in "xyz"}
     return lines + _switches(drives, lambda t: f"height + stop_{t}", lambda t: f"rod_{t}", "radius")
 
 
 def _anchored(c: Constants, names: Sequence[str], place: Callable[[str, str], str]) -> tuple[list[str], list[str]]:
     """Parameters, and parts, of lines from anchors; `place`: name of the coordinate of an anchor."""
-    own = [_parameter(place(n, x), c[place(n, x)]) for n in names for x in "xyz"]
-    own.append(f"  EA: {{nominal: {_EA}, range: {_EA // 2}, unit: N, identify: false, note: of the lines; a guess}}")
+    parameters = [_parameter(place(n, x), c[place(n, x)]) for n in names for x in "xyz"]
+    parameters.append(
+        f"  EA: {{nominal: {_EA}, range: {_EA // 2}, unit: N, identify: false, note: of the lines; a guess}}"
+    )
     parts = ["", "ground:"]
     parts += [f"  anchor_of_{n}: [{', '.join(place(n, x) for x in 'xyz')}]" for n in names]
     parts += ["nodes: {nozzle: [0, 0, 0]}", "ropes:"]
-    return own, parts + [f"  line_{n}: {{between: [anchor_of_{n}, nozzle], EA: EA}}" for n in names]
+    return parameters, parts + [f"  line_{n}: {{between: [anchor_of_{n}, nozzle], EA: EA}}" for n in names]
 
 
 _HOMED = "# A reading is 0 where the machine is homed, with its nozzle at x = y = z = 0."
@@ -126,8 +128,8 @@ def _holding(anchors: Mapping[str, Sequence[float]]) -> tuple[str, ...]:
 
 def _winch(c: Constants) -> list[str]:
     names = sorted({name.split("_")[1] for name in c})
-    own, parts = _anchored(c, names, lambda n, x: f"anchor_{n}_{x}")
-    lines = [*_WIDE, *own, *parts, "", _HOMED, "actuators:"]
+    parameters, parts = _anchored(c, names, lambda n, x: f"anchor_{n}_{x}")
+    lines = [*_WIDE, *parameters, *parts, "", _HOMED, "actuators:"]
     held = _holding({n: [c[f"anchor_{n}_{x}"].value for x in "xyz"] for n in names})
     for n in names:
         redundant = "" if n in held else ", redundant: true"
@@ -137,9 +139,9 @@ def _winch(c: Constants) -> list[str]:
 
 def _hangprinter(c: Constants) -> list[str]:
     names = sorted(name.removeprefix("radius_") for name in c if name.startswith("radius_"))
-    own, parts = _anchored(c, names, lambda n, x: f"{n}{x}")
+    parameters, parts = _anchored(c, names, lambda n, x: f"{n}{x}")
     radii = [_parameter(f"radius_{n}", c[f"radius_{n}"], "of the spool, at the origin", "range: 2") for n in names]
-    lines = [*_WIDE, *own, *radii, *parts, "", _HOMED, "actuators:"]
+    lines = [*_WIDE, *parameters, *radii, *parts, "", _HOMED, "actuators:"]
     held = _holding({n: [c[f"{n}{x}"].value for x in "xyz"] for n in names})
     for n in names:
         gear = f"{c[f'motor_{n}'].plain}/{c[f'spool_{n}'].plain}"

@@ -74,14 +74,14 @@ class Clock:
     """How long the rest of a step takes if it goes on as it has begun."""
 
     def __init__(self, seconds: Callable[[], float] = time.monotonic) -> None:
-        self._now, self._name, self._begun = seconds, "", 0.0
+        self._clock, self._name, self._begun = seconds, "", 0.0
 
     def left(self, stage: Stage | None) -> str:
         """In words; "" while nobody can know, as nothing is done."""
         name = "" if stage is None else stage.name
         if name != self._name:
-            self._name, self._begun = name, self._now()
+            self._name, self._begun = name, self._clock()
         if stage is None or stage.total is None or not stage.done:
             return ""
-        seconds = (self._now() - self._begun) / stage.done * (stage.total - stage.done)
+        seconds = (self._clock() - self._begun) / stage.done * (stage.total - stage.done)
         return f"about {seconds:.0f} s left" if seconds < 2 * _MINUTE else f"about {seconds / _MINUTE:.0f} min left"

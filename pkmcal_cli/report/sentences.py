@@ -70,9 +70,9 @@ def unknown_sentence(size: str, depends_on: str, hint: str, warm: bool) -> str:
         "direction": "Measure every pose from both sides.",
         "load": "Measure with several payloads.",
     }.get(depends_on, "Do not compensate outside the measured region.")
-    what = f"Unknown effect of {size.strip()}" if size else "Unknown effect"
+    label = f"Unknown effect of {size.strip()}" if size else "Unknown effect"
     detail = f" ({hint})" if hint else ""
-    return f"{what}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"
+    return f"{label}: depends on {depends_on}, matches no effect of the catalogue{detail}. {advice}"
 
 
 STOPPED = {

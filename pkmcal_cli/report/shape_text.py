@@ -130,9 +130,9 @@ def shape_file_units(units: FileUnits, at: str, rotary: bool) -> tuple[Unit, Uni
 def shape_lines(machine: Machine, model: Model, shape: NamelessShape, fit: Fit, budget: ErrorBudget) -> list[str]:
     """Entries of a machine file, bare numbers in its units, as it came out of a fit."""
     names = shape.placed.parameters
-    own = [fit.selected.index(n) for n in names]
+    columns = [fit.selected.index(n) for n in names]
     weights = fit.values[[model.names.index(n) for n in names]]
-    known = known_shape(shape, weights, budget.covariance[np.ix_(own, own)])
+    known = known_shape(shape, weights, budget.covariance[np.ix_(columns, columns)])
     assert known.values is not None and known.covariance is not None
     rotary = shape.placed.sites[0].kind == "rotary"
     along, deviation = shape_file_units(machine.file_units, shape.placed.at, rotary)

@@ -41,9 +41,9 @@ class StudyReport:
         out: dict[str, Unit] = {}
         for machine in self.study.machines:
             for name in machine.selected:
-                own = parameter_unit(machine.model, name)
-                kind = own.dimension.name
-                out.setdefault(kind, parse_unit(_SMALL[kind]) if kind in _SMALL else own.difference)
+                file_unit = parameter_unit(machine.model, name)
+                kind = file_unit.dimension.name
+                out.setdefault(kind, parse_unit(_SMALL[kind]) if kind in _SMALL else file_unit.difference)
         return out
 
     @property

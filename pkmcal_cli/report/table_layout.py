@@ -47,11 +47,11 @@ def columns_of(
     """Columns of a table; the first `left` ones are names, those with headers `folded` texts, "" goes to the left."""
     cells = list(zip(*rows, strict=True)) or [()] * len(headers)
     out = []
-    for k, (header, own) in enumerate(zip(headers, cells, strict=True)):
+    for k, (header, texts) in enumerate(zip(headers, cells, strict=True)):
         name, folds = k < left, header in folded
-        whole = (_numbers(text) if name or folds else len(text) for text in own)  # what of a cell cannot fold
+        whole = (_numbers(text) if name or folds else len(text) for text in texts)  # what of a cell cannot fold
         least = max([max(map(len, header.split(" "))), *whole])
-        column = Column(header, tuple(own), name or folds or header == "", (least, least))
+        column = Column(header, tuple(texts), name or folds or header == "", (least, least))
         ways = (_TEXT, _SHORT) if folds else (_NAME, _NAME) if name else (0, 0)
         gladly, at_last = (min(max(least, way), column.natural) for way in ways)
         out.append(replace(column, least=(gladly, at_last)))
@@ -71,9 +71,9 @@ def laid_out(columns: Sequence[Column], width: int, names: int, spare: Sequence[
         return Laid(*_block(kept, widths), tuple(hidden))
     lines, heads = list[str](), set[int]()
     for part in _parts(kept, width, names):
-        block, own = _block(part, _widths(part, width, 1) or [c.least[1] for c in part])
+        block, head_lines = _block(part, _widths(part, width, 1) or [c.least[1] for c in part])
         lines += [""] if lines else []
-        heads |= {k + len(lines) for k in own}
+        heads |= {k + len(lines) for k in head_lines}
         lines += block
     return Laid(tuple(lines), frozenset(heads), tuple(hidden))
 

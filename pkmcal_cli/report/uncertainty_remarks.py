@@ -17,7 +17,7 @@ def held_text(budget: ErrorBudget) -> str:
     """What is not identified, and what that means."""
     held = count(len(budget.held), "parameter")
     return (
-        f"{held} not identified, and known only to within their ranges: the identified values make up for their errors "
+        f"{held} not identified, and known only to within their ranges: identified values compensate for their errors "
         f"(`{HELD}`, standard uncertainty). At the tool most of that cancels: "
         "`pkmcal simulate -p PARAMS.yaml --uncertainty` shows what is left."
     )

@@ -10,7 +10,7 @@ import numpy as np
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.point_errors import Judged, K
 from pkmcal_cli.calibration.verification import Verification
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.number_format import finite, readable
@@ -23,7 +23,7 @@ class VerificationReport:
     """A verification, ready to be shown; `judged`: by a tolerance, where there is one, in its unit."""
 
     def __init__(
-        self, verification: Verification, judged: Judged | None, unit: Unit | None, place: Callable[[int], Place]
+        self, verification: Verification, judged: Judged | None, unit: Unit | None, place: Callable[[int], RowOrigin]
     ) -> None:
         self.verification, self.judged, self.unit, self.place = verification, judged, unit, place
         self.failed = FailedRows(verification.failed, place, len(verification.problem))
@@ -133,7 +133,7 @@ class VerificationReport:
         }
 
 
-def tolerance_json(j: Judged, unit: Unit | None, place: Callable[[int], Place] | None) -> dict[str, Any]:
+def tolerance_json(j: Judged, unit: Unit | None, place: Callable[[int], RowOrigin] | None) -> dict[str, Any]:
     """A verdict on a tolerance, in its unit; place: of a row, None where rows are not told."""
     assert unit is not None
     worst = j.points.worst

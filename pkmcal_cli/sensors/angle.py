@@ -15,10 +15,10 @@ from pkmcal_cli.units.measurands import Measurand
 def _read(seen: Mapping[str, Any]) -> Sequence[Any]:
     line = np.einsum("nji,nj->ni", exp(seen["rotation"]), seen["other"] - seen["place"])
     first, second = seen["basis"][:, :3], seen["basis"][:, 3:]
-    own = np.stack([dot(axis, line) for axis in (first, second, cross(first, second))], axis=1)  # z: its axis
+    triad = np.stack([dot(axis, line) for axis in (first, second, cross(first, second))], axis=1)  # z: its axis
     if "motion" in seen:
-        own = np.einsum("nij,nj->ni", exp(seen["motion"][:, 3:6]), own)
-    return [as_read(_angle(own[:, 0], own[:, 1]), seen)]
+        triad = np.einsum("nij,nj->ni", exp(seen["motion"][:, 3:6]), triad)
+    return [as_read(_angle(triad[:, 0], triad[:, 1]), seen)]
 
 
 def _angle(x: Any, y: Any) -> Any:

@@ -43,11 +43,11 @@ def causes(results: Results) -> Section | None:
         blocks.append(Text(ShapeText(report.machine, report.shaped_model, shape, report.error_unit).sentence()))
     for unknown in report.diagnosis.unknown[len(report.diagnosis.shapes) :]:
         blocks.append(Text(report.unknown_text(unknown)))
-    blocks += [b for b in (_not_told_from(report), _correlations(results)) if b is not None]
+    blocks += [b for b in (_indistinguishable(report), _correlations(results)) if b is not None]
     return section("causes", "Causes", blocks)
 
 
-def _not_told_from(report: DiagnosisReport) -> Table | None:
+def _indistinguishable(report: DiagnosisReport) -> Table | None:
     """Rivals of what was found; None where each cause stands alone."""
     rows = [
         (f.hypothesis.name, r.hypothesis.name, f"{100 * r.weight:.0f} %", f"{r.cosine:.3f}")
@@ -58,7 +58,7 @@ def _not_told_from(report: DiagnosisReport) -> Table | None:
     ]
     if not rows:
         return None
-    return Table("Not told from", ("cause", "or", "probability", "cosine"), tuple(rows), left=2)
+    return Table("Not distinguished from", ("cause", "or", "probability", "cosine"), tuple(rows), left=2)
 
 
 def _correlations(results: Results) -> Table | None:

@@ -23,8 +23,8 @@ from pkmcal_cli.units.unit_text import parse_unit
 _TRIED = 5  # rows that might be drawn, if one cannot be solved
 
 
-def _titles(results: Results, what: str) -> Titles:
-    return titles(results.machine.files[0][0], what, results.measured.files)
+def _titles(results: Results, subject: str) -> Titles:
+    return titles(results.machine.files[0][0], subject, results.measured.files)
 
 
 def drawing(results: Results) -> Section | None:
@@ -55,7 +55,7 @@ def maps(results: Results) -> list[Figure]:
         pairs.append(("errors with the causes", places_of(improved.improvement.problem, [calibrated, with_causes])))
     unit, caption = results.machine.file_units.length, "Measured minus predicted, on the fitted rows. Arrows of a row "
     caption += "of panels have one scale, but where a panel says otherwise."
-    drawn = [error_map(places, _titles(results, what), unit) for what, places in pairs if places]
+    drawn = [error_map(places, _titles(results, subject), unit) for subject, places in pairs if places]
     return [Figure(picture, caption) for picture in drawn]
 
 
@@ -80,9 +80,9 @@ def steps(results: Results) -> Figure | None:
     """From the raw residual to noise, step by step."""
     if results.diagnosis is None:
         return None
-    what = "what is left of the residual, step by step"
+    subject = "what is left of the residual, step by step"
     part = waterfall_part(results.diagnosis.diagnosis)
-    picture = composed("steps", _titles(results, what), f"{what[0].upper()}{what[1:]}.", [part])
+    picture = composed("steps", _titles(results, subject), f"{subject[0].upper()}{subject[1:]}.", [part])
     return Figure(picture, "Rms of the residual in standard uncertainties of the readings; 1 is noise.")
 
 
@@ -91,11 +91,11 @@ def identified(results: Results) -> Figure | None:
     rows = [r for r in results.calibrated.rows if r.name in results.calibrated.fit.selected]
     if not rows:
         return None
-    what, improved = "identified parameters", results.improved
+    subject, improved = "identified parameters", results.improved
     if improved is not None and improved.improvement.accepted:
-        what += ", together with the causes"
+        subject += ", together with the causes"
         rows = [_as_improved(row, improved) for row in rows]
-    picture = parameter_picture(rows, _titles(results, what))
+    picture = parameter_picture(rows, _titles(results, subject))
     return Figure(picture, "Offsets from nominal as shares of the ranges (grey band), with 95 % intervals.")
 
 

@@ -22,13 +22,13 @@ def verdict(results: Results) -> Verdict:
         return Verdict("IMPLAUSIBLE", first, tuple(reasons))
     judged = results.judged
     if judged is None:
-        return Verdict(_found(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
+        return Verdict(_word(results), "; ".join([_error(results), *_causes(results)]), tuple(_lines(results)))
     worst = _worst(results, judged)
-    lines = [_what(results, judged), _share(results, judged), *_lines(results)]
+    lines = [_judged_error(results, judged), _share(results, judged), *_lines(results)]
     return Verdict(_BY_TOLERANCE[judged.verdict], "; ".join([worst, *_causes(results)]), tuple(lines))
 
 
-def _found(results: Results) -> Word:
+def _word(results: Results) -> Word:
     report = results.diagnosis
     return "DONE" if report is None else _BY_DIAGNOSIS.get(report.diagnosis.verdict, "UNKNOWN")
 
@@ -109,7 +109,7 @@ def _share(results: Results, judged: Judged) -> str:
     )
 
 
-def _what(results: Results, judged: Judged) -> str:
+def _judged_error(results: Results, judged: Judged) -> str:
     """What the error is an error of, and where it is largest."""
     state = "the machine after correction" if results.verified is not None else "the machine as calibrated"
     if results.diagnosis is not None and results.diagnosis.diagnosis.findings and results.verified is None:

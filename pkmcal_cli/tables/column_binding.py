@@ -106,13 +106,15 @@ def _unit_of(reader: TableReader, column: Column, index: int, log: FaultLog) -> 
     except UnitError as error:
         near = error.hint if error.hint and error.hint.startswith("did you mean") else None
         log.add(
-            Flaw("csv-unit", f"{error.what} in column `{cell.text}`", near or hint, *place),
+            Flaw("csv-unit", f"{error.message} in column `{cell.text}`", near or hint, *place),
             reader.header_source(),
         )
         return column.si_unit, False
     if unit.dimension != column.physical:
-        what = f"column `{cell.text}`: `{cell.unit}` is a unit of {unit.dimension}, but this is {_a(column.dimension)}"
-        log.add(Flaw("csv-unit", what, hint, *place), reader.header_source())
+        message = (
+            f"column `{cell.text}`: `{cell.unit}` is a unit of {unit.dimension}, but this is {_a(column.dimension)}"
+        )
+        log.add(Flaw("csv-unit", message, hint, *place), reader.header_source())
     return unit, False
 
 

@@ -48,14 +48,14 @@ class Needs:
     ) -> None:
         self.reader, self.machine, self.bound, self.spare, self.log = reader, machine, bound, spare, log
         self.columns = {(c.name, c.role): c for c in columns_of(machine)}
-        self.columns_found = {(b.column.name, b.column.role): b for b in bound}
+        self.columns_bound = {(b.column.name, b.column.role): b for b in bound}
 
     def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
         """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""
         placing = [name for name, actuator in self.machine.actuators.items() if actuator.holds]
-        given = [name for name in placing if (b := self.columns_found.get((name, "actuator"))) and self._filled(b)]
+        filled = [name for name in placing if (b := self.columns_bound.get((name, "actuator"))) and self._filled(b)]
         targets = [b for b in self.targets() if self._filled(b)]
-        by_actuators = bool(given) or require != "poses" or not targets or not placing
+        by_actuators = bool(filled) or require != "poses" or not targets or not placing
         required = self._forces()
         if require == "targets":
             by_actuators = False
@@ -64,13 +64,13 @@ class Needs:
             required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
         elif not by_actuators:
             required |= {b.index: "give all TCP coordinates of the table in every row" for b in targets}
-        elif require == "poses" and placing and not any((n, "actuator") in self.columns_found for n in placing):
+        elif require == "poses" and placing and not any((n, "actuator") in self.columns_bound for n in placing):
             self._no_pose(placing)
         else:
             required |= self._actuators(placing)
         if require == "measured":
             self._channels()
-        session = self.columns_found.get(("session", "label"))
+        session = self.columns_bound.get(("session", "label"))
         if session is not None:
             required[session.index] = "give the session in every row"
         blank = set()
@@ -92,7 +92,7 @@ class Needs:
     def _actuators(self, names: Sequence[str]) -> dict[int, str]:
         required = {}
         for name in names:
-            b = self.columns_found.get((name, "actuator"))
+            b = self.columns_bound.get((name, "actuator"))
             if b is None:
                 column = self.columns[name, "actuator"]
                 self._missing(f"missing column `{column.header}` (actuator {name})", column)
@@ -106,7 +106,7 @@ class Needs:
         for name, actuator in self.machine.actuators.items():
             if actuator.control == "force" and (actuator.force is None or actuator.force.otherwise is None):
                 column = self.columns[f"{name}.force", "force"]
-                b = self.columns_found.get((column.name, "force"))
+                b = self.columns_bound.get((column.name, "force"))
                 if b is None:
                     self._missing(f"missing column `{column.header}` (force of actuator {name})", column)
                 else:
@@ -118,37 +118,37 @@ class Needs:
     def _channels(self) -> None:
         """Some channel, and none whose column is there under a name that is nearly its own."""
         channels = [c for c in self.columns.values() if c.role == "channel"]
-        lost = [c for c in channels if (c.name, "channel") not in self.columns_found]
+        lost = [c for c in channels if (c.name, "channel") not in self.columns_bound]
         if len(lost) == len(channels) and not known_readings(self.machine):
             names = listed([f"`{c.header}`" for c in channels])
-            what = (
+            message = (
                 f"no measurements: the table has none of the columns {names}" if names else "the machine has no sensors"
             )
-            self._missing(what, *channels)
+            self._missing(message, *channels)
             return
         for index, cell in self.spare.items():
             near = next((c for c in lost if is_near(cell, c)), None)
             if near is not None and self.reader.first_cell(index):
-                what = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
+                message = f"column `{cell.text}` is not used and channel `{near.name}` has no column"
                 place = self.reader.format.header_line, index
-                flaw = Flaw("csv-missing", what, did_you_mean_column(cell, near), *place)
+                flaw = Flaw("csv-missing", message, did_you_mean_column(cell, near), *place)
                 self.log.add(flaw, self.reader.header_source())
 
     def _no_targets(self) -> None:
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
-        what = f"the table has no targets: none of the TCP coordinates {coordinates}"
-        self._missing(what, *(c for c in self.columns.values() if c.role in ("target", "channel")))
+        message = f"the table has no targets: none of the TCP coordinates {coordinates}"
+        self._missing(message, *(c for c in self.columns.values() if c.role in ("target", "channel")))
 
     def _no_pose(self, placing: Sequence[str]) -> None:
         drives = [self.columns[name, "actuator"] for name in placing]
         names = ", ".join(f"`{column.header}`" for column in drives)
         coordinates = ", ".join(f"`{name}`" for name in coordinates_of(self.machine))
-        what = f"the table has no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
+        message = f"the table has no poses: neither actuators ({names}) nor TCP coordinates ({coordinates})"
         others = [c for c in self.columns.values() if c.role in ("target", "channel")]
-        self._missing(what, *drives, *others)
+        self._missing(message, *drives, *others)
 
-    def _missing(self, what: str, *columns: Column) -> None:
-        self.log.add(Flaw("csv-missing", what, self._remedy(columns), self.reader.format.header_line))
+    def _missing(self, message: str, *columns: Column) -> None:
+        self.log.add(Flaw("csv-missing", message, self._remedy(columns), self.reader.format.header_line))
 
     def _remedy(self, columns: Sequence[Column]) -> str:
         """The unused header that may be meant, or what the header has."""

@@ -110,9 +110,9 @@ class _Clock:
             text = datetime.fromtimestamp(self.origin, UTC).isoformat() if zone else first
             self.notes = (f"`time` is counted from {text}, the first row of {reader.name}",)
         if self.plain and self.origin is not None:
-            what = f"column `time` has dates in one file and numbers in another ({self.plain})"
+            message = f"column `time` has dates in one file and numbers in another ({self.plain})"
             line, hint = reader.format.header_line, "use dates in all files, or numbers in all"
-            log.add(Flaw("csv-time", what, hint, line, bound.index), reader.header_source())
+            log.add(Flaw("csv-time", message, hint, line, bound.index), reader.header_source())
 
 
 @dataclass(kw_only=True)
@@ -142,8 +142,8 @@ class _File:
                 self.machine, {b.column.name for b in binding.of("channel")}, self.require == "measured"
             )
             if self.touches.unclear:
-                what, hint = unclear_touches(self.touches.unclear)
-                log.add(Flaw("csv-missing", what, hint, reader.format.header_line), reader.header_source())
+                message, hint = unclear_touches(self.touches.unclear)
+                log.add(Flaw("csv-missing", message, hint, reader.format.header_line), reader.header_source())
             for chunk in reader.chunks(binding.column_rules, log):
                 self.rows += len(chunk.lines)
                 if not log.total:
@@ -173,8 +173,8 @@ class _File:
         machine, rows = self.machine, len(chunk.lines)
         drives = tuple(machine.actuators)
         channels = tuple(c.name for c in columns_of(machine) if c.role == "channel")
-        coordinates, given = coordinates_of(machine), channel_of_target(machine)
-        places = tuple(channels.index(given[c]) if c in given else -1 for c in coordinates)
+        coordinates, channel_names = coordinates_of(machine), channel_of_target(machine)
+        places = tuple(channels.index(channel_names[c]) if c in channel_names else -1 for c in coordinates)
         get = _Getter(chunk, binding, rows, self.clock.origin)
         labels = {b.column.name: tuple(chunk.texts[b.index]) for b in binding.of("label")}
         sessions, session = self._sessions(labels, rows)

@@ -46,10 +46,12 @@ def _faults(measurements: Measurements, joined: NDArray[np.bool_]) -> Iterator[F
     named = np.array([bool(name) for name in partners])
     bare = sorted({*measurements.file_index[joined].tolist()} - {*measurements.file_index[named].tolist()})
     for file in bare:  # nothing in the column, or no column: one fault, not one per row
-        what = f"distance to another row measured in {count(int(joined[measurements.file_index == file].sum()), 'row')}"
+        message = (
+            f"distance to another row measured in {count(int(joined[measurements.file_index == file].sum()), 'row')}"
+        )
         where = Location(measurements.files[file], 1)
         yield Fault(
-            "csv-partner", f"{what}, but no row has a `to`", where, "give the `id` of the other row in column `to`"
+            "csv-partner", f"{message}, but no row has a `to`", where, "give the `id` of the other row in column `to`"
         )
     ids = Counter(zip(measurements.file_index.tolist(), measurements.ids, strict=True))
     for row in np.flatnonzero(named | (joined & ~np.isin(measurements.file_index, bare))).tolist():
@@ -74,5 +76,5 @@ def _wrong_partner(measurements: Measurements, row: int, name: str, ids: Counter
         return None
     known = [i for other, i in list(ids)[:_NEAR] if other == file and i]
     hint = "give every row a unique `id`" if times else did_you_mean(name, known) or "check the column `id`"
-    what = f"`to` names `{name}`, which is the `id` of " + (f"{times} rows" if times else "no row")
-    return Fault("csv-partner", what, where, hint)
+    message = f"`to` names `{name}`, which is the `id` of " + (f"{times} rows" if times else "no row")
+    return Fault("csv-partner", message, where, hint)

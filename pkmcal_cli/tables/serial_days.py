@@ -37,5 +37,7 @@ class Times:
         if self.most - self.least > _STEP * (self.count - 1) or self.most == self.least:
             return None
         when = _EPOCH + timedelta(days=self.least)
-        what = f"column `time` is read in seconds, but {self.least:g} looks like a spreadsheet's day ({when:%Y-%m-%d})"
-        return Flaw("csv-time", what, "write times as `2021-12-16T10:30`, or seconds since the start", line, cell)
+        message = (
+            f"column `time` is read in seconds, but {self.least:g} looks like a spreadsheet's day ({when:%Y-%m-%d})"
+        )
+        return Flaw("csv-time", message, "write times as `2021-12-16T10:30`, or seconds since the start", line, cell)

@@ -61,12 +61,12 @@ def _astray(sensor: str, expected: Sequence[Column], table: TableUse) -> list[Fa
     for index, cell in table.spare.items():
         like = next((column for column in expected if is_like(cell, column)), None)
         if like is not None:
-            what = f"column `{cell.text}` is not used and sensor `{sensor}` has no reading in this table"
-            log.add(Flaw("csv-missing", what, did_you_mean_column(cell, like), table.line, index), table.source)
+            message = f"column `{cell.text}` is not used and sensor `{sensor}` has no reading in this table"
+            log.add(Flaw("csv-missing", message, did_you_mean_column(cell, like), table.line, index), table.source)
     return log.faults
 
 
 def _no_reading(machine: Machine, sensor: str) -> Fault:
-    what = f"sensor `{sensor}` has no reading in any table"
+    message = f"sensor `{sensor}` has no reading in any table"
     hint = "if the sensor was used, add its column or fill it in"
-    return machine.source.fault("no-reading", what, ("sensors", sensor), hint, at_key=True, warning=True)
+    return machine.source.fault("no-reading", message, ("sensors", sensor), hint, at_key=True, warning=True)

@@ -68,5 +68,5 @@ def known_readings(machine: Machine) -> dict[str, float]:
 def unclear_touches(names: Collection[str]) -> tuple[str, str]:
     """What is wrong where no column says which probe touched, and the remedy."""
     listed = ", ".join(f"`{name}`" for name in names)
-    what = f"nothing says which of {listed} touches in a row"
-    return what, "add a column for each: its reading in the rows in which it touches, else empty"
+    message = f"nothing says which of {listed} touches in a row"
+    return message, "add a column for each: its reading in rows where it touches, empty elsewhere"

@@ -104,7 +104,7 @@ def _compose(powers: list[tuple[Unit, float]], dimension: Dimension) -> Unit:
     """The product of powers of units as one unit with a text like "N*mm/rad"."""
     above: list[str] = []
     below: list[str] = []
-    factor, turns = Fraction(1), 0
+    factor, pi_power = Fraction(1), 0
     for unit, power in powers:
         if not power:
             continue
@@ -115,11 +115,11 @@ def _compose(powers: list[tuple[Unit, float]], dimension: Dimension) -> Unit:
             factor *= unit.factor ** int(power)
         else:
             factor *= Fraction(float(unit.factor) ** power)
-        turns += int(unit.pi_power * power)
+        pi_power += int(unit.pi_power * power)
     text = "*".join(above) or "1"
     if below:
         text += "/" + ("*".join(below) if len(below) == 1 else f"({'*'.join(below)})")
-    return Unit(text, factor, dimension, turns)
+    return Unit(text, factor, dimension, pi_power)
 
 
 SI = FileUnits()

@@ -114,9 +114,9 @@ _TOKEN = re.compile(r"\s*(?:[A-Za-zµμ°%]+|\*\*|[*·/^()²³]|-?\d+)")
 class UnitError(ValueError):
     """A text is no unit; `hint` says what may have been meant."""
 
-    def __init__(self, what: str, hint: str | None = None) -> None:
-        super().__init__(what)
-        self.what = what
+    def __init__(self, message: str, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
         self.hint = hint
 
 
@@ -164,8 +164,8 @@ def _named(name: str, size: str) -> Unit:
     unit = parse_unit(match["unit"])
     factor = unit.factor * Fraction(match["above"]) / below
     if not SMALLEST < factor < LARGEST:
-        what = f"the size `{size}` of a unit must be positive, and neither too large nor too small"
-        raise UnitError(what, _SIZE_HINT)
+        message = f"the size `{size}` of a unit must be positive, and neither too large nor too small"
+        raise UnitError(message, _SIZE_HINT)
     return Unit(name, factor, unit.dimension, unit.pi_power, size=size)
 
 

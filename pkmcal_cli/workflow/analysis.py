@@ -41,7 +41,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.amounts import amount
-from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin, require_measured, selection
+from pkmcal_cli.workflow.arguments import checked_method, one_stdin, present, require_measured, selection
 from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.pose_set import PoseSet, default_poses, pose_set
 from pkmcal_cli.workflow.shift_table import write_shifts
@@ -105,8 +105,8 @@ def _prepare(request: AnalysisRequest, to: Listener, machine: LoadedMachine | No
         to.warn(fault)
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         _selected(request, loaded.model)
-    given = request.poses is not None or request.grid is not None
-    poses = pose_set(to, loaded, request.poses, request.grid) if given else default_poses(to, loaded)
+    stated = request.poses is not None or request.grid is not None
+    poses = pose_set(to, loaded, request.poses, request.grid) if stated else default_poses(to, loaded)
     loaded = loaded.for_sessions(poses.every.rows.session_names)
     model, selected = loaded.model, _selected(request, loaded.model)
     start = load_parameters(model, request.parameters)
@@ -136,12 +136,14 @@ def _offset_readings(model: Model, rows: Rows, offsets: tuple[str, ...]) -> Arra
             raise UsageError(f"--offset: the machine has no actuator `{name}`", hint=did_you_mean(name, names))
         column = names.index(name)
         if model.topology.drives[column].force_controlled:
-            what = f"--offset: `{name}` is force-controlled and has no set value"
-            raise UsageError(what, hint="offset a position-controlled actuator")
-        own = parse_unit(model.actuators[column].unit)
-        moved, unit = amount("--offset", value, own)
-        if unit.dimension != own.dimension:
-            raise UsageError(f"--offset: the unit of `{value}` does not fit `{name}`", hint=f"give it in {own.text}")
+            message = f"--offset: `{name}` is force-controlled and has no set value"
+            raise UsageError(message, hint="offset a position-controlled actuator")
+        drive_unit = parse_unit(model.actuators[column].unit)
+        moved, unit = amount("--offset", value, drive_unit)
+        if unit.dimension != drive_unit.dimension:
+            raise UsageError(
+                f"--offset: the unit of `{value}` does not fit `{name}`", hint=f"give it in {drive_unit.text}"
+            )
         readings[:, column] += moved
     return readings
 
@@ -181,12 +183,12 @@ def run_sensitivity(request: SensitivityRequest) -> int:
 
 def _check_plot(request: AnalysisRequest, output: str | None) -> None:
     """Whether the picture can be written. Raises UsageError and OutputError."""
-    inputs = given(request.machine, request.poses, request.parameters)
+    inputs = present(request.machine, request.poses, request.parameters)
     check_plot(request.plot, inputs, output, force=request.force)
 
 
 def _titles(request: AnalysisRequest, command: str) -> Titles:
-    return titles(request.machine, command, given(request.parameters, request.poses))
+    return titles(request.machine, command, present(request.parameters, request.poses))
 
 
 def _check_sensitivity(request: SensitivityRequest) -> None:
@@ -197,7 +199,7 @@ def _check_sensitivity(request: SensitivityRequest) -> None:
         raise UsageError("-o writes shifts of one coordinate", hint="name it: `--channel x`")
     if request.as_json and is_stream(request.output):
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
-    check_table(request.output, given(request.machine, request.poses, request.parameters), force=request.force)
+    check_table(request.output, present(request.machine, request.poses, request.parameters), force=request.force)
 
 
 def _coordinate(model: Model, name: str) -> str:

@@ -35,7 +35,7 @@ _HALVINGS = 4
 _INTERNAL = 0.05  # of `force_limit`: internal force on the way beyond that at the pose
 _ON_THE_WAY = (1.0, 0.75, 0.5, 0.25)  # of the way back
 FORCES = "forces on the way to it, or at it, beyond `force_limit`"
-NO_WAY = "no pose beside it to approach from"
+NO_WAY = "no neighbouring pose to approach it from"
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ def one_stdin(*inputs: str | None) -> None:
         raise UsageError("only one input can be `-` (stdin)", hint="give the others as files")
 
 
-def given(*texts: str | None) -> list[str]:
+def present(*texts: str | None) -> list[str]:
     """Those arguments that were given."""
     return [text for text in texts if text is not None]
 
@@ -30,16 +30,16 @@ def given(*texts: str | None) -> list[str]:
 def require_forces(asked: bool, loaded: LoadedMachine) -> None:
     """Forces are determined, where they are asked for. Raises UsageError."""
     if asked and loaded.compiled.shared_by:
-        what = "--forces: nothing yields in this machine, so the forces of its drives are not determined"
-        raise UsageError(what, hint="give a member, joint or actuator a stiffness")
+        message = "--forces: nothing yields in this machine, so the forces of its drives are not determined"
+        raise UsageError(message, hint="give a member, joint or actuator a stiffness")
 
 
 def require_measured(problem: Problem) -> None:
     """Something would be measured. Raises BadInput where nothing is."""
     if problem.count:
         return
-    what = NO_SENSORS if not problem.model.channels else "nothing would be measured: no channel has a `sigma`"
-    raise BadInput.single(what, Location(problem.model.name), SENSOR, "sensors")
+    message = NO_SENSORS if not problem.model.channels else "nothing would be measured: no channel has a `sigma`"
+    raise BadInput.single(message, Location(problem.model.name), SENSOR, "sensors")
 
 
 def checked_method(text: str) -> Method:
@@ -64,8 +64,8 @@ def selection(model: Model, text: str, option: str = "--select") -> tuple[str, .
     if not model.parameters:
         raise UsageError("the machine has no parameters", hint="declare them in `parameters:` of the machine file")
     if text == "auto" and not any(p.identify for p in model.parameters):
-        what = "--select auto: every parameter is declared `identify: false`"
-        raise UsageError(what, hint="name the parameters to identify, or use `--select all`")
+        message = "--select auto: every parameter is declared `identify: false`"
+        raise UsageError(message, hint="name the parameters to identify, or use `--select all`")
     chosen = select(model, text, option)
     if not chosen:
         raise UsageError(

@@ -13,7 +13,7 @@ from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import checked_method, given, one_stdin
+from pkmcal_cli.workflow.arguments import checked_method, one_stdin, present
 from pkmcal_cli.workflow.calibration import (
     Calibrated,
     CalibrationRequest,
@@ -77,7 +77,7 @@ def _check_outputs(request: CalibrationRequest) -> None:
     prior = request.fit_options.prior_file
     one_stdin(request.machine, *request.measurements, request.parameters, request.holdout, prior)
     check_run(request.run, request.machine, *request.measurements, request.parameters, request.holdout, prior)
-    inputs = given(request.machine, *request.measurements, request.parameters, checked(request), prior)
+    inputs = present(request.machine, *request.measurements, request.parameters, checked(request), prior)
     check_target(request.output, inputs, force=request.force)
     check_plot(request.plot, inputs, request.output, force=request.force)
 

@@ -134,9 +134,9 @@ def _run_several(request: CheckRequest) -> int:
     """Check machines one after the other; 1 with a fault in any. Raises UsageError and BadInput."""
     more = [name for name in request.tables if name not in request.others]
     if more or request.parameters is not None or request.as_json:
-        what = f"`{more[0]}`" if more else "--json" if request.as_json else "-p"
+        option = f"`{more[0]}`" if more else "--json" if request.as_json else "-p"
         hint = "check one machine with tables, -p or --json; several machines by themselves"
-        raise UsageError(f"{what} goes with one machine, but `{request.others[0]}` is another", hint=hint)
+        raise UsageError(f"{option} takes one machine, but `{request.others[0]}` is another", hint=hint)
     files = (request.machine, *request.others)
     return max(run_check(replace(request, machine=file, measurements=None)) for file in files)
 
@@ -214,24 +214,24 @@ def _substructure_fault(loaded: LoadedMachine) -> list[Fault]:
         f"{name} = {readable(float(value), units.unit(LENGTH if name in ('x', 'y', 'z') else ANGLE))}"
         for name, value in zip(names, substructure.pose, strict=True)
     )
-    what = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
+    message = f"without the redundant actuators, the platform is not held in part of the workspace, e.g. at {place}"
     hint = "only `--method linear` and `rigid` refer to the actuators that are not redundant; they may fail there"
     if substructure.better:
         hint += f". No such pose was found with {' and '.join(substructure.better[0])} redundant instead"
     source = loaded.machine.source
-    return [source.fault("substructure", what, ("actuators",), hint, at_key=True, warning=True)]
+    return [source.fault("substructure", message, ("actuators",), hint, at_key=True, warning=True)]
 
 
 def idle_faults(loaded: LoadedMachine) -> list[Fault]:
     """Parameters that act nowhere by structure."""
     source, names = loaded.machine.source, idle_parameters(loaded.model)
-    what = "has no effect on any pose, strained or not"
+    finding = "has no effect on any pose, strained or not"
     hint = (
         "positions of nodes and bodies only define the reference configuration: use the parameter in a `length`, a "
         "body's point or the ground, or remove it"
     )
     return [
-        source.fault("idle-parameter", f"parameter `{name}` {what}", ("parameters", name), hint, at_key=True)
+        source.fault("idle-parameter", f"parameter `{name}` {finding}", ("parameters", name), hint, at_key=True)
         for name in names
     ]
 
@@ -266,8 +266,8 @@ def _check_tables(
     problem = problem_of(loaded.model, measured)
     values = problem.model.nominal
     if start.inputs:  # a file tells them, but for what stands elsewhere each time
-        own = own_of(problem.model)
-        values = np.where([n in own for n in problem.model.names], values, start.values)
+        of_campaign = own_of(problem.model)
+        values = np.where([n in of_campaign for n in problem.model.names], values, start.values)
     prediction = evaluate(problem, values).prediction
     lost = np.nonzero(~prediction.solved)[0]
     faults = [place_of(measured, int(k)).fault(prediction.reason(int(k))) for k in lost[:MAX_FAULTS]]

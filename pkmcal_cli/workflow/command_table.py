@@ -18,19 +18,19 @@ class CommandTable(PosedTable):
     """Columns of commands: first those that `simulate` reads, then errors, forces, energies, remarks."""
 
     def __init__(
-        self, machine: Machine, model: Model, given: bool, covariates: Sequence[str], held: Sequence[str]
+        self, machine: Machine, model: Model, forces_stated: bool, covariates: Sequence[str], held: Sequence[str]
     ) -> None:
-        super().__init__(machine, model, given, covariates)
+        super().__init__(machine, model, forces_stated, covariates)
         self._add_forces()
         units = machine.file_units
         for name in held:
             turning = name.startswith("r")
             small = "urad" if turning else "um"
             self.columns.append((f"target.{name}", (units.angle if turning else units.length).text))
-            self.columns += [(f"{what}.{name}", small) for what in ("before", "u_before", "after", "u")]
+            self.columns += [(f"{prefix}.{name}", small) for prefix in ("before", "u_before", "after", "u")]
         for drive, actuator in zip(model.topology.drives, model.actuators, strict=True):
             unit = "N" if model.topology.moves_length(drive) else "N m"
-            self.columns += [(f"{what}.{actuator.name}", unit) for what in ("force", "u_force", "load", "internal")]
+            self.columns += [(f"{prefix}.{actuator.name}", unit) for prefix in ("force", "u_force", "load", "internal")]
         self.columns += [(f"{ENERGY}_before", None), (ENERGY, None), ("remarks", None)]
 
     def cells(self, ids: list[str], result: Assessment) -> list[Values]:

@@ -26,7 +26,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.dimensions import LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.arguments import given
+from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.compare_machines import compare_machines
 from pkmcal_cli.workflow.gates import Figure, Figures, Gate, gates
 from pkmcal_cli.workflow.plots import check_plot, write_plot
@@ -38,7 +38,7 @@ from pkmcal_cli.workflow.tool_change import tool_change
 class ComparisonRequest:
     """The arguments of `compare`."""
 
-    things: tuple[str, ...]
+    files: tuple[str, ...]
     machine: str | None
     alpha: float
     fail_above: tuple[str, ...] | None
@@ -54,15 +54,15 @@ def run_comparison(request: ComparisonRequest) -> int:
     check_alpha(request.alpha)
     to = Reporter(request.quiet, request.style)
     limits = gates(request.fail_above or ())
-    if sum(is_stream(t) for t in request.things):
+    if sum(is_stream(t) for t in request.files):
         raise UsageError("compare reads no stdin", hint="give files or folders of runs")
-    check_plot(request.plot, given(*request.things, request.machine), force=request.force)
-    kinds = [_kind(t) for t in request.things]
+    check_plot(request.plot, present(*request.files, request.machine), force=request.force)
+    kinds = [_kind(t) for t in request.files]
     _check_limits(limits, kinds)
     if kinds == ["runs"] and request.plot is not None:
         raise UsageError("--plot: a list of runs has no picture", hint="compare runs: name folders in it")
     if kinds == ["runs"]:
-        runs = history(request.things[0])
+        runs = history(request.files[0])
         show_history(to, runs)
         if request.as_json:
             verdict = "intact" if all(r.intact for r in runs) else "changed since"
@@ -70,7 +70,7 @@ def run_comparison(request: ComparisonRequest) -> int:
             emit_json(enveloped("compare", verdict, result, provenance({})))
         return 0
     if "runs" in kinds:
-        one = request.things[kinds.index("runs")]
+        one = request.files[kinds.index("runs")]
         raise UsageError(f"`{one}` is not the folder of one run", hint="name a folder in it, or list all: compare DIR")
     if "machine" in kinds:
         return _machines(request, kinds, limits, to)
@@ -110,8 +110,8 @@ def _kind(name: str) -> str:
 
 def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
     """Two machine files on the same held-out rows; limits are for the second one."""
-    machines = [t for t, k in zip(request.things, kinds, strict=True) if k == "machine"]
-    tables = [t for t, k in zip(request.things, kinds, strict=True) if k == "table"]
+    machines = [t for t, k in zip(request.files, kinds, strict=True) if k == "machine"]
+    tables = [t for t, k in zip(request.files, kinds, strict=True) if k == "table"]
     if len(machines) != 2 or not tables or len(machines) + len(tables) < len(kinds):
         hint = "compare M1.yaml M2.yaml TABLE.csv"
         raise UsageError("machine files are compared in pairs, on the rows of a table", hint=hint)
@@ -121,12 +121,12 @@ def _machines(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gat
         named = titles(", ".join(os.path.basename(m) for m in machines), "comparison", tables)
         both = (report.errors.first, report.errors.second)
         picture = machines_picture(_short(machines), both, report.unit, report.kind, named)
-        write_plot(picture, request.plot, request.things, to, force=request.force)
+        write_plot(picture, request.plot, request.files, to, force=request.force)
     rms = Figure(f"held-out {report.kind} rms of {machines[1]}", report.errors.second, report.unit, report.kind)
     gates, missed = _judge(limits, {"heldout": [rms]}, tables[0], to)
     if request.as_json:
         verdict = "one is better" if report.errors.better else "no difference"
-        emit_json(enveloped("compare", verdict, report.json() | {"gates": gates}, _origin(request.things)))
+        emit_json(enveloped("compare", verdict, report.json() | {"gates": gates}, _origin(request.files)))
     return int(missed)
 
 
@@ -144,13 +144,13 @@ def _origin(files: Sequence[str]) -> dict[str, Any]:
 def _parameters(request: ComparisonRequest, kinds: list[str], limits: Sequence[Gate], to: Reporter) -> int:
     """What changed between calibrations."""
     files = [
-        os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.things, kinds, strict=True)
+        os.path.join(t, PARAMETERS) if k == "run" else t for t, k in zip(request.files, kinds, strict=True)
     ]
     known = [known_parameters(f) for f in files]
     for k in known:
         if k.data is None:
-            what = "this parameter file has no whole section `data`, so what its rows determine is unknown"
-            raise BadInput.single(what, Location(k.file), "write it anew with `pkmcal calibrate -o`", "parameters")
+            message = "this parameter file has no complete section `data`, so it is unknown what its rows determine"
+            raise BadInput.single(message, Location(k.file), "write it again with `pkmcal calibrate -o`", "parameters")
     compared = _compared(known)
     change = None
     if (compared.test.dof and len(known) == 2) or compared.trend or limits:
@@ -182,7 +182,7 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     """The tests."""
     data = [k.data for k in known if k.data is not None]
     odd = _of_other_kinds(known)
-    c = common(data, [k.values for k in known], [_own(k) | odd for k in known])
+    c = common(data, [k.values for k in known], [_per_campaign(k) | odd for k in known])
     test, contrasts = omnibus(c)
     times, unit = _times(known)
     chosen = [[n for n, p in k.parameters.items() if np.isfinite(p.std)] for k in known]
@@ -192,7 +192,7 @@ def _compared(known: Sequence[KnownParameters]) -> Compared:
     return Compared(c, test, parameter_changes, single, _apart(known, c), unit)
 
 
-def _own(known: KnownParameters) -> set[str]:
+def _per_campaign(known: KnownParameters) -> set[str]:
     """Parameters that a campaign has for itself: those of its sessions, and errors of the measurement."""
     effects = catalogue()
     out = set()
@@ -226,8 +226,8 @@ def _times(known: Sequence[KnownParameters]) -> tuple[tuple[float, ...], str]:
         return (0.0, 1.0), ""
     if any(d is None for d in dates) or len(set(dates)) < len(dates):
         lacking = next((k for k in known if k.created is None), known[0])
-        what = "a trend needs the date of each file; this one has none, or shares it with another"
-        raise BadInput.single(what, Location(lacking.file), "write `created:` in its `provenance:`", "date")
+        message = "a trend needs the date of each file; this one has none, or shares it with another"
+        raise BadInput.single(message, Location(lacking.file), "write `created:` in its `provenance:`", "date")
     first = min(d for d in dates if d is not None)
     return tuple((d - first) / timedelta(days=1) for d in dates if d is not None), "day"
 

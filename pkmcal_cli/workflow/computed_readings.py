@@ -62,16 +62,16 @@ def computed_readings(problem: Problem, calibration: Calibration, measured: Meas
 
 
 def _words(
-    problem: Problem, own: NDArray[np.bool_], squares: Array, count: Array, origin: str, why: str
+    problem: Problem, affected: NDArray[np.bool_], squares: Array, count: Array, origin: str, why: str
 ) -> tuple[str, ...]:
     """Own channels (C,), how small their squares (C,) are for their count (C,), and what that means; () for none."""
-    names = [c.name for c, each in zip(problem.model.channels, own, strict=True) if each]
+    names = [c.name for c, each in zip(problem.model.channels, affected, strict=True) if each]
     if not names:
         return ()
-    factor = float(np.sqrt(count[own].sum() / max(squares[own].sum(), 1e-300)))
+    factor = float(np.sqrt(count[affected].sum() / max(squares[affected].sum(), 1e-300)))
     size = f"{factor:.2g} times" if factor < 1e6 else "a million times"
-    what = ", ".join(f"`{name}`" for name in names)
-    return (f"deviations of {what}{origin} are {size} smaller than the stated noise: {why}",)
+    listed = ", ".join(f"`{name}`" for name in names)
+    return (f"deviations of {listed}{origin} are {size} smaller than the stated noise: {why}",)
 
 
 def _by_channel(problem: Problem, calibration: Calibration) -> tuple[Array, Array]:

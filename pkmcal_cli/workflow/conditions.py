@@ -50,10 +50,10 @@ def conditions(machine: Machine, text: str | None) -> Conditions:
     return Conditions(values, {name: u for name, u in std.items() if u > 0})
 
 
-def _amount(name: str, text: str, own: Unit) -> float:
+def _amount(name: str, text: str, expected: Unit) -> float:
     """A value in SI; a bare number is in the unit of the column. Raises UsageError."""
-    value, unit = amount("--at", text.strip(), own=own)
-    if unit.dimension != own.dimension:
-        hint = f"give it in {own.text}" if own.text != "1" else "give a number"
+    value, unit = amount("--at", text.strip(), expected=expected)
+    if unit.dimension != expected.dimension:
+        hint = f"give it in {expected.text}" if expected.text != "1" else "give a number"
         raise UsageError(f"--at: `{name}`: `{unit.text}` is a unit of {unit.dimension}", hint=hint)
     return value

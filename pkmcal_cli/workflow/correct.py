@@ -31,7 +31,7 @@ from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.correction import CorrectionReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import Unit
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.command_table import CommandTable
 from pkmcal_cli.workflow.conditions import Conditions, conditions
 from pkmcal_cli.workflow.export import Export, exported, write_export
@@ -81,7 +81,7 @@ def run_correction(request: CorrectionRequest) -> int:
     to = Reporter(request.quiet)
     loaded = load_machine(request.machine)
     if export is not None:
-        names = given(request.machine, request.targets, request.parameters)
+        names = present(request.machine, request.targets, request.parameters)
         export.check([loaded.model.actuators[a].name for a in held_drives(loaded.model)], names)
     made = correction(request, to, loaded)
     report, result, targets, inputs = made.report, made.report.result, made.report.targets, made.inputs
@@ -106,7 +106,7 @@ def run_correction(request: CorrectionRequest) -> int:
 
 def _draw(plot: Plot, request: CorrectionRequest, report: CorrectionReport, length: Unit, to: Reporter) -> None:
     """The picture. Raises OutputError."""
-    named = titles(request.machine, "correction", given(request.parameters, request.targets))
+    named = titles(request.machine, "correction", present(request.parameters, request.targets))
     plot.write(correction_picture(report.model, report.result, report.targets.held, named, length), to)
 
 
@@ -204,7 +204,7 @@ def _checked(request: CorrectionRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o COMMANDS.csv`")
     one_stdin(request.machine, request.targets, request.parameters)
-    inputs = given(request.machine, request.targets, request.parameters)
+    inputs = present(request.machine, request.targets, request.parameters)
     check_plot(request.plot, inputs, target, force=request.force)
     if request.as_format is None:
         check_table(target, inputs, force=request.force)

@@ -19,7 +19,7 @@ from pkmcal_cli.report.diagnosis import DiagnosisReport
 from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.arguments import given
+from pkmcal_cli.workflow.arguments import present
 from pkmcal_cli.workflow.fail_on import failing
 from pkmcal_cli.workflow.plots import check_plot, write_plot
 from pkmcal_cli.workflow.run_folder import Run, check_run, keep_run
@@ -54,7 +54,7 @@ def run_diagnosis(request: DiagnosisRequest) -> int:
         raise UsageError("--plots - draws on the terminal, but -q suppresses it", hint="write files with `--plots DIR`")
     if request.plots is not None and not is_stream(request.plots):
         check_folder(request.plots)
-    named = given(request.case.machine, *request.case.measurements, request.case.parameters)
+    named = present(request.case.machine, *request.case.measurements, request.case.parameters)
     check_plot(request.plot, named, force=request.force)
     check_run(request.run, request.case.machine, *request.case.measurements, request.case.parameters)
     to = Reporter(request.quiet, request.style)

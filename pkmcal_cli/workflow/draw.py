@@ -11,8 +11,8 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
-from pkmcal_cli.loading.poses import OUT_OF_REACH, Place, PoseSource, reference_poses
-from pkmcal_cli.pictures.machine_picture import machine_picture, newtons, usual_scale
+from pkmcal_cli.loading.poses import OUT_OF_REACH, PoseSource, RowOrigin, reference_poses
+from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture, newtons
 from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
 from pkmcal_cli.pictures.picture import check_picture, write_picture
 from pkmcal_cli.pictures.text_machine import BELIEVED, LEGEND, text_machine
@@ -22,7 +22,7 @@ from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.number_format import finite, handy
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import given, one_stdin, require_forces
+from pkmcal_cli.workflow.arguments import one_stdin, present, require_forces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class _Row:
 
     rows: Rows
     number: int
-    place: Place
+    place: RowOrigin
     inputs: dict[str, str]
     notes: tuple[str, ...] = ()
 
@@ -68,7 +68,7 @@ def run_drawing(request: DrawingRequest) -> int:
         to.warn(text)
     to.notes(row.notes)
     shape = _solved(loaded, start, row)
-    factor = usual_scale(shape) if request.scale is None else request.scale
+    factor = default_scale(shape) if request.scale is None else request.scale
     _show(request, shape, factor, row, to)
     if request.output is not None:
         inputs = loaded.inputs | start.inputs | row.inputs
@@ -88,12 +88,12 @@ def _check(request: DrawingRequest) -> None:
     if request.scale is not None and not (math.isfinite(request.scale) and request.scale > 0):
         raise UsageError(f"--scale: `{request.scale:g}` is no factor", hint="give a positive number, e.g. 200")
     if request.quiet and request.output is None and not request.as_json:
-        what = "-q suppresses the drawing on the terminal"
-        raise UsageError(what, hint="write a picture with `-o FILE.svg`, or leave out -q")
+        message = "-q suppresses the drawing on the terminal"
+        raise UsageError(message, hint="write a picture with `-o FILE.svg`, or leave out -q")
     if request.row is not None and request.poses is None and request.grid is None:
         raise UsageError("--row names a row of a table", hint="add POSES.csv, or --grid")
     one_stdin(request.machine, request.poses, request.parameters)
-    inputs = given(request.machine, request.poses, request.parameters)
+    inputs = present(request.machine, request.poses, request.parameters)
     check_picture(request.output, inputs, force=request.force, option="-o")
 
 
@@ -145,7 +145,7 @@ def _show(request: DrawingRequest, shape: MachineShape, factor: float, row: _Row
         to.table("Axial forces of members (+ pulls)", ("member", "force"), members)
 
 
-def _place_text(place: Place) -> str:
+def _place_text(place: RowOrigin) -> str:
     """Where a row stands, in a title that names its file."""
     if place.file is None:
         return str(place).removeprefix("the ").removeprefix("--")

@@ -23,8 +23,8 @@ def _of_box(loaded: LoadedMachine, text: str) -> Region:
     """A box of coordinates that move independently; the others are as in the reference configuration."""
     for part in text.split(","):
         if part.count("=") != 1 or part.count(":") != 1:
-            what = f"{_OPTION}: `{part.strip()}` is no side of a box"
-            raise UsageError(what, hint='write NAME=LOWEST:HIGHEST, e.g. "x=0:950,y=160:390"')
+            message = f"{_OPTION}: `{part.strip()}` is not a side of a box"
+            raise UsageError(message, hint='write NAME=LOWEST:HIGHEST, e.g. "x=0:950,y=160:390"')
     axes = parse_grid(loaded, ",".join(f"{part}:2" for part in text.split(",")), _OPTION).axes
     for axis in axes:
         if axis.start >= axis.stop:
@@ -37,16 +37,16 @@ def _of_workspace(loaded: LoadedMachine) -> Region:
     """The box around the workspace, in as many coordinates as move independently. Raises UsageError without one."""
     space, motion = loaded.model.workspace, tool_motion(loaded)
     if space is None:
-        what = f"{loaded.model.name} has no workspace to draw points from"
+        message = f"{loaded.model.name} has no workspace to draw points from"
         raise UsageError(
-            what, hint=f'give a box: `{_OPTION} "x=0:950,y=160:390"`, or add `workspace` to the machine file'
+            message, hint=f'give a box: `{_OPTION} "x=0:950,y=160:390"`, or add `workspace` to the machine file'
         )
     low, high = space.bounds
     limited = [c for c, one, other in zip(DIRECTIONS, low, high, strict=True) if np.isfinite([one, other]).all()]
     names = tuple(c for c in motion.most_of([c for c in limited if c in motion.names]) if c in limited)
     if not names:
-        what = "the workspace limits no coordinate of the tool point"
+        message = "the workspace limits no coordinate of the tool point"
         hint = f"add a `box` or a `cylinder` to it, or give `{_OPTION}`"
-        raise BadInput([loaded.machine.source.fault("workspace", what, ("workspace",), hint, at_key=True)])
+        raise BadInput([loaded.machine.source.fault("workspace", message, ("workspace",), hint, at_key=True)])
     places = [DIRECTIONS.index(c) for c in names]
     return Region(names=names, low=low[places], high=high[places])

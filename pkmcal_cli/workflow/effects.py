@@ -21,7 +21,7 @@ def run_effects(request: EffectsRequest) -> int:
         if machine is None:
             raise UsageError("--simulate needs a machine file", hint="write `pkmcal effects M.yaml --simulate`")
         return run_simulated_effects(machine, request)
-    if any(given is not None for given in (request.poses, request.grid, request.parameters)):
+    if any(option is not None for option in (request.poses, request.grid, request.parameters)):
         raise UsageError("poses and parameters are for simulation", hint="add `--simulate`")
     to = Reporter(request.quiet)
     sites, inputs = (None, {}) if machine is None else _places(machine)

@@ -12,7 +12,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Location, UsageError
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.loading.load_machine import Start
-from pkmcal_cli.loading.poses import Place
+from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.prediction import Request, Rows, WarmStart, predict
@@ -43,8 +43,10 @@ class ErrorMap:
         if method != "exact":
             raise UsageError("--uncertainty needs the exact method", hint="leave out `--method`")
         if start.covariance is None:
-            what = "this parameter file has no `correlations` with `std`, so the uncertainty of its values is unknown"
-            raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
+            message = (
+                "this parameter file has no `correlations` with `std`, so the uncertainty of its values is unknown"
+            )
+            raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
         names, matrix = start.covariance
         return cls(model=tcp_model(model), values=start.values, names=names, covariance=matrix)
 
@@ -56,7 +58,7 @@ class ErrorMap:
     def _unit(self, dimension: str) -> str:
         return "um" if dimension == "length" else "urad"
 
-    def cells(self, rows: Rows, start: WarmStart, places: Mapping[int, Place]) -> list[Array]:
+    def cells(self, rows: Rows, start: WarmStart, places: Mapping[int, RowOrigin]) -> list[Array]:
         """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved."""
         prediction = predict(self.model, self.values, rows, Request(parameters=self.names), start)
         assert prediction.jacobian is not None
@@ -66,7 +68,7 @@ class ErrorMap:
         self._count(u, places)
         return list(u.T)
 
-    def _count(self, u: Array, places: Mapping[int, Place]) -> None:
+    def _count(self, u: Array, places: Mapping[int, RowOrigin]) -> None:
         coordinates = self.model.measuring(Measurand.POSITION)
         size = np.sqrt((u[:, coordinates] ** 2).sum(axis=1))
         self.rows += len(size)

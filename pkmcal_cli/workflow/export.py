@@ -39,8 +39,8 @@ class Export:
     def check(self, drives: Sequence[str], inputs: Collection[str]) -> None:
         """Whether the files could be written. Raises UsageError and OutputError."""
         if self.format.parts and not self._names_files:
-            what = f"--as {self.format.keyword} writes a file for every drive"
-            raise UsageError(what, hint=f"name them with `-o NAME{self.format.suffix}`")
+            message = f"--as {self.format.keyword} writes a file for every drive"
+            raise UsageError(message, hint=f"name them with `-o NAME{self.format.suffix}`")
         for name in self.files(drives).values():
             check = check_table if self.format.suffix == ".csv" else check_target
             check(name, inputs, force=self.force)
@@ -64,14 +64,16 @@ def exported(
 ) -> ExportReport:
     """The draft of a format and what remains. Raises BadInput where the format cannot hold the machine."""
     made = result.correction
-    given = targets.rows.take(made.kept)
+    usable_rows = targets.rows.take(made.kept)
     case = ExportCase(
-        loaded=loaded, model=model, values=start.values, assessment=result, choice=export.choice, given=given,
+        loaded=loaded, model=model, values=start.values, assessment=result, choice=export.choice, rows=usable_rows,
         names=[], covariance=start.covariance, dwell=export.dwell, feed=export.feed,
     )  # fmt: skip
     if not len(case.usable):
-        what = "no target has both corrected set values and set values of the nominal machine"
-        raise BadInput.single(what, Location(model.name), "give targets within reach of the nominal machine", "targets")
+        message = "no target has both corrected set values and set values of the nominal machine"
+        raise BadInput.single(
+            message, Location(model.name), "give targets within reach of the nominal machine", "targets"
+        )
     case = _named(case, targets)
     return ExportReport(case=case, format=export.format, draft=export.format.draft(case))
 

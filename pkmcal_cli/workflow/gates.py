@@ -30,7 +30,7 @@ _EXAMPLE = 'give a kind and a value, such as "heldout 20 um", "fitted 20 um", "c
 class Figure:
     """What a limit is held against: words and value, SI, inf where nobody knows it; `kind` of error, "" for others."""
 
-    what: str
+    label: str
     value: float
     unit: Unit
     kind: str = ""
@@ -59,9 +59,9 @@ class Gate:
             known = figures.get(self.otherwise, known)
         if isinstance(known, str):
             return Judged(self, Figure(f"{self.figure} ({known})", math.inf, self.unit))
-        return Judged(self, self._own(known) or Figure(self.text, math.inf, self.unit))
+        return Judged(self, self._matching(known) or Figure(self.text, math.inf, self.unit))
 
-    def _own(self, known: Sequence[Figure]) -> Figure | None:
+    def _matching(self, known: Sequence[Figure]) -> Figure | None:
         """The first figure of its kind, or of its dimension."""
         if self.kind:
             return next((f for f in known if f.kind == self.kind), None)
@@ -85,14 +85,14 @@ class Judged:
         value, unit = self.figure.value, self.gate.unit
         limit = unit.format(self.gate.limit)
         shown = unit.format(value, 4) if math.isfinite(value) else "unknown"
-        return Fault("above", f"{self.figure.what}: {shown}, above the limit of {limit} ({self.gate.option})", where)
+        return Fault("above", f"{self.figure.label}: {shown}, above the limit of {limit} ({self.gate.option})", where)
 
     def json(self) -> dict[str, Any]:
         """As the JSON interface has it."""
         unit = self.gate.unit
         return {
             "gate": self.gate.text,
-            "what": self.figure.what,
+            "what": self.figure.label,
             "value": finite(self.figure.value / unit.scale),
             "limit": unit.from_si(self.gate.limit),
             "unit": unit.text,
@@ -117,8 +117,8 @@ def _gate(text: str) -> Gate:
     if name != "std" and (unit.dimension == NUMBER) != (name == "chi2"):
         lacking = "has no unit" if unit.dimension == NUMBER else "is not a number"
         raise UsageError(f"{OPTION}: `{text}`: `{value.strip()}` {lacking}", hint=_EXAMPLE)
-    own = {"figure": figure, "kind": ""} if name == "std" else {"figure": name, "kind": part}
-    return Gate(text=text, limit=limit, unit=unit, **own)
+    target = {"figure": figure, "kind": ""} if name == "std" else {"figure": name, "kind": part}
+    return Gate(text=text, limit=limit, unit=unit, **target)
 
 
 def _largest_rms(text: str) -> Gate:
@@ -146,8 +146,8 @@ def check_gates(limits: Iterable[Gate], model: Model, kinds: Mapping[str, Dimens
             hint = did_you_mean(name, parameters, "`check` lists all")
             raise UsageError(f"{gate.option}: no parameter `{name}`", hint=hint)
         if name and parameters[name] != gate.unit.dimension:
-            what = f"{gate.option}: `{gate.text}`: `{name}` is not measured in {gate.unit.text}"
-            raise UsageError(what, hint=f"give a {parameters[name].name} with its unit")
+            message = f"{gate.option}: `{gate.text}`: `{name}` is not measured in {gate.unit.text}"
+            raise UsageError(message, hint=f"give a {parameters[name].name} with its unit")
         if gate.figure in ("heldout", "fitted"):
             _check_error(gate, kinds)
 
@@ -156,9 +156,9 @@ def _check_error(gate: Gate, kinds: Mapping[str, Dimension]) -> None:
     """Whether an error that a limit names is measured. Raises UsageError."""
     fitting = [kind for kind, dimension in kinds.items() if dimension == gate.unit.dimension]
     if gate.kind and gate.kind not in fitting:
-        what = f"{gate.option}: no {gate.kind}s were measured" if gate.kind in ("position", "orientation") else ""
-        what = what or f"{gate.option}: no error `{gate.kind}` in {gate.unit.text}"
-        raise UsageError(what, hint=_instead(gate, kinds))
+        message = f"{gate.option}: no {gate.kind}s were measured" if gate.kind in ("position", "orientation") else ""
+        message = message or f"{gate.option}: no error `{gate.kind}` in {gate.unit.text}"
+        raise UsageError(message, hint=_instead(gate, kinds))
     if not fitting:
         raise UsageError(f"{gate.option}: nothing is measured in {gate.unit.text}", hint=_instead(gate, kinds))
 

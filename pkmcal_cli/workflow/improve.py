@@ -30,7 +30,7 @@ from pkmcal_cli.report.loads import Loads
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.fail_on import failing
 from pkmcal_cli.workflow.gates import Gate, check_gates, gates, measured_kinds, missed_limits
 from pkmcal_cli.workflow.improvement_run import fingerprint_of_improved, improvement_run
@@ -93,8 +93,8 @@ def run_improvement(request: ImproveRequest) -> int:
     machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
     result = improved.json(machine, parameters, accept=request.accept)
-    code, gates_told = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
-    result = enveloped("improve", result["verdict"], result | gates_told, head)
+    code, gates_json = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
+    result = enveloped("improve", result["verdict"], result | gates_json, head)
     if request.as_json:
         emit_json(result)
     if improvement.broken is not None:
@@ -242,7 +242,7 @@ def _targets(request: ImproveRequest) -> tuple[str, str] | None:
         )
     stem = os.path.splitext(request.output)[0]
     targets = (request.output, f"{stem}.params.yaml")
-    inputs = given(*request.inputs)
+    inputs = present(*request.inputs)
     for target in targets:
         check_target(target, inputs, force=request.force)
     return targets

@@ -56,12 +56,14 @@ def fingerprint_of_improved(overlay: str, inputs: Mapping[str, str]) -> Fingerpr
     try:
         improved = read_machine(overlay)
     except BadInput as error:
-        own = [f.what for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay]
-        if own:  # what was just written, which is no input
-            raise OutputError(f"cannot be written: {own[0]}", overlay) from error
+        overlay_faults = [
+            f.what for f in error.faults if f.code == "file" and f.where is not None and f.where.file == overlay
+        ]
+        if overlay_faults:  # what was just written, which is no input
+            raise OutputError(f"cannot be written: {overlay_faults[0]}", overlay) from error
         raise
     for name, digest in improved.files[1:]:
         if digest not in inputs.values():
-            what = "this file has changed since it was read, so the improved machine would differ"
-            raise BadInput.single(what, Location(name), "run the command again", "file")
+            message = "this file has changed since it was read, so the improved machine would differ"
+            raise BadInput.single(message, Location(name), "run the command again", "file")
     return fingerprint_of(improved)

@@ -38,12 +38,14 @@ class NewRequest:
         if self.kind is None and self.source is None:
             raise UsageError(f"say what kind of machine it is: {_kinds()}", hint=_EXAMPLE)
         if self.kind is not None and self.source is not None:
-            raise UsageError("a kind of machine and --from: only one of them can be meant", hint=_EXAMPLE)
+            raise UsageError("give a kind of machine or --from, not both", hint=_EXAMPLE)
         if self.span is not None and self.kind is None:
-            raise UsageError("--span is for a kind of machine; --from knows the dimensions", hint=_EXAMPLE)
+            raise UsageError(
+                "--span applies to a kind of machine only; --from reads the dimensions from its file", hint=_EXAMPLE
+            )
         if self.as_json and is_stream(self.output):
-            what = "--json and the machine file both write to stdout"
-            raise UsageError(what, hint="write the machine file with `-o MACHINE.yaml`")
+            message = "--json and the machine file both write to stdout"
+            raise UsageError(message, hint="write the machine file with `-o MACHINE.yaml`")
 
 
 def run_new(request: NewRequest) -> int:
@@ -83,10 +85,10 @@ def _from_template(request: NewRequest, kind: str) -> int:
     if request.as_json:
         result = {"kind": kind, "span": span, "notes": [], "output": request.output}
         emit_json(enveloped("new", "complete", result, provenance({})))
-    to.say(made.what)
+    to.say(made.description)
     to.say(f"span, {made.span}: {text}; dimensions, ranges and sigmas are examples of that size: state your own")
     if not is_stream(request.output):
-        to.say(f"written: {request.output}; edit it, and look: `pkmcal check {request.output}`")
+        to.say(f"written: {request.output}; edit it, then run `pkmcal check {request.output}`")
     return 0
 
 
@@ -100,7 +102,7 @@ def _span(text: str) -> float:
     if unit.dimension != LENGTH:
         raise UsageError(f"--span: `{text}` is not a length", hint=hint)
     if not SPANS[0] <= value <= SPANS[1]:
-        raise UsageError(f"--span: `{text}` is no size of a machine", hint="use a length from 10 mm to 30 m")
+        raise UsageError(f"--span: `{text}` is not a size of a machine", hint="use a length from 10 mm to 30 m")
     return value
 
 

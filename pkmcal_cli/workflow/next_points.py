@@ -34,14 +34,16 @@ from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.workflow.approaches import Approaches
 from pkmcal_cli.workflow.arguments import selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
-from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _POOL = 1000
 _ALL_AT_ONCE = 4  # points: of more that are needed, half are measured before the rest is planned
 _NEAR = 0.05  # of a drive's travel in the table: points so near to one that could not be measured are not proposed
 _NOISY = 1.5  # times the stated noise, from which on it is worth a word
-_NO_WORKSPACE = "help: points were looked for around those measured; with `workspace:` in the machine file, all over it"
+_NO_WORKSPACE = (
+    "help: candidate points lie around the measured ones; declare `workspace:` in the machine file to use all of it"
+)
 _EXAMPLE = 'write e.g. --aim "l1 5 um"'
 
 
@@ -76,7 +78,7 @@ class NextPoints:
         if self.status == "reached":
             to.say(f"REACHED with {count(self.rows, 'row')}: {known}, {aim}")
         elif self.status == "not_reached":
-            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; measure otherwise, or more")
+            to.say(f"NOT REACHED within {count(self.budget, 'row')}: {known}, {aim}; use other measurements, or more")
             if self.loaded.model.workspace is None and self.rows < self.budget:
                 to.say(_NO_WORKSPACE)
         else:
@@ -84,8 +86,8 @@ class NextPoints:
             more = f"about {count(self.needed, 'further row')} needed (then {after} expected)"
             to.say(f"continue: {known}, {aim}; {more}; next {len(self.added.points)}:")
         if self.noise > _NOISY:
-            what = f"warning: residuals are {self.noise:.2g} times the stated noise"
-            to.warn(f"{what}: `pkmcal diagnose` looks for a cause")
+            message = f"warning: residuals are {self.noise:.2g} times the stated noise"
+            to.warn(f"{message}: `pkmcal diagnose` looks for a cause")
         if len(self.added.points):
             self.added.show_points(to, self.loaded.model)
 
@@ -125,7 +127,7 @@ def next_points(
         raise BadInput([nothing_measured(loaded, problem)])
     selected = selection(problem.model, select)
     start = load_parameters(problem.model, parameters)
-    goal = wanted_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
+    goal = requested_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
     if goal is None or goal.limit is None:
         raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
     try:
@@ -166,7 +168,7 @@ class _Campaign:
         return np.nonzero(session == session[-1])[0]
 
 
-def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: WantedAim, budget: int, seed: int) -> NextPoints:
+def _proposed(loaded: LoadedMachine, campaign: _Campaign, goal: RequestedAim, budget: int, seed: int) -> NextPoints:
     """Next points by the design that the fitted machine asks for, with the noise that was seen."""
     ((name,),) = goal.aim.parameters
     assert goal.limit is not None

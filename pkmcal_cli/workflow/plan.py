@@ -38,10 +38,10 @@ from pkmcal_cli.report.plan_report import PlanReport
 from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.workflow.alpha import check_alpha
 from pkmcal_cli.workflow.approaches import Approaches, approaches
-from pkmcal_cli.workflow.arguments import given, one_stdin, require_measured, selection
+from pkmcal_cli.workflow.arguments import one_stdin, present, require_measured, selection
 from pkmcal_cli.workflow.candidate_points import candidate_points
 from pkmcal_cli.workflow.next_points import next_points
-from pkmcal_cli.workflow.plan_aims import WantedAim, fewest, wanted_aim
+from pkmcal_cli.workflow.plan_aims import RequestedAim, fewest, requested_aim
 from pkmcal_cli.workflow.plan_picture import PlannedRows, draw_plan
 from pkmcal_cli.workflow.plan_power import power_of_plan
 from pkmcal_cli.workflow.plots import Plot, check_plot
@@ -103,7 +103,7 @@ def run_plan(request: PlanRequest) -> int:
     problem = design_problem(candidates.model, rows, channels)
     require_measured(problem)
     problem, used, ways = _predicted(problem, used, ways, values, to)
-    goal = wanted_aim(request.aim, candidates, loaded.model, selected)
+    goal = requested_aim(request.aim, candidates, loaded.model, selected)
     tool = used.tool if goal is None else _posed(loaded, to, used)
     with to.step("what each effect would show"):
         plan = plan_of(candidates, problem, values, selected, request.alpha, request.seed)
@@ -143,7 +143,7 @@ def _plot(request: PlanRequest, inputs: Collection[str]) -> Plot | None:
     """The picture that is wanted; None where there is none."""
     if request.plot is None:
         return None
-    return Plot(request.plot, inputs, request.force, given(request.parameters, request.poses))
+    return Plot(request.plot, inputs, request.force, present(request.parameters, request.poses))
 
 
 def _state(request: PlanRequest, inputs: Mapping[str, str]) -> State:
@@ -195,17 +195,17 @@ def _approached(
     stands_still = all(d.force_controlled for d in model.topology.drives)
     if stands_still or (request.output is None and poses.poses.measured is not None):
         return with_directions(rows, names), poses, None
-    given = np.zeros(rows.readings.shape) if poses.poses.sides is None else np.nan_to_num(poses.poses.sides)
+    stated_sides = np.zeros(rows.readings.shape) if poses.poses.sides is None else np.nan_to_num(poses.poses.sides)
     resting = with_directions(rows, names)
     places = tcp_places(model, values, resting)
-    ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), given)
+    ways = approaches(model, values, resting, places, np.random.default_rng([request.seed, 1]), stated_sides)
     if ways.refused:
         poses = poses.without(ways.refused)  # told with those that cannot be predicted
         kept = np.delete(np.arange(len(rows)), list(ways.refused))
         if not len(kept):
             raise BadInput.single(next(iter(ways.refused.values())), Location(model.name), _APART, "approach")
-        rows, ways, given = rows.take(kept), ways.take(kept), given[kept]
-    other = int((given * ways.side < 0).any(axis=1).sum())
+        rows, ways, stated_sides = rows.take(kept), ways.take(kept), stated_sides[kept]
+    other = int((stated_sides * ways.side < 0).any(axis=1).sum())
     to.notes([f"{count(other, 'row')}: no move of the tool point approaches from all sides stated"] if other else [])
     return replace(rows, columns={**rows.columns, **ways.columns(model)}), poses, ways
 
@@ -214,8 +214,8 @@ def _read(request: PlanRequest, to: Reporter) -> tuple[LoadedMachine, PoseSet]:
     """The machine, with what sessions have for themselves, and the poses of the plan."""
     loaded = load_machine(request.machine, receptive=True)
     if (request.output or request.aim) and all(d.force_controlled for d in loaded.model.topology.drives):
-        what = "no actuator holds a position, so there are no points to choose or to schedule"
-        raise UsageError(what, hint="leave out --aim and -o")
+        message = "no actuator holds a position, so there are no points to choose or to schedule"
+        raise UsageError(message, hint="leave out --aim and -o")
     if not any(p.per_session for p in loaded.model.parameters):  # else the sessions must be known first
         selection(loaded.model, request.select)
     chosen = request.poses is None and request.grid is None and loaded.model.workspace is not None
@@ -261,7 +261,7 @@ def _check(request: PlanRequest) -> None:
     check_form(request.as_form, request.dwell, request.feed)
     check_alpha(request.alpha)
     one_stdin(request.machine, request.poses, request.parameters)
-    inputs = given(request.machine, request.poses, request.parameters)
+    inputs = present(request.machine, request.poses, request.parameters)
     _check_output(request, inputs)
     check_plot(request.plot, inputs, request.output, force=request.force)
     check_state(request.state, inputs, request.output, request.plot)
@@ -278,7 +278,7 @@ def _added(
     plan: Plan,
     values: Array,
     selected: tuple[str, ...],
-    goal: WantedAim,
+    goal: RequestedAim,
     request: PlanRequest,
 ) -> tuple[Added, Approaches]:
     """Points to add, out of reachable ones within and a little around the plan, and how they are approached."""
@@ -295,6 +295,6 @@ def _added(
     return Added(goal.aim, pool.take(chosen.rows), chosen, reached), ways.take(chosen.rows)
 
 
-def _points(request: PlanRequest, goal: WantedAim) -> int:
+def _points(request: PlanRequest, goal: RequestedAim) -> int:
     """How many points are added at most."""
     return request.points or (_FEW if goal.limit is None else _MANY)

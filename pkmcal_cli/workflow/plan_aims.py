@@ -23,7 +23,7 @@ _EXAMPLE = 'write `uncertainty`, "l1 5 um", `l1,l3`, `backlash@q2` or `separate:
 
 
 @dataclass(frozen=True)
-class WantedAim:
+class RequestedAim:
     """An aim; effects: names of those that it is about; limit: of the parameter's standard uncertainty, SI, or None."""
 
     aim: Aim
@@ -31,12 +31,14 @@ class WantedAim:
     limit: float | None = None
 
 
-def wanted_aim(text: str | None, candidates: Candidates, model: Model, selected: tuple[str, ...]) -> WantedAim | None:
+def requested_aim(
+    text: str | None, candidates: Candidates, model: Model, selected: tuple[str, ...]
+) -> RequestedAim | None:
     """What is aimed at, None where nothing is. Raises UsageError."""
     if text is None:
         return None
     if text.strip() == UNCERTAINTY:
-        return WantedAim(Aim("determine", (selected,)))
+        return RequestedAim(Aim("determine", (selected,)))
     if text.startswith(SEPARATE):
         chosen = _effects(text.removeprefix(SEPARATE), candidates)
         if len(chosen) < 2 or len(set(chosen)) < len(chosen):
@@ -44,27 +46,29 @@ def wanted_aim(text: str | None, candidates: Candidates, model: Model, selected:
                 f"{OPTION} separate: needs at least two different effects",
                 hint=f"write e.g. `{OPTION} separate:backlash@q1,drift`",
             )
-        return WantedAim(Aim("separate", tuple(h.parameters for h in chosen)), tuple(h.name for h in chosen))
+        return RequestedAim(Aim("separate", tuple(h.parameters for h in chosen)), tuple(h.name for h in chosen))
     name, _, value = text.strip().partition(" ")
     if value:
         return _reached(name, value, model, selected)
     parts = [part.strip() for part in text.split(",") if part.strip()]
     if parts and all(part in model.names for part in parts):
-        return WantedAim(Aim("determine", (_selected(parts, selected),)))
+        return RequestedAim(Aim("determine", (_selected(parts, selected),)))
     chosen = _effects(text, candidates)
-    return WantedAim(Aim("see", tuple(h.parameters for h in chosen)), tuple(h.name for h in chosen))
+    return RequestedAim(Aim("see", tuple(h.parameters for h in chosen)), tuple(h.name for h in chosen))
 
 
-def _reached(name: str, value: str, model: Model, selected: tuple[str, ...]) -> WantedAim:
+def _reached(name: str, value: str, model: Model, selected: tuple[str, ...]) -> RequestedAim:
     """A standard uncertainty that a parameter is to have. Raises UsageError."""
     if name not in model.names:
         hint = did_you_mean(name, model.names, _EXAMPLE)
         raise UsageError(f"{OPTION}: the machine has no parameter `{name}`", hint=hint)
-    own = parse_unit(model.parameters[model.names.index(name)].unit or "1").difference
-    limit, unit = amount(OPTION, value, own)
-    if unit.dimension != own.dimension or limit <= 0:
-        raise UsageError(f"{OPTION}: `{value}` is no uncertainty of `{name}`", hint=f"write e.g. 5 {own.text}")
-    return WantedAim(Aim("determine", (_selected([name], selected),)), (), limit)
+    parameter_unit = parse_unit(model.parameters[model.names.index(name)].unit or "1").difference
+    limit, unit = amount(OPTION, value, parameter_unit)
+    if unit.dimension != parameter_unit.dimension or limit <= 0:
+        raise UsageError(
+            f"{OPTION}: `{value}` is not an uncertainty of `{name}`", hint=f"write e.g. 5 {parameter_unit.text}"
+        )
+    return RequestedAim(Aim("determine", (_selected([name], selected),)), (), limit)
 
 
 def _selected(names: list[str], selected: tuple[str, ...]) -> tuple[str, ...]:
@@ -94,7 +98,7 @@ def _effect(name: str, candidates: Candidates) -> Hypothesis:
 
 
 def fewest(
-    problem: Problem, pool: Problem, chosen: Chosen, goal: WantedAim, values: Array, selected: tuple[str, ...]
+    problem: Problem, pool: Problem, chosen: Chosen, goal: RequestedAim, values: Array, selected: tuple[str, ...]
 ) -> tuple[Chosen, Reached]:
     """Of the points chosen, in the order of their gain, as few as keep the limit; all where none do."""
     ((name,),) = goal.aim.parameters

@@ -11,7 +11,7 @@ from pkmcal_cli.diagnosis.experiment_design import Plan
 from pkmcal_cli.language.tool_point import tool_point_of
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.model.tool_motion import DIRECTIONS
-from pkmcal_cli.pictures.analysis_pictures import PlanPlaces, plan_picture
+from pkmcal_cli.pictures.analysis_pictures import PlannedPositions, plan_picture
 from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.touching import tcp_places
@@ -37,7 +37,7 @@ def draw_plan(
         plot.write(plan_picture(plan, named, loaded.machine.file_units.length, _places(loaded, rows)), to)
 
 
-def _places(loaded: LoadedMachine, rows: PlannedRows) -> PlanPlaces | None:
+def _places(loaded: LoadedMachine, rows: PlannedRows) -> PlannedPositions | None:
     """Positions of the tool point; None without one."""
     if tool_point_of(loaded.machine) is None:
         return None
@@ -48,4 +48,4 @@ def _places(loaded: LoadedMachine, rows: PlannedRows) -> PlanPlaces | None:
         values = rows.values[: len(loaded.model.parameters)]
         places = tcp_places(loaded.model, values, part)[:, : len(names)] if part is not None and some else None
         places_of.append(np.zeros((0, len(names))) if places is None else places[np.isfinite(places).all(axis=1)])
-    return PlanPlaces(places_of[0], places_of[1], names)
+    return PlannedPositions(places_of[0], places_of[1], names)

@@ -18,8 +18,8 @@ def power_of_plan(
     of every kind the hardest one."""
     problem = campaigns.plan.problem
     if len(problem) < FEWEST_ROWS or problem.count <= len(campaigns.selected):
-        what = f"warning: `diagnose` takes {FEWEST_ROWS} rows or more, and more values than parameters"
-        to.warn(f"{what}; this plan has fewer, so nothing of it will be detected")
+        message = f"warning: `diagnose` takes {FEWEST_ROWS} rows or more, and more values than parameters"
+        to.warn(f"{message}; this plan has fewer, so nothing of it will be detected")
         return ()
     if not count:
         return ()

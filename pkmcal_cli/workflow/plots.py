@@ -32,7 +32,9 @@ def check_plot(plot: str | None, inputs: Collection[str], *outputs: str | None, 
         return
     for other in outputs:
         if other is not None and os.path.realpath(other) == os.path.realpath(plot):
-            raise UsageError(f"--plot: `{plot}` is to hold another result", hint="choose another name for the picture")
+            raise UsageError(
+                f"--plot: `{plot}` is already used for another result", hint="choose another name for the picture"
+            )
 
 
 def write_plot(picture: Picture, plot: str, inputs: Collection[str], to: Reporter, *, force: bool) -> None:

@@ -77,7 +77,7 @@ def pose_set(to: Listener, loaded: LoadedMachine, path: str | None, grid: str | 
     source = PoseSource(loaded=loaded, path=path, grid=grid)
     poses = source.together()
     to.notes(source.notes)
-    for text in source.travels.warnings():
+    for text in source.travel_limits.warnings():
         to.warn(text)
     kept = np.nonzero(poses.reachable)[0]
     skipping = GRID_POINT if grid is not None else ""

@@ -39,8 +39,8 @@ def earlier_calibration(
     dimensions = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
     known = known_parameters(path).of_dimensions(dimensions)
     if known.covariance is None:
-        what = "this parameter file has no whole `correlations` with `std`, so nothing is known of its errors"
-        raise BadInput.single(what, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
+        message = "this parameter file has no complete `correlations` with `std`, so its uncertainties are unknown"
+        raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
     free = [p for p in model.parameters if not p.fixed and p.range > 0 and p.kind != UNEXPLAINED]
     of_file = set(known.names) if all_known else set()
     selected = tuple(p.name for p in free if p.name in chosen or p.name in of_file)
@@ -48,8 +48,8 @@ def earlier_calibration(
     matched = tuple(n for n in selected if n in known.names and n not in loosened)
     others = tuple(n for n in selected if n not in matched)
     if not matched:
-        what = "the file knows none of the selected parameters"
-        raise BadInput.single(what, Location(path), "give the parameter file of this machine", "parameters")
+        message = "the file knows none of the selected parameters"
+        raise BadInput.single(message, Location(path), "give the parameter file of this machine", "parameters")
     values = _values(model, known, {p.name for p in free} - loosened, loosened, start)
     places = [known.names.index(n) for n in matched]
     centre = values[[model.names.index(n) for n in matched]]
@@ -92,8 +92,8 @@ def _notes(
     """What is known by which file, what is not, and what has no partner."""
     matched = sum(n in known.names and n not in loosened for n in selected)
     out = [f"prior: {matched} of {len(selected)} identified parameters known by {known.file}"]
-    if loose := [n for n in selected if n in loosened]:
-        out.append(f"prior: known to their ranges only (loosened): {', '.join(loose)}")
+    if loosened_names := [n for n in selected if n in loosened]:
+        out.append(f"prior: known to their ranges only (loosened): {', '.join(loosened_names)}")
     if new := [n for n in selected if n not in known.names and n not in loosened]:
         out.append(f"prior: without partner in {known.file}, known to their ranges: {', '.join(new)}")
     if gone := [n for n in known.parameters if n not in model.names]:

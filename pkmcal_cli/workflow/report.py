@@ -28,7 +28,7 @@ from pkmcal_cli.sheet.sheet_json import sheet_json
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.alpha import check_alpha
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.calibration import Calibrated, CalibrationRequest, calibration, parameter_text, setting
 from pkmcal_cli.workflow.improve import ImproveRequest, improvement_of
 from pkmcal_cli.workflow.improve import setting as improve_setting
@@ -111,9 +111,9 @@ def _copy(folder: str, name: str) -> str:
     """A kept copy of an input. Raises BadInput for a file elsewhere: a folder may come from anybody."""
     path = os.path.join(folder, name)
     if os.path.commonpath([os.path.realpath(folder), os.path.realpath(path)]) != os.path.realpath(folder):
-        what = f"the record of this run names a file outside its folder, `{name}`"
+        message = f"the record of this run names a file outside its folder, `{name}`"
         hint = "give the folder as `--run` made it"
-        raise BadInput.single(what, Location(os.path.join(folder, RECORD)), hint, "file")
+        raise BadInput.single(message, Location(os.path.join(folder, RECORD)), hint, "file")
     return path
 
 
@@ -131,14 +131,14 @@ def _of_run(request: ReportRequest) -> ReportRequest:
     asked, files = record.get("asked"), record.get("inputs")
     try:
         copies = {name: _copy(folder, kept["file"]) for name, kept in files.items()}  # type: ignore[union-attr]
-        own = {k: asked[k] for k in ("select", "loss", "prior", "alpha", "seed") if k in asked}  # type: ignore[operator, index]
+        options = {k: asked[k] for k in ("select", "loss", "prior", "alpha", "seed") if k in asked}  # type: ignore[operator, index]
         return replace(
             request,
             machine=copies[str(record["machine"])],
             measurements=tuple(copies[name] for name in asked["measurements"]),  # type: ignore[index]
             parameters=None if asked["parameters"] is None else copies[asked["parameters"]],  # type: ignore[index]
             after=tables[0] if tables else None,
-            **own,
+            **options,
         )
     except (KeyError, TypeError, AttributeError):
         hint = "give a run of `calibrate`, `diagnose` or `improve`"
@@ -154,11 +154,11 @@ def _checked(request: ReportRequest) -> tuple[float, Unit] | None:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     streams = [f for f in files if f is not None and is_stream(f)]
     if streams:
-        what = "a sheet reads its files several times, but one of them is stdin"
-        raise UsageError(what, hint="give the machine and the tables as files")
+        message = "a sheet reads its files several times, but one of them is stdin"
+        raise UsageError(message, hint="give the machine and the tables as files")
     if request.circle_feed is not None and not request.circle_feed > 0:
         raise UsageError("--circle-feed: not a positive feed", hint="give mm/min, e.g. `--circle-feed 1000`")
-    check_target(request.output, given(*files), force=request.force)
+    check_target(request.output, present(*files), force=request.force)
     return tolerance_of(request.tolerance)
 
 

@@ -21,7 +21,7 @@ from pkmcal_cli.workflow.waypoints import waypoints
 DATUM_EVERY = 20  # rows between visits of the datum pose
 PACE = 20.0  # s a row: the way there, coming to rest, reading
 _ORDERS = 30  # random orders, of which that is taken in which time goes least with sides and poses
-_TOLD = 0.05  # correlation below which nothing is worth a word
+_NOTABLE = 0.05  # correlation below which nothing is worth a word
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def write_schedule(
         dwell=options.dwell, feed=options.feed, origin=options.origin,
     )  # fmt: skip
     write_form(options.form, schedule, target, inputs, options.force)
-    return _told(target, order, together)
+    return _correlation_lines(target, order, together)
 
 
 def _ways(model: Model, there: Array, begin: Array, held: list[int]) -> list[Array]:
@@ -78,16 +78,16 @@ def _readings(loaded: LoadedMachine) -> list[tuple[str, str | None]]:
     return [(split_header(known[c.name, "channel"].header).name, known[c.name, "channel"].unit) for c in read]
 
 
-def _told(target: str, order: list[tuple[int, bool]], together: float) -> list[str]:
+def _correlation_lines(target: str, order: list[tuple[int, bool]], together: float) -> list[str]:
     """Length, duration and order of a schedule in words."""
     visits = sum(datum for _, datum in order)
     minutes = max(1, round(len(order) * PACE / 60))
     sentences = [
         f"written: {target} ({len(order)} rows in the order of measurement, {visits} of them at the datum pose)",
-        f"about {minutes} min at {PACE:g} s a row; warm up first: go to and fro until the datum pose reads the same",
+        f"about {minutes} min at {PACE:g} s a row; warm up first: move to and fro until the datum pose reads the same",
     ]
-    if together > _TOLD:
-        sentences.append(f"time goes with sides or poses by a correlation of {together:.2f} at most")
+    if together > _NOTABLE:
+        sentences.append(f"time is correlated with sides or poses (largest correlation {together:.2f})")
     return sentences
 
 

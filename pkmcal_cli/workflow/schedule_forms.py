@@ -63,8 +63,8 @@ def _program(s: Schedule, target: str, inputs: Collection[str], force: bool) -> 
     units = [parse_unit("mm" if parse_unit(unit).dimension.name == "length" else "deg") for *_, unit in s.drives]
     letters = [next(free[unit.text == "mm"], "") for unit in units]
     if not all(letters):
-        what = f"{len(letters)} drives are more than there are words ({_LINEAR} linear, {_ROTARY} rotary)"
-        raise BadInput.single(what, Location(s.machine), "use `--as checklist` or `csv`", "format")
+        message = f"{len(letters)} drives exceed the number of axis words ({_LINEAR} linear, {_ROTARY} rotary)"
+        raise BadInput.single(message, Location(s.machine), "use `--as checklist` or `csv`", "format")
 
     def words(row: Array) -> str:
         parts = zip(letters, units, row, strict=True)

@@ -89,8 +89,8 @@ def prepare(
     problem = with_prior(problem_of(candidates_.model, measured), selected, request.prior)
     start = load_parameters(model, request.parameters)
     if request.parameters is not None:
-        given = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
-        candidates_ = replace(candidates_, start=at_frames(given, candidates_.model, problem.model))
+        values = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
+        candidates_ = replace(candidates_, start=at_frames(values, candidates_.model, problem.model))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     _enough(problem, measured, selected, fewest)
@@ -105,10 +105,10 @@ def prepare(
         start=start,
         loss=loss,
     )
-    return replace(case, hints=_told(case, to))
+    return replace(case, hints=_hints(case, to))
 
 
-def _told(case: Case, to: Listener) -> tuple[str, ...]:
+def _hints(case: Case, to: Listener) -> tuple[str, ...]:
     """What is to be said of the files before all else; the hints at gross mistakes among it."""
     measured, problem = case.measured, case.problem
     to.notes(measured.notes)
@@ -132,10 +132,10 @@ def _enough(problem: Problem, measured: Measurements, selected: tuple[str, ...],
     rows = int(problem.measured.any(axis=1).sum())
     if rows >= fewest and problem.count > len(selected):
         return
-    what = f"too few measurements to find an effect: {count(rows, 'row')}, {count(problem.count, 'measured value')}"
+    message = f"too few measurements to find an effect: {count(rows, 'row')}, {count(problem.count, 'measured value')}"
     hint = f"measure {fewest} rows or more, and more values than the {len(selected)} parameters"
     hint += ", or name what to look for (`--only`)" if rows >= FEWEST_ROWS < fewest else ""
-    raise BadInput.single(what, Location(measured.files[0]), hint, "measurements")
+    raise BadInput.single(message, Location(measured.files[0]), hint, "measurements")
 
 
 def _gaps(measured: Measurements) -> list[str]:

@@ -11,7 +11,7 @@ from pkmcal_cli.csv_files.origin import SIMULATED, Origin
 from pkmcal_cli.csv_files.writer import check_table, open_writer
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.report.provenance import provenance
-from pkmcal_cli.workflow.arguments import given, one_stdin
+from pkmcal_cli.workflow.arguments import one_stdin, present
 from pkmcal_cli.workflow.plots import check_plot
 from pkmcal_cli.workflow.simulation import Simulation, SimulationRequest, checked, simulation
 
@@ -50,7 +50,7 @@ def _target(request: SimulationRequest) -> str:
     if request.as_json and is_stream(target):
         raise UsageError("--json and the table both write to stdout", hint="write the table with `-o OUT.csv`")
     one_stdin(request.machine, request.poses, request.parameters)
-    inputs = given(request.machine, request.poses, request.parameters)
+    inputs = present(request.machine, request.poses, request.parameters)
     check_table(target, inputs, force=request.force)
     check_plot(request.plot, inputs, target, force=request.force)
     return target

@@ -94,9 +94,9 @@ def _predicted(
     rows, measured = with_directions(poses.poses.rows, names), poses.poses.measured
     if not np.isfinite(still.values).any():
         to.notes(["no sensor reads anything at these poses: coordinates of the TCP are shown instead"])
-        own = {"length": units.length.text, "angle": units.angle.text}
+        unit_of = {"length": units.length.text, "angle": units.angle.text}
         model = tcp_model(model)
-        model = replace(model, channels=tuple(replace(c, unit=own[c.dimension]) for c in model.channels))
+        model = replace(model, channels=tuple(replace(c, unit=unit_of[c.dimension]) for c in model.channels))
         still, measured = predict(model, values, rows, Request(forces=True), still.start), None
     problem = design_problem(model, rows, measured)
     return replace(problem, measured=problem.measured & np.isfinite(still.values)), still, poses
@@ -109,6 +109,6 @@ def _absent(loaded: LoadedMachine, model: Model, candidates: Candidates) -> tupl
         for e in catalogue().values()
         if not places(model.sites, e, ("SESSION",))
     ]
-    lacking = [Absent(keyword, at, f"it needs {what}") for keyword, at, what in candidates.lacking]
+    lacking = [Absent(keyword, at, f"it needs {need}") for keyword, at, need in candidates.lacking]
     declared = [Absent(e.effect.keyword, e.at, "the machine file declares it") for e in model.effects]
     return (*nowhere, *lacking, *declared)

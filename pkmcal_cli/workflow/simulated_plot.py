@@ -51,8 +51,8 @@ class KeptRows:
         if forces is not None and self.forces_asked:
             self.forces.append(forces)
         if u:
-            own = [u[k] for k in full.measuring(Measurand.POSITION)]
-            self.uncertainty.append(np.sqrt(np.sum(np.square(own), axis=0)))
+            positions = [u[k] for k in full.measuring(Measurand.POSITION)]
+            self.uncertainty.append(np.sqrt(np.sum(np.square(positions), axis=0)))
 
     def draw(self, loaded: LoadedMachine, inputs: Collection[str], to: Reporter) -> None:
         """The picture of all of them, where it is wanted. Raises OutputError."""

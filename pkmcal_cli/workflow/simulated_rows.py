@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.loading.poses import Place, Poses
+from pkmcal_cli.loading.poses import Poses, RowOrigin
 
 _LISTED = 1000
 
@@ -21,7 +21,7 @@ class Tally:
     rows: int = 0
     n_failed: int = 0
     touched: int = 0
-    failed: list[tuple[Place, str]] = field(default_factory=list)
+    failed: list[tuple[RowOrigin, str]] = field(default_factory=list)
     by_reason: Counter[str] = field(default_factory=Counter)
     outside: Counter[str] = field(default_factory=Counter)  # rows outside the knots of shapes without a name
     low: Array | None = None

@@ -29,7 +29,7 @@ from pkmcal_cli.report.limitations import outside_text
 from pkmcal_cli.report.loads import Loads, limited
 from pkmcal_cli.report.number_format import finite
 from pkmcal_cli.units.unit_text import parse_unit
-from pkmcal_cli.workflow.arguments import checked_method, given, require_forces
+from pkmcal_cli.workflow.arguments import checked_method, present, require_forces
 from pkmcal_cli.workflow.error_map import ErrorMap
 from pkmcal_cli.workflow.simulated_noise import Noise
 from pkmcal_cli.workflow.simulated_plot import KeptRows
@@ -98,7 +98,7 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
         loads=Loads(model=model),
         kept=KeptRows(
             model=model, values=start.values, method=request.method, forces_asked=request.forces, plot=request.plot,
-            tables=given(request.parameters, request.poses), force=request.force,
+            tables=present(request.parameters, request.poses), force=request.force,
         ),
     )  # fmt: skip
     if noise.silent:
@@ -185,7 +185,7 @@ class Simulation:
         source, tool = self.source, self.tool
         to.notes(source.notes if source.tool is not None or tool is None else [tool.text, *source.notes])
         to.notes([] if self.model.channels else ["the machine has no sensors: the table has no readings"])
-        for text in (*source.travels.warnings(), *self.skipped):
+        for text in (*source.travel_limits.warnings(), *self.skipped):
             to.warn(text)
         if self.tally.touched:
             to.notes([touches_text(self.model, self.tally.touched, self.tally.rows)])

@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 _FORMS = "pkmcal/state/"
 _FORM = f"{_FORMS}1"
 _EVERY = 1.0  # s
-_OTHER = "name another file, or delete this one to begin anew"
+_OTHER = "name another file, or delete this one to start again"
 
 
 def check_state(file: str | None, inputs: Collection[str], *outputs: str | None) -> None:
@@ -34,11 +34,11 @@ def check_state(file: str | None, inputs: Collection[str], *outputs: str | None)
     if file is None:
         return
     if is_stream(file):
-        raise UsageError("--state: `-` is no file that the work could go on from", hint="name a file")
+        raise UsageError("--state: `-` is not a file to resume from", hint="name a file")
     check_target(file, inputs, force=True)
     for other in outputs:
         if other is not None and os.path.realpath(other) == os.path.realpath(file):
-            raise UsageError(f"--state: `{file}` is to hold another result", hint="choose another name")
+            raise UsageError(f"--state: `{file}` is already used for another result", hint="choose another name")
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,9 @@ class State:
         content = _parsed(file)
         for name in (*content["asked"], *asked):
             if content["asked"].get(name) != asked.get(name):
-                what = f"this state is of another work: {name} was {content['asked'].get(name)}, now {asked.get(name)}"
-                raise BadInput.single(what, Location(file), _OTHER, "state")
+                before, asked_now = content["asked"].get(name), asked.get(name)
+                message = f"this state belongs to a different run: {name} was {before}, now {asked_now}"
+                raise BadInput.single(message, Location(file), _OTHER, "state")
         return cls(file, asked, {int(number): result for number, result in content["results"].items()})
 
     def write(self) -> None:
@@ -83,16 +84,18 @@ def _parsed(file: str) -> dict[str, Any]:
     """The content of a state. Raises BadInput for anything else."""
     with open_input(file) as opened:
         content = opened.read()
-    what = "this file is no state of a work"
+    message = "this is not a state file"
     try:
         record = json.loads(content)
         if record["form"] != _FORM and str(record["form"]).startswith(_FORMS):
-            what = f"this state has the form `{str(record['form'])[:40]}`; this release of pkmcal knows `{_FORM}`"
+            message = (
+                f"this state file has the format `{str(record['form'])[:40]}`; this release of pkmcal reads `{_FORM}`"
+            )
         if record["form"] == _FORM and all(number.isdigit() for number in record["results"]) and dict(record["asked"]):
             return dict(record)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         pass
-    raise BadInput.single(what, Location(file), _OTHER, "state")
+    raise BadInput.single(message, Location(file), _OTHER, "state")
 
 
 def all_done(
@@ -115,7 +118,9 @@ def all_done(
                     written = time.monotonic()
     except KeyboardInterrupt:
         where = (
-            f"; the same command goes on from `{state.file}`" if state.file else "; nothing is kept without `--state`"
+            f"; run the same command again to resume from `{state.file}`"
+            if state.file
+            else "; without `--state` no partial results are kept"
         )
         to.say(f"{len(state.results)} of {count} are done{where}")
         raise

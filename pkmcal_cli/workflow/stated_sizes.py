@@ -29,7 +29,7 @@ def stated_sizes(model: Model, selected: Sequence[str], texts: Sequence[str]) ->
         fitting = [n for n in matching if units[n].dimension == unit.dimension]
         if not fitting or (equals and len(fitting) < len(matching)):
             other = next(n for n in matching if n not in fitting)
-            what = f"--size: `{text}`: {unit.text} does not fit " + (f"`{other}`" if equals else "any parameter")
-            raise UsageError(what, hint=f"`{other}` is in {units[other].text}")
+            message = f"--size: `{text}`: {unit.text} does not fit " + (f"`{other}`" if equals else "any parameter")
+            raise UsageError(message, hint=f"`{other}` is in {units[other].text}")
         sizes |= dict.fromkeys(fitting, size)
     return {name: sizes[name] for name in selected}

@@ -102,8 +102,8 @@ def _counts(text: str) -> tuple[int, ...]:
     good = all(p.isascii() and p.isdigit() and len(p) < 7 and 0 < int(p) <= _MOST for p in parts)
     counts = tuple(sorted({int(p) for p in parts})) if good else ()
     if len(counts) < len(parts):
-        what = f"--points: `{text}` is no list of different numbers of points, up to {_MOST}"
-        raise UsageError(what, hint="write e.g. --points 10,20,40,80")
+        message = f"--points: `{text}` is not a list of distinct numbers of points, up to {_MOST}"
+        raise UsageError(message, hint="write e.g. --points 10,20,40,80")
     return counts
 
 
@@ -146,10 +146,8 @@ def _loaded(file: str, to: Reporter) -> LoadedMachine:
     if not model.channels:
         raise BadInput.single(NO_SENSORS, Location(model.name), SENSOR, "sensors")
     if known_channels(model).any():
-        what = "a study has no places where a probe touches"
-        raise BadInput.single(
-            what, Location(model.name), "use `plan` and `simulate` for machines that touch", "sensors"
-        )
+        message = "`study` does not support machines with touch probes"
+        raise BadInput.single(message, Location(model.name), "use `plan` and `simulate` instead", "sensors")
     tool_motion(loaded)
     return loaded.for_sessions(Rows.at(model.reference_readings[None]).session_names)
 
@@ -159,8 +157,8 @@ def _studied(name: str, loaded: LoadedMachine, request: StudyRequest, spread: tu
     model, motion = loaded.model, tool_motion(loaded)
     held = motion.with_all(spread)
     if held is None:
-        what = f"{' and '.join(spread)} cannot be held together by the tool point of {model.name}"
-        raise UsageError(f"--within: {what}", hint="compare machines whose tool points move in the same coordinates")
+        message = f"{' and '.join(spread)} cannot be held together by the tool point of {model.name}"
+        raise UsageError(f"--within: {message}", hint="compare machines whose tool points move in the same coordinates")
     return StudiedMachine(
         name=name,
         model=model,
@@ -179,8 +177,8 @@ def _sigma(model: Model, text: str) -> Array:
     value, unit = amount("--noise", text, fitting=tuple(dict.fromkeys(dimensions)))
     fits = [dimension == unit.dimension for dimension in dimensions]
     if not any(fits) or value <= 0:
-        what = f"--noise: `{text}` is no noise of a channel of {model.name}"
-        raise UsageError(what, hint='give declared, or a value above zero such as "10 um"')
+        message = f"--noise: `{text}` is not a noise of a channel of {model.name}"
+        raise UsageError(message, hint='give declared, or a value above zero such as "10 um"')
     sigma[fits] = value
     return sigma
 
@@ -189,9 +187,9 @@ def _check_counts(machine: StudiedMachine, counts: tuple[int, ...]) -> None:
     """Points give as many values as there are parameters. Raises UsageError and BadInput."""
     problem = machine.problem(np.tile(machine.model.reference_readings, (counts[0], 1)))
     if not problem.count:
-        what, hint = "nothing would be measured: no channel has a `sigma`", "state it, or give `--noise`"
-        raise BadInput.single(what, Location(machine.model.name), hint, "sensors")
+        message, hint = "nothing would be measured: no channel has a `sigma`", "state it, or give `--noise`"
+        raise BadInput.single(message, Location(machine.model.name), hint, "sensors")
     if problem.count < len(machine.selected):
         values, unknown = count(problem.count, "value"), count(len(machine.selected), "parameter")
-        what = f"--points: {counts[0]} points give {values}, but {machine.name} has {unknown} to identify"
-        raise UsageError(what, hint="give more points, or fewer parameters: `--select`")
+        message = f"--points: {counts[0]} points give {values}, but {machine.name} has {unknown} to identify"
+        raise UsageError(message, hint="give more points, or fewer parameters: `--select`")

@@ -21,20 +21,20 @@ ENERGY = "strain_energy_J"
 class PosedTable:
     """Columns that say where a machine's drives are and under which circumstances.
 
-    `given`: forces of force-controlled drives come from the poses' table; `joined`: rows name others; `covariates`:
-    time, temperatures, directions ... that the table has, and sessions.
+    `forces_stated`: forces of force-controlled drives come from the poses' table; `joined`: rows name others;
+    `covariates`: time, temperatures, directions ... that the table has, and sessions.
     """
 
     def __init__(
-        self, machine: Machine, model: Model, given: bool, covariates: Sequence[str], joined: bool = False
+        self, machine: Machine, model: Model, forces_stated: bool, covariates: Sequence[str], joined: bool = False
     ) -> None:
         self.machine, self.model, self.joined = machine, model, joined
         self.covariates, self.sessions = [n for n in covariates if n != "session"], "session" in covariates
         self.drives = [a for a, d in enumerate(model.topology.drives) if not d.force_controlled]
         pulling = [a for a in range(len(model.actuators)) if a not in self.drives]
         stated = [machine.actuators[a.name].force for a in model.actuators]
-        self.unstated = [a for a in pulling if (own := stated[a]) is None or own.otherwise is None]
-        self.forces = pulling if given else self.unstated
+        self.unstated = [a for a in pulling if (force := stated[a]) is None or force.otherwise is None]
+        self.forces = pulling if forces_stated else self.unstated
         self.known = {(c.name, c.role): c for c in columns_of(machine)}
         self.columns: list[tuple[str, str | None]] = [("id", None)]
         self.columns += [("session", None)] if self.sessions else []
@@ -87,9 +87,15 @@ class SimulatedTable(PosedTable):
     """Columns of a machine's simulated readings; `asked`: forces of all drives and the energy are wanted."""
 
     def __init__(
-        self, machine: Machine, model: Model, given: bool, asked: bool, covariates: Sequence[str], joined: bool = False
+        self,
+        machine: Machine,
+        model: Model,
+        forces_stated: bool,
+        asked: bool,
+        covariates: Sequence[str],
+        joined: bool = False,
     ) -> None:
-        super().__init__(machine, model, given, covariates, joined)
+        super().__init__(machine, model, forces_stated, covariates, joined)
         self.asked = asked
         self.read = [k for k, c in enumerate(model.channels) if np.isnan(c.once)]  # not what was measured once
         for k in self.read:

@@ -38,8 +38,8 @@ def verify(
     for text in start.warnings:
         to.warn(text)
     if start.covariance is None:
-        what = "this parameter file has no `correlations` with `std`, so the uncertainty of predictions is unknown"
-        raise BadInput.single(what, Location(parameters), "write it with `pkmcal calibrate -o`", "parameters")
+        message = "this parameter file has no `correlations` with `std`, so the uncertainty of predictions is unknown"
+        raise BadInput.single(message, Location(parameters), "write it with `pkmcal calibrate -o`", "parameters")
     if tolerance is not None and not problem.measured[:, problem.model.measuring(Measurand.POSITION)].any():
         raise UsageError("--tolerance: no positions were measured", hint="leave out `--tolerance`")
     left = dict((start.evidence or Evidence({})).unexplained)

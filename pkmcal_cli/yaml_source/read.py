@@ -94,13 +94,13 @@ def _decode(file: str, data: bytes) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = len(data[data.rfind(b"\n", 0, error.start) + 1 : error.start].decode()) + 1
-        what = f"byte 0x{data[error.start]:02x} is not UTF-8"
+        message = f"byte 0x{data[error.start]:02x} is not UTF-8"
         where = Location(file, line, column)
-        raise BadInput.single(what, where, "save the file as UTF-8", "encoding") from None
+        raise BadInput.single(message, where, "save the file as UTF-8", "encoding") from None
 
 
-def _refused(file: str, code: str, what: str, hint: str | None = None) -> BadInput:
-    return BadInput.single(what, Location(file, 0), hint, code)
+def _refused(file: str, code: str, message: str, hint: str | None = None) -> BadInput:
+    return BadInput.single(message, Location(file, 0), hint, code)
 
 
 class _Builder:
@@ -119,9 +119,9 @@ class _Builder:
     def place(self, mark: Any) -> Location:
         return Location(self.file, mark.line + 1, mark.column + 1)
 
-    def fault(self, code: str, what: str, where: Location, hint: str | None = None) -> BadInput:
+    def fault(self, code: str, message: str, where: Location, hint: str | None = None) -> BadInput:
         line = self.lines[where.line - 1] if 0 < where.line <= len(self.lines) else ""
-        return BadInput.single(what, where, hint, code, line)
+        return BadInput.single(message, where, hint, code, line)
 
     def events(self, text: str) -> Iterator[Any]:
         try:
@@ -131,15 +131,15 @@ class _Builder:
             where = self.place(mark) if mark else Location(self.file, 0)
             if "nesting depth" in (error.problem or ""):  # newer parsers look ahead, and have a limit of their own
                 raise self.fault("yaml", _TOO_DEEP, where, _LARGE) from None
-            what = f"not valid YAML: {error.problem or error.context}"
+            message = f"not valid YAML: {error.problem or error.context}"
             if error.context and error.context_mark:
-                what += f" ({error.context}, started in line {error.context_mark.line + 1})"
-            raise self.fault("yaml", what, where, _yaml_hint(self.lines, where, error.problem or "")) from None
+                message += f" ({error.context}, started in line {error.context_mark.line + 1})"
+            raise self.fault("yaml", message, where, _yaml_hint(self.lines, where, error.problem or "")) from None
         except yaml.reader.ReaderError as error:
             head = text[: error.position]
             where = Location(self.file, head.count("\n") + 1, len(head) - head.rfind("\n"))
-            what = f"character #x{error.character:04x} is not allowed in YAML"
-            raise self.fault("yaml", what, where, "delete it") from None
+            message = f"character #x{error.character:04x} is not allowed in YAML"
+            raise self.fault("yaml", message, where, "delete it") from None
 
     def build(self, text: str) -> SourceNode:
         root: SourceNode | None = None
@@ -201,8 +201,8 @@ class _Builder:
         node = self.anchors.get(anchor)
         self.aliases += 1
         if node is None or anchor in self.open_anchors:
-            what = f"alias `*{anchor}` is inside its own anchor" if node else f"alias `*{anchor}` has no anchor"
-            raise self.fault("yaml", what, where, "write the value itself")
+            message = f"alias `*{anchor}` is inside its own anchor" if node else f"alias `*{anchor}` has no anchor"
+            raise self.fault("yaml", message, where, "write the value itself")
         if self.aliases > MAX_ALIASES:
             raise self.fault("yaml", f"more than {MAX_ALIASES} aliases in the file", where, _LARGE)
         size = size_of(node)
@@ -239,8 +239,8 @@ class _Builder:
         if _FLOAT.fullmatch(text):
             number = float(text)
             if not math.isfinite(number):
-                what = f"the number `{text[:20]}` is too large"
-                self.faults.add(self.fault("value", what, where, _FINITE).faults[0])
+                message = f"the number `{text[:20]}` is too large"
+                self.faults.add(self.fault("value", message, where, _FINITE).faults[0])
                 return 0.0
             return number
         return text
@@ -261,9 +261,9 @@ class _Open:
         elif isinstance(value, dict):
             if self.key is None:
                 if child.text is None:
-                    what = "a key must be a plain name"
+                    message = "a key must be a plain name"
                     hint = 'quote a name in braces: "{i}"'
-                    raise builder.fault("yaml", what, child.where, hint)
+                    raise builder.fault("yaml", message, child.where, hint)
                 self.key = child
                 return
             self.put_pair(value, self.key, child, builder)
@@ -278,10 +278,10 @@ class _Open:
             return
         again, before = key.where, first.key or first.where
         for here, other in ((before, again), (again, before)):
-            what = f"duplicate key `{name}` (also in line {other.line})"
+            message = f"duplicate key `{name}` (also in line {other.line})"
             if here.line == other.line:
-                what = f"duplicate key `{name}`"
-            made = builder.fault("duplicate-key", what, here, "keep only one of them")
+                message = f"duplicate key `{name}`"
+            made = builder.fault("duplicate-key", message, here, "keep only one of them")
             builder.faults.add(made.faults[0])
 
 

@@ -85,7 +85,7 @@ class SourceMap:
     def fault(
         self,
         code: str,
-        what: str,
+        message: str,
         path: Path,
         hint: str | None = None,
         offset: int = 0,
@@ -99,7 +99,7 @@ class SourceMap:
         if offset and not at_key:
             where = self._inside(node, offset)
         severity: Any = "warning" if warning else "error"
-        return Fault(code, what, where, hint, self.line(where), severity)
+        return Fault(code, message, where, hint, self.line(where), severity)
 
     def _inside(self, node: SourceNode, offset: int) -> Location:
         """A place inside a scalar, when its text stands in the line as it is."""

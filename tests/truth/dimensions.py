@@ -87,7 +87,7 @@ DELTA4 = {
 
 HANGPRINTER_LINES = ("A", "B", "C", "D")
 HANGPRINTER_RATIO = {"A": 20 / 255 / 2, "B": 20 / 255 / 2, "C": 20 / 255 / 2, "D": 20 / 255 / 4}
-"""Turn of the spool per turn of the motor, over the folds of the line."""
+"""RotationVector of the spool per turn of the motor, over the folds of the line."""
 HANGPRINTER = {
     **scaled({"Ax": 0, "Ay": -1600, "Az": -115, "Bx": 1300, "By": 1230, "Bz": -160}, MM),
     **scaled({"Cx": -1400, "Cy": 740, "Cz": -150, "Dx": 0, "Dy": 0, "Dz": 2355}, MM),

@@ -20,7 +20,7 @@ class Adjustment:
     """Of a parameter: what is adjusted, by how much, standard uncertainty (nan: unknown), in its unit."""
 
     name: str
-    what: str
+    label: str
     change: float
     std: float
     unit: Unit
@@ -44,7 +44,7 @@ class Adjustment:
     def line(self) -> str:
         """As the list tells it."""
         sure = "uncertainty unknown" if math.isnan(self.std) else f"u {self.std_text}"
-        label = self.what if self.what == self.name else f"{self.what} ({self.name})"
+        label = self.label if self.label == self.name else f"{self.label} ({self.name})"
         return f"{label}: {self.change_text} ({sure})"
 
 
@@ -64,8 +64,8 @@ def _adjustment(case: ExportCase, name: str) -> Adjustment:
     known = std if std > 0 else abs(parameter.range) / unit.scale * 10.0**-_UNKNOWN
     decimals = int(max(0, 1 - math.floor(math.log10(known)))) if known > 0 else 6
     change = (case.model.nominal[k] - case.values[k]) / unit.scale
-    what = name if parameter.adjustable == "true" else parameter.adjustable
-    return Adjustment(name, what, round(change, min(decimals, 12)) + 0.0, std, unit, min(decimals, 12))
+    label = name if parameter.adjustable == "true" else parameter.adjustable
+    return Adjustment(name, label, round(change, min(decimals, 12)) + 0.0, std, unit, min(decimals, 12))
 
 
 def _std(case: ExportCase, name: str) -> float:
@@ -81,20 +81,20 @@ def _draft(case: ExportCase) -> Draft:
         values[case.model.names.index(each.name)] += each.change * each.unit.scale
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
-        comments = ["nominal less identified value: change each by so much; u: standard uncertainty", *remarks]
+        comments = ["nominal minus identified value: change each by this amount; u: standard uncertainty", *remarks]
         return {"": "\n".join([*(f"# {line}" for line in comments), *(each.line for each in made), ""])}
 
     entries = [
         {
             "parameter": each.name,
-            "what": each.what,
+            "what": each.label,
             "change": each.change,
             "std": None if math.isnan(each.std) else each.std,
             "unit": each.unit.text,
         }
         for each in made
     ]
-    rows = [(each.what, each.name, each.change_text, each.std_text) for each in made]
+    rows = [(each.label, each.name, each.change_text, each.std_text) for each in made]
     shown = Listing("Change by nominal less identified value", ("what", "parameter", "change", "u"), tuple(rows))
     return Draft(commands=case.commanded, values=values, texts=texts, entries=entries, shown=shown)
 

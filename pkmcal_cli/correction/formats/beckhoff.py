@@ -30,8 +30,8 @@ def _entries(case: ExportCase, number: int, drive: int, table: DriveTable) -> li
     columns = values if case.sided else {"pos": values["pos"]}
     numbers = [low, step, *(v for column in columns.values() for v in column)]
     if max(abs(float(v)) for v in numbers) > _LARGEST:
-        what = f"a number of drive `{case.name(drive)}` is more than 32 bits hold"
-        raise case.refuse("beckhoff", what, "another format holds it, for example `--as csv`")
+        message = f"a number of drive `{case.name(drive)}` is more than 32 bits hold"
+        raise case.refuse("beckhoff", message, "another format holds it, for example `--as csv`")
     head = [
         ("kopf.achs_nr", number),
         ("kopf.log_achs_name", case.name(drive)),

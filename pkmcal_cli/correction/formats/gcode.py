@@ -70,11 +70,11 @@ def _points(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     """Points of the tool, and set values (n, A) that the control makes of them."""
     held = case.made.aim.held
     if case.turned and case.loaded.machine.space == "spatial":
-        what = f"words for orientations ({', '.join(case.turned)}) differ between controls"
-        raise case.refuse(keyword, what, "use `--as gcode-drives`")
+        message = f"words for orientations ({', '.join(case.turned)}) differ between controls"
+        raise case.refuse(keyword, message, "use `--as gcode-drives`")
     if len(held) != len(case.drives):
-        what = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
-        raise case.refuse(keyword, what, "use `--as gcode-drives`, or tables of single drives")
+        message = f"no tool point corresponds to set values of {len(case.drives)} drives ({len(held)} coordinates)"
+        raise case.refuse(keyword, message, "use `--as gcode-drives`, or tables of single drives")
     poses = _moved_points(case, keyword)
     columns = [DIRECTIONS.index(c) for c in held]
     letters = ["C" if c == "rz" else c.upper() for c in held]
@@ -98,7 +98,7 @@ def _moved_points(case: ExportCase, keyword: str) -> Array:
         poses[:, columns] += step
         if (np.abs(step) < _THERE * size).all():
             return poses
-    raise case.refuse(keyword, "the nominal machine cannot stand at the corrected set values", "correct fewer targets")
+    raise case.refuse(keyword, "the nominal machine cannot reach the corrected set values", "correct fewer targets")
 
 
 def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
@@ -107,8 +107,8 @@ def _drive_words(case: ExportCase, keyword: str) -> tuple[_Words, Array]:
     lengths = [case.model.actuators[a].dimension != "angle" for a in case.drives]
     letters = [next(free[length], "") for length in lengths]
     if not all(letters):
-        what = f"{len(letters)} drives are more than there are words ({_LINEAR} linear, {_ROTARY} rotary)"
-        raise case.refuse(keyword, what, "use tables of single drives")
+        message = f"{len(letters)} drives exceed the number of axis words ({_LINEAR} linear, {_ROTARY} rotary)"
+        raise case.refuse(keyword, message, "use tables of single drives")
     words = _Words.rounded(letters, lengths, case.corrected[:, case.drives])
     commands = case.corrected.copy()
     commands[:, case.drives] = words.numbers
@@ -126,7 +126,7 @@ def _program(
         waits = [wait] if seconds else ["M400", wait]  # printers: after all motion has ended
 
         def texts(remarks: Sequence[str]) -> Mapping[str, str]:
-            lines = [f"{comment} {line}" for line in (*_told(case, keyword, rows), *remarks)]
+            lines = [f"{comment} {line}" for line in (*_header(case, keyword, rows), *remarks)]
             lines += ["G21", "G90", *(["G94"] if seconds else [])]
             for name, row in zip(case.names, rows.lines(), strict=True):
                 lines += [f"{comment} target {name}", f"G1 {row} F{case.feed:g}", *waits]
@@ -137,7 +137,7 @@ def _program(
     return draft
 
 
-def _told(case: ExportCase, keyword: str, rows: _Words) -> list[str]:
+def _header(case: ExportCase, keyword: str, rows: _Words) -> list[str]:
     if keyword != "gcode-drives":
         return ["points of the tool; the control has the kinematics of the nominal machine"]
     words = (f"{letter} = {case.name(a)}" for letter, a in zip(rows.letters, case.drives, strict=True))

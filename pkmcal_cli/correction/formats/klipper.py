@@ -73,16 +73,16 @@ def _motors(case: ExportCase) -> LineMotors:
 def _winch(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
     if not _LEAST_STEPPERS <= count <= _MOST_STEPPERS:
-        what = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
-        raise case.refuse(_KEYWORD, what, "use tables of single drives")
+        message = f"Klipper's winch has {_LEAST_STEPPERS} to {_MOST_STEPPERS} steppers, this machine {count} drives"
+        raise case.refuse(_KEYWORD, message, "use tables of single drives")
     motors = _motors(case)
     constants = line_constants(case, _KEYWORD, motors)
-    turn = 2.0 * np.pi
-    more = _rounded(constants.more * turn, _MM) / turn
+    full_turn = 2.0 * np.pi
+    more = _rounded(constants.more * full_turn, _MM) / full_turn
     made = replace(constants, anchors=_rounded(constants.anchors, _MM), more=more)
     spools = [a for a in range(count) if case.model.actuators[a].dimension == "angle"]
     u_gains = np.where(np.isfinite(made.u_anchors[spools, 0]), made.u_more, np.nan)
-    per_turn = {a: (turn * abs(g), turn * u) for a, g, u in zip(spools, made.more, u_gains, strict=True)}
+    per_turn = {a: (full_turn * abs(g), full_turn * u) for a, g, u in zip(spools, made.more, u_gains, strict=True)}
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         lines = [*(f"# {line}" for line in remarks), "[printer]", "kinematics: winch"]

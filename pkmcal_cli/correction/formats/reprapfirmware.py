@@ -18,7 +18,7 @@ from pkmcal_cli.correction.linear_delta import DeltaConstants, fitted_delta
 
 _KEYWORD = "reprapfirmware"
 _MM = 1e-3
-_USUAL = np.array([210.0, 330.0, 90.0])  # deg, of towers X, Y, Z
+_STANDARD_ANGLES = np.array([210.0, 330.0, 90.0])  # deg, of towers X, Y, Z
 _DIGITS = 4  # of mm, deg and percent
 _ANCHORS = "ABCDI"
 _LEAST_BUILDUP = 2e-6  # m: with less the firmware, in 32 bit, loses more digits than a line without build-up needs
@@ -36,18 +36,18 @@ def _mm(values: Array | float) -> str:
 def _delta(case: ExportCase) -> Draft:
     fit = fitted_delta(case, _KEYWORD, tilted=True)
     constants, u = fit.constants, fit.u
-    turns = _rounded((constants.angles - _USUAL + 180.0) % 360.0 - 180.0)
+    corrections = _rounded((constants.angles - _STANDARD_ANGLES + 180.0) % 360.0 - 180.0)
     height = float(_rounded(np.array(constants.stops.mean()), _MM))
     stops = _rounded(constants.stops - height, _MM)
     tilt = _rounded(100.0 * constants.tilt)
     made = DeltaConstants(
-        radius=float(_rounded(np.array(constants.radius), _MM)), angles=_USUAL + turns,
+        radius=float(_rounded(np.array(constants.radius), _MM)), angles=_STANDARD_ANGLES + corrections,
         rods=_rounded(constants.rods, _MM), stops=height + stops, tilt=tilt / 100.0,
     )  # fmt: skip
 
     def texts(remarks: Sequence[str]) -> Mapping[str, str]:
         drives = ", ".join(f"{c} = {case.name(t)}" for t, c in enumerate("XYZ"))
-        corners = " ".join(f"{c}{v:.{_DIGITS}f}" for c, v in zip("XYZ", turns, strict=True))
+        corners = " ".join(f"{c}{v:.{_DIGITS}f}" for c, v in zip("XYZ", corrections, strict=True))
         ends = " ".join(f"{c}{_mm(v)}" for c, v in zip("XYZ", stops, strict=True))
         lines = [
             *(f"; {line}" for line in (f"towers: {drives}; mm, deg, tilt in percent", *remarks)),
@@ -87,7 +87,7 @@ class _Spools:
 
     @property
     def _gear(self) -> Array:
-        """Turns of the motor per turn of the spool, strands included."""
+        """Tilts of the motor per turn of the spool, strands included."""
         return np.asarray(self.strands * self.spool / self.motor)
 
     def radii(self, gains: Array) -> Array:
@@ -113,8 +113,8 @@ class _Spools:
 def _hangprinter(case: ExportCase) -> Draft:
     count = len(case.model.actuators)
     if not len(_ANCHORS) - 1 <= count <= len(_ANCHORS):
-        what = f"the Hangprinter has {len(_ANCHORS) - 1} or {len(_ANCHORS)} anchors, this machine {count} drives"
-        raise case.refuse(_KEYWORD, what, "use `--as klipper`, or tables of single drives")
+        message = f"the Hangprinter has {len(_ANCHORS) - 1} or {len(_ANCHORS)} anchors, this machine {count} drives"
+        raise case.refuse(_KEYWORD, message, "use `--as klipper`, or tables of single drives")
     spools = _Spools(case)
     made = _rounded_lines(_constants(case, spools))
 

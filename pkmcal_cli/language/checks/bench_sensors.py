@@ -33,13 +33,13 @@ def check_bench(
         sigma = sensor.sigma.get("")
         for key, quantity in (("reading", sensor.reading), ("sigma", None if sigma is None else sigma.constant)):
             if quantity is not None and quantity.dimension != expected:
-                what = f"`{sensor.of.text}` is {article(expected)}, but this is {article(quantity.dimension)}"
-                faults.add(source.fault("dimension", what, (*path, key), "add the unit"))
+                message = f"`{sensor.of.text}` is {article(expected)}, but this is {article(quantity.dimension)}"
+                faults.add(source.fault("dimension", message, (*path, key), "add the unit"))
         if sigma is not None and sigma.per_length is not None and expected != LENGTH:
-            what = f"`{sensor.of.text}` is {article(expected)}; its `sigma` cannot grow with length"
-            faults.add(source.fault("dimension", what, (*path, "sigma"), "give a constant"))
+            message = f"`{sensor.of.text}` is {article(expected)}; its `sigma` cannot grow with length"
+            faults.add(source.fault("dimension", message, (*path, "sigma"), "give a constant"))
         reach = sum(parameters[n].range for n in sensor.of.names)
         off = abs(sensor.reading.number({}) - sensor.of.number(values)) if sensor.reading.is_constant else 0.0
         if sensor.reading.dimension == expected and reach > 0 and off > _FAR * reach:
-            what = f"the reading of `{sensor.of.text}` differs from nominal by {off / reach:.0f} times its range"
-            faults.add(source.fault("magnitude", what, (*path, "reading"), "check the unit", warning=True))
+            message = f"the reading of `{sensor.of.text}` differs from nominal by {off / reach:.0f} times its range"
+            faults.add(source.fault("magnitude", message, (*path, "reading"), "check the unit", warning=True))

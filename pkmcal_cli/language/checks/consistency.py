@@ -40,8 +40,8 @@ class ConsistencyCheck:
         self._check_bodies()
         for name, parameter in machine.parameters.items():
             if parameter.adjustable and parameter.per:
-                what = "what is adjusted has one value, not one per session"
-                self._fault(what, ("parameters", name, "adjustable"), "delete `adjustable` or `per`", at_key=True)
+                message = "an adjusted value is the same in all sessions"
+                self._fault(message, ("parameters", name, "adjustable"), "delete `adjustable` or `per`", at_key=True)
         for name, section in machine.sections.items():
             self._check_section(("sections", name), section)
         for name, beam in machine.beams.items():
@@ -74,10 +74,10 @@ class ConsistencyCheck:
         """Whether the machine is planar."""
         return self.machine.space == "planar"
 
-    def _fault(self, what: str, path: Path, hint: str | None = None, **more: Any) -> None:
+    def _fault(self, message: str, path: Path, hint: str | None = None, **more: Any) -> None:
         if self.quarantined.touches(path[:2]):
             return
-        self.faults.add(self.source.fault("value", what, path, hint, **more))
+        self.faults.add(self.source.fault("value", message, path, hint, **more))
 
     def _check_bodies(self) -> None:
         for name, body in self.machine.bodies.items():
@@ -88,8 +88,8 @@ class ConsistencyCheck:
                 )
             if body.guide is None and len(body.at) == 1:
                 count = self.machine.dimensions
-                what = f"`at` of a body without a guide must be a point of {count} numbers"
-                self._fault(what, path, "give a point, or add `guide: GUIDE`")
+                message = f"`at` of a body without a guide must be a point of {count} numbers"
+                self._fault(message, path, "give a point, or add `guide: GUIDE`")
             self._check_directions(body.fixed, ("bodies", name, "fixed"))
         for name, node in self.machine.nodes.items():
             self._check_directions(node.fixed, ("nodes", name, "fixed"))
@@ -97,21 +97,23 @@ class ConsistencyCheck:
     def _check_directions(self, directions: tuple[str, ...], path: Path) -> None:
         for index, direction in enumerate(directions):
             if self.planar and direction not in PLANAR:
-                what = f"`{direction}` does not exist in a planar machine"
-                self._fault(what, (*path, index), "use `x`, `y` or `rz`")
+                message = f"`{direction}` does not exist in a planar machine"
+                self._fault(message, (*path, index), "use `x`, `y` or `rz`")
 
     def _check_section(self, path: Path, section: Any) -> None:
         forms = ("square", "rectangle", "round", "tube", "area")
-        given = [form for form in forms if getattr(section, form) is not None]
-        if len(given) != 1:
-            what = "a section needs exactly one of square, rectangle, round, tube, area"
-            hint = f"keep only one of {', '.join(given)}" if given else "add, for example, `square: 20 mm`"
-            self._fault(what, path, hint, at_key=True)
-        elif given != ["area"]:
+        stated = [form for form in forms if getattr(section, form) is not None]
+        if len(stated) != 1:
+            message = "a section needs exactly one of square, rectangle, round, tube, area"
+            hint = f"keep only one of {', '.join(stated)}" if stated else "add, for example, `square: 20 mm`"
+            self._fault(message, path, hint, at_key=True)
+        elif stated != ["area"]:
             for extra in ("Iy", "Iz", "J"):
                 if getattr(section, extra) is not None:
-                    what = f"`{extra}` is already determined by `{given[0]}`"
-                    self._fault(what, (*path, extra), f"delete it, or use `area` instead of `{given[0]}`", at_key=True)
+                    message = f"`{extra}` is already determined by `{stated[0]}`"
+                    self._fault(
+                        message, (*path, extra), f"delete it, or use `area` instead of `{stated[0]}`", at_key=True
+                    )
 
     def _check_beam(self, path: Path, beam: Beam[Written]) -> None:
         if (beam.section is None) != (beam.material is None):
@@ -122,13 +124,13 @@ class ConsistencyCheck:
                 continue
             if beam.section is not None:
                 hint = "delete it, or give stiffnesses instead of `section` and `material`"
-                what = f"`{key}` is already determined by `section` and `material`"
-                self._fault(what, (*path, key), hint, at_key=True)
+                message = f"`{key}` is already determined by `section` and `material`"
+                self._fault(message, (*path, key), hint, at_key=True)
             elif beam.EI is not None and key in ("EIy", "EIz"):
                 self._fault(f"`EI` and `{key}` cannot both be given", (*path, key), "delete one of them", at_key=True)
             elif self.planar and key in ("EIy", "GJ"):
-                what = f"`{key}` does not exist in a planar machine"
-                self._fault(what, (*path, key), "use `EA` and `EI`", at_key=True)
+                message = f"`{key}` does not exist in a planar machine"
+                self._fault(message, (*path, key), "use `EA` and `EI`", at_key=True)
         for index, end in enumerate(beam.ends):
             self._check_joint((*path, "ends", index), end.joint, end)
             self._check_stiffness((*path, "ends", index, "stiffness"), end.stiffness)
@@ -143,8 +145,8 @@ class ConsistencyCheck:
             self._fault("a pulley in a spatial machine needs `axis`", path, hint, at_key=True)
         for key, foreign in (("axis", self.planar), ("side", not self.planar)):
             if foreign and getattr(pulley, key) is not None:
-                what = f"a pulley in a {self.machine.space} machine has no `{key}`"
-                self._fault(what, (*path, key), "delete it", at_key=True)
+                message = f"a pulley in a {self.machine.space} machine has no `{key}`"
+                self._fault(message, (*path, key), "delete it", at_key=True)
 
     def _check_winding(self, path: Path, winds: dict[str, Written]) -> None:
         """A drive winds one rope or several, by weights that are numbers."""
@@ -152,8 +154,8 @@ class ConsistencyCheck:
             self._fault("`winds` names no rope", path, "write, for example, `winds: rope1`")
         for rope, weight in winds.items():
             if isinstance(weight, WrittenValue) and any(n in self.machine.parameters for n in weight.names):
-                what = f"the weight of `{rope}` must not depend on parameters"
-                self._fault(what, (*path, rope), "give a number")
+                message = f"the weight of `{rope}` must not depend on parameters"
+                self._fault(message, (*path, rope), "give a number")
 
     def _check_joint(self, path: Path, kind: str, joint: Joint[Written] | End[Written]) -> None:
         where = (*path, "type") if isinstance(joint, Joint) else (*path, "joint")
@@ -173,34 +175,34 @@ class ConsistencyCheck:
     def _check_stiffness(self, path: Path, stiffness: Stiffness[Written] | None) -> None:
         if stiffness is None:
             return
-        given = [key for key in Stiffness.model_fields if getattr(stiffness, key) is not None]
-        for key in given:
+        stated = [key for key in Stiffness.model_fields if getattr(stiffness, key) is not None]
+        for key in stated:
             parts = key.split("_")
             if self.planar and key != "radial" and not set(parts) <= set(PLANAR):
                 self._fault(f"`{key}` does not exist in a planar machine", (*path, key), "delete it", at_key=True)
-            missing = [part for part in parts if part not in given]
+            missing = [part for part in parts if part not in stated]
             if len(parts) == 2 and missing:
-                what = f"coupling `{key}` needs the stiffness `{missing[0]}`"
-                self._fault(what, (*path, key), f"give both `{parts[0]}` and `{parts[1]}`", at_key=True)
-            if "radial" in given and key in ("x", "y", "z"):
-                what = f"`{key}` and `radial` cannot both be given"
-                self._fault(what, (*path, key), "delete one of them", at_key=True)
+                message = f"coupling `{key}` needs the stiffness `{missing[0]}`"
+                self._fault(message, (*path, key), f"give both `{parts[0]}` and `{parts[1]}`", at_key=True)
+            if "radial" in stated and key in ("x", "y", "z"):
+                message = f"`{key}` and `radial` cannot both be given"
+                self._fault(message, (*path, key), "delete one of them", at_key=True)
 
     def _check_actuator(self, path: Path, name: str, actuator: Actuator[Written]) -> None:
         keys = [key for key in KINDS if getattr(actuator, key) is not None]
         if len(keys) != 1:
-            what = f"actuator `{name}` needs exactly one of moves, drives, turns, winds"
+            message = f"actuator `{name}` needs exactly one of moves, drives, turns, winds"
             hint = f"keep only one of {', '.join(keys)}" if keys else "add, for example, `moves: BODY`"
-            self._fault(what, path, hint, at_key=True)
+            self._fault(message, path, hint, at_key=True)
             return
         key = keys[0]
         if "kind" in actuator.model_fields_set and actuator.kind != KINDS[key]:
-            what = f"`{key}` implies `kind: {KINDS[key]}`, not `kind: {actuator.kind}`"
-            self._fault(what, (*path, "kind"), "delete `kind`")
+            message = f"`{key}` implies `kind: {KINDS[key]}`, not `kind: {actuator.kind}`"
+            self._fault(message, (*path, "kind"), "delete `kind`")
         for extra, owner in (("radius", "winds"), ("folds", "winds"), ("offset", "drives")):
             if getattr(actuator, extra) is not None and key != owner:
-                what = f"`{extra}` applies only to an actuator with `{owner}`"
-                self._fault(what, (*path, extra), "delete it", at_key=True)
+                message = f"`{extra}` applies only to an actuator with `{owner}`"
+                self._fault(message, (*path, extra), "delete it", at_key=True)
         if actuator.winds is not None:
             self._check_winding((*path, "winds"), actuator.winds)
         if actuator.control == "passive" and actuator.force is not None:
@@ -213,23 +215,23 @@ class ConsistencyCheck:
         name = parse_unit(actuator.unit or "1").text
         if not same and actuator.radius is None and "scale" not in actuator.model_fields_set:
             unit = "mm" if actuator.travel_dimension == LENGTH else "deg"
-            what = f"a reading in {name} needs `scale`, the travel per {name}"
+            message = f"a reading in {name} needs `scale`, the travel per {name}"
             hint = f"add, for example, `scale: 5/360` ({unit} per {name})"
-            self._fault(what, (*path, "unit"), hint)
+            self._fault(message, (*path, "unit"), hint)
         if actuator.radius is not None and actuator.reading_dimension == LENGTH:
-            what = f"the reading of a spool with `radius` is an angle, but its unit is {name}"
-            self._fault(what, (*path, "unit"), "use `unit: deg`, or delete `radius`")
+            message = f"the reading of a spool with `radius` is an angle, but its unit is {name}"
+            self._fault(message, (*path, "unit"), "use `unit: deg`, or delete `radius`")
 
     def _check_target(self, path: Path, key: str, actuator: Actuator[Written]) -> None:
         body = self.machine.bodies.get(actuator.moves or "")
         if body is not None and body.guide is None and not self.quarantined.touches(("bodies", actuator.target)):
-            what = f"body `{actuator.moves}` is not on a guide"
-            self._fault(what, (*path, "moves"), "add `guide: GUIDE` to the body")
+            message = f"body `{actuator.moves}` is not on a guide"
+            self._fault(message, (*path, "moves"), "add `guide: GUIDE` to the body")
         joint = self.machine.joints.get(actuator.target) if key in ("drives", "turns") else None
         expected_type = "prismatic" if key == "drives" else "revolute"
         if joint is not None and joint.type != expected_type:
-            what = f"joint `{actuator.target}` is {joint.type}; `{key}` needs a {expected_type} joint"
-            self._fault(what, (*path, key), f"use `type: {expected_type}` for the joint")
+            message = f"joint `{actuator.target}` is {joint.type}; `{key}` needs a {expected_type} joint"
+            self._fault(message, (*path, key), f"use `type: {expected_type}` for the joint")
 
     def _check_columns(self) -> None:
         columns: list[tuple[str, Path]] = []
@@ -246,8 +248,8 @@ class ConsistencyCheck:
                 self._fault(f"the column name `{column}` is reserved", path, "choose another column name")
             other = taken.setdefault(column, path)
             if other != path:
-                what = f"column `{column}` is already used by {other[0]}.{other[1]}"
-                self._fault(what, path, "choose another column name")
+                message = f"column `{column}` is already used by {other[0]}.{other[1]}"
+                self._fault(message, path, "choose another column name")
 
     def _column_path(self, channel: SensorChannel) -> Path:
         """Where the column of a sensor's channel is named."""

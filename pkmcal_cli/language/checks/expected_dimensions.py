@@ -82,9 +82,9 @@ def _per_reading(measured: Dimension, reading: Unit, units: FileUnits) -> Expect
     if measured == reading.dimension:
         return ExpectedDimension((NUMBER,))
     unit = units.unit(measured)
-    factor, turns = unit.factor / reading.factor, unit.pi_power - reading.pi_power
+    factor, pi_power = unit.factor / reading.factor, unit.pi_power - reading.pi_power
     dimension = measured / reading.dimension
-    return ExpectedDimension((dimension,), Unit(f"{unit.text}/{reading.text}", factor, dimension, turns))
+    return ExpectedDimension((dimension,), Unit(f"{unit.text}/{reading.text}", factor, dimension, pi_power))
 
 
 def _of_sensor(machine: WrittenMachine, path: Path, units: FileUnits) -> ExpectedDimension | None:

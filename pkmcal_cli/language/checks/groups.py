@@ -24,6 +24,6 @@ def check_groups(machine: WrittenMachine, source: SourceMap, faults: FaultList, 
             faults.add(source.fault("value", f"group `{name}` has fewer than two members", path, hint, at_key=True))
         for index, member in enumerate(members):
             if member not in known:
-                what = f"`{member}` is no drive, guide, element, sensor or point of the base"
+                message = f"`{member}` is no drive, guide, element, sensor or point of the base"
                 hint = did_you_mean(member, sorted(known)) or "name a part that the machine has, or delete this member"
-                faults.add(source.fault("unknown-name", what, (*path, index), hint))
+                faults.add(source.fault("unknown-name", message, (*path, index), hint))

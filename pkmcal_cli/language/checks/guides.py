@@ -13,22 +13,22 @@ _CARRIERS = ("frame", "body", "beam")
 def check_guides(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
     """Checks the guides and frames of a machine as written; `fault(what, path, hint, at_key=...)` takes each fault."""
     for name, guide in machine.guides.items():
-        given = [key for key in _CARRIERS if getattr(guide, key) is not None]
-        for extra in given[1:]:
-            what = f"guide `{name}` cannot have both `{given[0]}` and `{extra}`"
-            fault(what, ("guides", name, extra), "keep the one that carries it", at_key=True)
+        carriers = [key for key in _CARRIERS if getattr(guide, key) is not None]
+        for extra in carriers[1:]:
+            message = f"guide `{name}` cannot have both `{carriers[0]}` and `{extra}`"
+            fault(message, ("guides", name, extra), "keep the one that carries it", at_key=True)
         for key in ("at", "along"):
             if guide.beam is not None and key in guide.model_fields_set:
-                what = f"guide `{name}` is a beam: its travel is the way from the beam's first point to its second"
-                fault(what, ("guides", name, key), f"delete `{key}`", at_key=True)
+                message = f"guide `{name}` is a beam: its travel is the way from the beam's first point to its second"
+                fault(message, ("guides", name, key), f"delete `{key}`", at_key=True)
     _check_carriers(machine, fault)
     for name, sensor in machine.sensors.items():
         frame = machine.frames.get(sensor.surface or "")
         if frame is not None and frame.body is not None:
-            what = (
+            message = (
                 f"frame `{sensor.surface}` moves with body `{frame.body}`, but what is probed must be fixed to the base"
             )
-            fault(what, ("sensors", name, "surface"), "use a frame without `body`")
+            fault(message, ("sensors", name, "surface"), "use a frame without `body`")
 
 
 def _check_carriers(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
@@ -41,8 +41,8 @@ def _check_carriers(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
         reported |= below
         guide = machine.guides[body.guide or ""]
         key = next(key for key in reversed(_CARRIERS) if getattr(guide, key) is not None)
-        what = f"guide `{body.guide}` is carried by its own carriage `{name}`"
-        fault(what, ("guides", body.guide or "", key), "let something else carry it")
+        message = f"guide `{body.guide}` is carried by its own carriage `{name}`"
+        fault(message, ("guides", body.guide or "", key), "let something else carry it")
 
 
 def _below(machine: WrittenMachine, body: str) -> set[str]:

@@ -51,7 +51,7 @@ class MagnitudeCheck:
     source: SourceMap
     faults: FaultList
     values: dict[str, float] = field(init=False)
-    _told: set[Path] = field(default_factory=set)
+    _reported: set[Path] = field(default_factory=set)
     _warned: int = 0
 
     def __post_init__(self) -> None:
@@ -63,9 +63,9 @@ class MagnitudeCheck:
         value = quantity.number(values)
         if not math.isfinite(value):
             if not any(math.isnan(values[name]) for name in quantity.names):
-                what = f"`{written.text}` has no finite value at the nominal parameters"
+                message = f"`{written.text}` has no finite value at the nominal parameters"
                 hint = "check the nominal values and the expression"
-                self.faults.add(self.source.fault("value", what, path, hint))
+                self.faults.add(self.source.fault("value", message, path, hint))
             return
         unit = self.units.unit(quantity.dimension)
         shown = "" if written.tree is None else f" (value: {unit.format(value)})"
@@ -86,15 +86,15 @@ class MagnitudeCheck:
             label = written.tree.id
             path = ("parameters", label, "nominal")
             nominal = self.declared[label].nominal
-            own = self.declared[label].unit
+            unit_text = self.declared[label].unit
             if isinstance(nominal, WrittenValue):
                 written = nominal
         else:
-            own = ""
-        if path in self._told:
+            unit_text = ""
+        if path in self._reported:
             return
-        self._told.add(path)
-        unit = written.unit or (parse_unit(own) if own else self.units.unit(quantity.dimension))
+        self._reported.add(path)
+        unit = written.unit or (parse_unit(unit_text) if unit_text else self.units.unit(quantity.dimension))
         self._warn(path, label, value, unit, plausible, quantity.dimension)
 
     def _warn(
@@ -106,15 +106,15 @@ class MagnitudeCheck:
         far = value > plausible[1] * _SLIP or value < plausible[0] / _SLIP
         if guess is None and not far:
             return
-        what = f"{label} = {number:g} {unit.text}"
-        what += f": did you mean {number:g} {guess}?" if guess else " is far outside the usual range"
+        message = f"{label} = {number:g} {unit.text}"
+        message += f": did you mean {number:g} {guess}?" if guess else " is far outside the usual range"
         shown = self.units.unit(dimension)
         hint = f"check the unit; usual range: {shown.format(plausible[0], 3)} to {shown.format(plausible[1], 3)}"
         if plausible[0] == 0:
             hint = f"check the unit; usual range: up to {shown.format(plausible[1], 3)}"
         self._warned += 1
         if self._warned <= MAX_WARNINGS:
-            made: Fault = self.source.fault("magnitude", what, path, hint, warning=True)
+            made: Fault = self.source.fault("magnitude", message, path, hint, warning=True)
             self.faults.add(made)
 
 
@@ -155,9 +155,9 @@ def radian_warning(path: Path, written: WrittenValue, units: FileUnits, source: 
     uses_pi = any(isinstance(n, ast.Name) and n.id == "pi" for n in nodes)
     called = any(isinstance(n, ast.Call) for n in nodes)
     if uses_pi and not called and not written.names and ANGLE in written.measure.dimensions:
-        what = f"`{written.text}` is read in {units.angle.text}, the angle unit of this file"
+        message = f"`{written.text}` is read in {units.angle.text}, the angle unit of this file"
         hint = f"write the angle in {units.angle.text}, or with its unit: `1.5708 rad`"
-        return source.fault("magnitude", what, path, hint, warning=True)
+        return source.fault("magnitude", message, path, hint, warning=True)
     for node in nodes:
         if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
             continue
@@ -166,7 +166,7 @@ def radian_warning(path: Path, written: WrittenValue, units: FileUnits, source: 
             continue
         number = argument.value
         if node.func.id in ("sin", "cos", "tan") and number > 2 * math.pi:
-            what = f"`{ast.unparse(node)}` is evaluated at {number} rad: function arguments are in rad"
+            message = f"`{ast.unparse(node)}` is evaluated at {number} rad: function arguments are in rad"
             hint = f"for degrees, write `{node.func.id}({number}*pi/180)`"
-            return source.fault("magnitude", what, path, hint, argument.col_offset, warning=True)
+            return source.fault("magnitude", message, path, hint, argument.col_offset, warning=True)
     return None

@@ -60,12 +60,12 @@ class NameCheck:
             first = self.points.setdefault(name, path)
             if first != path:
                 line = self.source.key(first).line
-                what = f"the name `{name}` is already used by {with_article(_kind(first))} in line {line}"
+                message = f"the name `{name}` is already used by {with_article(_kind(first))} in line {line}"
                 hint = "choose another name: nodes, ground points, bodies and their points share one set of names"
-                self._fault("name", what, path, hint, at_key=True)
+                self._fault("name", message, path, hint, at_key=True)
 
-    def _fault(self, code: str, what: str, path: Path, hint: str | None, **more: Any) -> None:
-        self.faults.add(self.source.fault(code, what, path, hint, **more))
+    def _fault(self, code: str, message: str, path: Path, hint: str | None, **more: Any) -> None:
+        self.faults.add(self.source.fault(code, message, path, hint, **more))
 
     def _check_references(self) -> None:
         machine = self.machine
@@ -107,8 +107,8 @@ class NameCheck:
             return
         self._point(name, path)
         if name in self.machine.ground and self.points.get(name, ("",))[0] == "ground":
-            what = f"`{name}` is a ground point: it does not move"
-            self._fault("value", what, path, "name a node, a body or a point of a body")
+            message = f"`{name}` is a ground point: it does not move"
+            self._fault("value", message, path, "name a node, a body or a point of a body")
 
     def _check_points(self, between: tuple[str, ...], path: Path) -> None:
         for index, point in enumerate(between):
@@ -117,17 +117,17 @@ class NameCheck:
             if first == second and len(between) == 2:
                 self._fault("value", f"both ends are `{first}`", (*path, 1), "give two different points")
             elif first == second:
-                what = f"`{first}` is listed twice in succession"
-                self._fault("value", what, (*path, index), "delete one of the two, or name the point between them")
+                message = f"`{first}` is listed twice in succession"
+                self._fault("value", message, (*path, index), "delete one of the two, or name the point between them")
 
     def _check_pulleys(self, rope: Rope[Written], path: Path) -> None:
         for point in rope.pulleys:
             if point in rope.between:
                 continue
             if point in self.points:
-                what = f"the rope does not run over `{point}`"
+                message = f"the rope does not run over `{point}`"
                 hint = f"{_use_one_of(rope.between)}, or add it to `between`"
-                self._fault("value", what, (*path, point), hint, at_key=True)
+                self._fault("value", message, (*path, point), hint, at_key=True)
             elif point not in self.excused:
                 near = did_you_mean(point, rope.between, _use_one_of(rope.between))
                 self._fault("unknown-name", f"unknown point `{point}`", (*path, point), near, at_key=True)
@@ -136,15 +136,15 @@ class NameCheck:
         taken: dict[tuple[str, str], str] = {}
         for name, actuator in self.machine.actuators.items():
             for key, sections in driven_sections().items():
-                given: str | dict[str, Written] | None = getattr(actuator, key)
-                for target in (given,) if isinstance(given, str) else tuple(given or ()):
+                driven: str | dict[str, Written] | None = getattr(actuator, key)
+                for target in (driven,) if isinstance(driven, str) else tuple(driven or ()):
                     path: Path = ("actuators", name, key, target)
                     listed = isinstance(self.source.node(path[:3]).value, dict)
                     self._refer_any(sections, target, path, at_key=listed)
                     other = taken.setdefault((sections[0], target), name)
                     if other != name:
-                        what = f"`{target}` is already driven by actuator `{other}`"
-                        self._fault("value", what, path, "keep only one of the two actuators", at_key=listed)
+                        message = f"`{target}` is already driven by actuator `{other}`"
+                        self._fault("value", message, path, "keep only one of the two actuators", at_key=listed)
 
     def _refer(self, section: str, name: str | None, path: Path) -> None:
         if name is not None:
@@ -158,8 +158,8 @@ class NameCheck:
             self.used[section].add(name)
         kinds = " or ".join(nouns()[section] for section in sections)
         if len(known) > 1:
-            what = f"`{name}` is both {with_article(nouns()[known[0]])} and {with_article(nouns()[known[1]])}"
-            self._fault("name", what, path, "rename one of them", at_key=at_key)
+            message = f"`{name}` is both {with_article(nouns()[known[0]])} and {with_article(nouns()[known[1]])}"
+            self._fault("name", message, path, "rename one of them", at_key=at_key)
         if known or name in self.excused:
             return
         names = [
@@ -212,9 +212,9 @@ class NameCheck:
     def _check_per_session(self, name: str, path: Path) -> None:
         """What every session has for itself belongs to instruments, or is the zero of a drive; not the machine."""
         if self.machine.parameters[name].per == "session" and not self._of_sessions(path):
-            what = f"parameter `{name}` has one value per session, but this is a part of the machine"
+            message = f"parameter `{name}` has one value per session, but this is a part of the machine"
             self._fault(
-                "value", what, path, "use `per: session` only for sensors, and for `zero` and `offset` of actuators"
+                "value", message, path, "use `per: session` only for sensors, and for `zero` and `offset` of actuators"
             )
 
     def _of_sessions(self, path: Path) -> bool:
@@ -234,8 +234,8 @@ class NameCheck:
         assert written.tree is not None
         places = [n.col_offset for n in ast.walk(written.tree) if isinstance(n, ast.Name) and n.id == name]
         if name.lower() in ("nan", "inf", "infinity"):
-            what, hint = f"`{name}` is not a finite number", None
-            self._fault("value", what, path, hint, offset=min(places))
+            message, hint = f"`{name}` is not a finite number", None
+            self._fault("value", message, path, hint, offset=min(places))
             return
         names = [*self.machine.parameters, *self.quarantined.names("parameters")]
         hint = did_you_mean(name, names, "declare it in `parameters:`")
@@ -263,9 +263,9 @@ class NameCheck:
         noun, many = "point" if point else nouns()[str(paths[0][0])], len(paths) > 1
         named = [f"`{path[-1]}` of body `{path[1]}`" if point else f"`{path[-1]}`" for path in paths]
         more = f" and {len(named) - _LISTED} more" if len(named) > _LISTED else ""
-        what = f"{noun}{'s' if many else ''} {', '.join(named[:_LISTED])}{more} {'are' if many else 'is'} not used"
+        message = f"{noun}{'s' if many else ''} {', '.join(named[:_LISTED])}{more} {'are' if many else 'is'} not used"
         hint = f"use {'them' if many else 'it'} or delete {'them' if many else 'it'}"
-        self._fault("unused-name", what, paths[0], hint, at_key=True, warning=point or paths[0][0] == GROUND)
+        self._fault("unused-name", message, paths[0], hint, at_key=True, warning=point or paths[0][0] == GROUND)
 
 
 def _use_one_of(names: Iterable[str]) -> str:

@@ -72,8 +72,8 @@ def _check_geometry(planar: bool, path: Path, sensor: Sensor[Written], fault: Ca
         fault("the column is given in both `column` and `reads`", (*path, "column"), "delete `column`", at_key=True)
     once = kind_of_sensor(sensor).measurand.once
     if not once and isinstance(sensor.reading, WrittenValue) and sensor.reading.names:
-        what = "`reading` is what the probe reads where it touches, not a parameter"
-        fault(what, (*path, "reading"), "write `reading: 0`; an unknown offset is the parameter of `zero`")
+        message = "`reading` is what the probe reads where it touches, not a parameter"
+        fault(message, (*path, "reading"), "write `reading: 0`; an unknown offset is the parameter of `zero`")
     if once and isinstance(sensor.of, WrittenValue) and not sensor.of.names:
         fault("`of` contains no parameter", (*path, "of"), "give a parameter, or an expression of parameters")
 
@@ -93,16 +93,16 @@ def _check_unit(machine: WrittenMachine, path: Path, sensor: Sensor[Written], fa
 
 
 def _check_keys(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]) -> None:
-    kind, given = kind_of_sensor(sensor), sensor.model_fields_set
+    kind, stated = kind_of_sensor(sensor), sensor.model_fields_set
     for key in kind.needs:
-        if key not in given:
+        if key not in stated:
             fault(
                 f"sensor kind `{kind.keyword}` needs `{key}`",
                 path,
                 f"add, for example, `{_EXAMPLES[key]}`",
                 at_key=True,
             )
-    for key in given:
+    for key in stated:
         if key not in (*kind.keys, "kind"):
             hint = "delete it; keys of this kind: " + ", ".join(kind.keys)
             fault(f"sensor kind `{kind.keyword}` has no `{key}`", (*path, key), hint, at_key=True)
@@ -112,8 +112,8 @@ def _check_sigma(path: Path, sensor: Sensor[Written], fault: Callable[..., Any])
     rotations = [channel in ORIENTATION for channel in sensor.reads]
     if "" in sensor.sigma:
         if any(rotations) and not all(rotations):
-            what = "one `sigma` is given for both coordinates and orientation"
-            fault(what, (*path, "sigma"), "write, for example, `sigma: {position: 10 um, orientation: 0.1 mrad}`")
+            message = "one `sigma` is given for both coordinates and orientation"
+            fault(message, (*path, "sigma"), "write, for example, `sigma: {position: 10 um, orientation: 0.1 mrad}`")
         return
     if not sensor.reads:
         fault(
@@ -123,9 +123,9 @@ def _check_sigma(path: Path, sensor: Sensor[Written], fault: Callable[..., Any])
     keys = ("position", "orientation", *SPATIAL)
     for key in sensor.sigma:
         if key not in keys or (key in SPATIAL and key not in sensor.reads):
-            what = f"`{key}` is not a channel of this sensor"
+            message = f"`{key}` is not a channel of this sensor"
             hint = did_you_mean(key, ["position", "orientation", *sensor.reads])
-            fault(what, (*path, "sigma", key), hint, at_key=True)
+            fault(message, (*path, "sigma", key), hint, at_key=True)
     for channel in sensor.reads:
         kind = "orientation" if channel in ORIENTATION else "position"
         if channel not in sensor.sigma and kind not in sensor.sigma:
@@ -140,13 +140,13 @@ def _check_growth(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]
         where = (*path, "sigma", key) if key else (*path, "sigma")
         if not kind.measurand.once and "sigma_per_length" not in kind.may:
             kinds = ", ".join(f"`{k.keyword}`" for k in sensor_kinds().values() if "sigma_per_length" in k.may)
-            what = f"the `sigma` of sensor kind `{kind.keyword}` cannot grow with length: it measures none"
-            fault(what, where, f"give a constant; it can grow for {kinds} and `bench`")
+            message = f"the `sigma` of sensor kind `{kind.keyword}` cannot grow with length: it measures none"
+            fault(message, where, f"give a constant; it can grow for {kinds} and `bench`")
         elif key in (*ORIENTATION, "orientation") or (key == "" and turning):
             fault("the `sigma` of an orientation cannot grow with length", where, "give a constant")
         elif sensor.sigma_per_length is not None:
-            what = "the growth of `sigma` with length is given twice: in `sigma` and in `sigma_per_length`"
-            fault(what, where, "keep the sum of `sigma`, or `sigma_per_length` for growth in quadrature")
+            message = "the growth of `sigma` with length is given twice: in `sigma` and in `sigma_per_length`"
+            fault(message, where, "keep the sum of `sigma`, or `sigma_per_length` for growth in quadrature")
 
 
 def _check_correlation(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]) -> None:

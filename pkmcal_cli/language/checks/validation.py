@@ -130,28 +130,28 @@ def _add(details: Mapping[str, Any], path: Path, source: SourceMap, faults: Faul
         at_key = loc[-1] == "[key]"
         faults.add(
             source.fault(
-                context["code"], context["what"], path, context["hint"] or None, context["offset"], at_key=at_key
+                context["code"], context["message"], path, context["hint"] or None, context["offset"], at_key=at_key
             )
         )
     elif kind == "extra_forbidden":
         owner, key = _owner(loc[:-1]), str(loc[-1])
         names = list(owner.model_fields) if owner is not None else []
-        what = f"unknown key `{key}`{_of(loc[:-1])}"
+        message = f"unknown key `{key}`{_of(loc[:-1])}"
         new = owner.renamed.get(key) if owner is not None else None
         hint = f"`{key}` is now called `{new}`" if new else did_you_mean(key, names, _list_of(names))
-        faults.add(source.fault("unknown-key", what, path, hint, at_key=True))
+        faults.add(source.fault("unknown-key", message, path, hint, at_key=True))
     elif kind == "missing" and isinstance(loc[-1], int):
-        what = f"expected 2 entries{_of(loc[:-1])}, found {len(details['input'])}"
-        faults.add(source.fault("value", what, path, _TWO))
+        message = f"expected 2 entries{_of(loc[:-1])}, found {len(details['input'])}"
+        faults.add(source.fault("value", message, path, _TWO))
     elif kind == "missing":
         owner = _owner(loc[:-1])
-        what = f"missing key `{loc[-1]}`{_of(loc[:-1])}"
+        message = f"missing key `{loc[-1]}`{_of(loc[:-1])}"
         about = owner.model_fields.get(str(loc[-1])) if owner is not None else None
         hint = f"add `{loc[-1]}` ({about.description})" if about and about.description else None
-        faults.add(source.fault("missing-key", what, path, hint, at_key=bool(path)))
+        faults.add(source.fault("missing-key", message, path, hint, at_key=bool(path)))
     else:
-        what, hint = _plain_words(details)
-        faults.add(source.fault("type" if "type" in kind else "value", what, path, hint))
+        message, hint = _plain_words(details)
+        faults.add(source.fault("type" if "type" in kind else "value", message, path, hint))
 
 
 def _plain_words(details: Mapping[str, Any]) -> tuple[str, str | None]:

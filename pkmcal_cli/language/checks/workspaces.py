@@ -21,15 +21,15 @@ def check_workspace(machine: WrittenMachine, fault: Callable[..., Any]) -> None:
     if box is None and cylinder is None and not workspace.drives:
         fault("the workspace limits nothing", path, _EXAMPLE, at_key=True)
     if box is not None:
-        given = [name for name, limits in box.__dict__.items() if limits is not None]
-        if not given:
+        limited = [name for name, limits in box.__dict__.items() if limits is not None]
+        if not limited:
             fault("`box` limits no coordinate", (*path, "box"), _EXAMPLE, at_key=True)
-        for name in given:
+        for name in limited:
             if machine.space == "planar" and name not in PLANAR:
                 where: Path = (*path, "box", name)
                 fault(f"`{name}` does not exist in a planar machine", where, "use `x`, `y` or `rz`", at_key=True)
     if cylinder is not None and machine.space == "planar":
         for key in ("axis", "height"):
             if key in cylinder.model_fields_set:
-                what = f"`{key}` does not exist in a planar machine: the cylinder is a circle"
-                fault(what, (*path, "cylinder", key), "delete it", at_key=True)
+                message = f"`{key}` does not exist in a planar machine: the cylinder is a circle"
+                fault(message, (*path, "cylinder", key), "delete it", at_key=True)

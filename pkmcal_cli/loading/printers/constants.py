@@ -62,10 +62,10 @@ class ConstantReader:
     lines: Sequence[Line]
     faults: FaultList = field(default_factory=FaultList)
 
-    def fault(self, what: str, where: Location, hint: str | None = None, code: str = "constant") -> None:
+    def fault(self, message: str, where: Location, hint: str | None = None, code: str = "constant") -> None:
         """Add a fault at its place."""
         source = next((n.text for n in self.lines if (n.file, n.number) == (where.file, where.line)), None)
-        self.faults.add(Fault(code, what, where, hint, source))
+        self.faults.add(Fault(code, message, where, hint, source))
 
     def number(self, stated: Stated, name: str, positive: bool = False, whole: bool = False) -> bool:
         """Whether it is a number that can be meant; a fault if not."""
@@ -85,5 +85,5 @@ class ConstantReader:
         """Add a fault for rods that are shorter than the radius."""
         for name, rod in rods.items():
             if rod.value <= radius.value:
-                what = f"`{name}` ({rod.text}) is not longer than the radius ({radius.text})"
-                self.fault(what, rod.where, "the rods lean; check which is which")
+                message = f"`{name}` ({rod.text}) is not longer than the radius ({radius.text})"
+                self.fault(message, rod.where, "the rods lean; check which is which")

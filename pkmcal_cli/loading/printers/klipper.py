@@ -61,19 +61,19 @@ def _bare(line: str) -> str:
 
 def _options(lines: Sequence[Line]) -> Options:
     """Options by section and name, in small letters."""
-    own, saved = Options(), Options()
-    sections = {id(own): "", id(saved): ""}
+    written, saved = Options(), Options()
+    sections = {id(written): "", id(saved): ""}
     for each in lines:
         line = each.text
         block = line.startswith(_SAVED)
-        into = saved if block else own
+        into = saved if block else written
         text = _bare(line.removeprefix(_SAVED)) if block else _bare(line)
         if head := _SECTION.fullmatch(text):
             sections[id(into)] = head[1].lower()
         elif not line[:1].isspace() and (option := _OPTION.fullmatch(text)):
             place = each.at(line.index(option[1]) + 1)
             into[sections[id(into)], option[1].lower()] = Stated(option[2], place)
-    return saved | own
+    return saved | written
 
 
 class _Finder:

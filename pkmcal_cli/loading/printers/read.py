@@ -29,8 +29,8 @@ def read_printer(path: str) -> Printer:
             gathered.add(path, text, digest)
             return read(gathered.lines, gathered.inputs, gathered.notes)
     hint = "give a printer.cfg of Klipper, with [printer], or a config.g of RepRapFirmware, with M665 or M669"
-    what = "this is no configuration of a printer that can be read"
-    raise BadInput.single(what, Location(input_name(path), 1), hint, "printer")
+    message = "this is no configuration of a printer that can be read"
+    raise BadInput.single(message, Location(input_name(path), 1), hint, "printer")
 
 
 @dataclass

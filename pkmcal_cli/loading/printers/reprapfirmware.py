@@ -86,8 +86,8 @@ class _Finder:
             return zero
         parts = [Stated(text, stated.where) for text in stated.text.split(":")]
         if len(parts) not in counts:
-            what = f"M{command} {letter} has {len(parts)} numbers, not {' or '.join(map(str, counts))}"
-            self.reader.fault(what, stated.where, "separate them by colons")
+            message = f"M{command} {letter} has {len(parts)} numbers, not {' or '.join(map(str, counts))}"
+            self.reader.fault(message, stated.where, "separate them by colons")
             return zero
         good = [self.reader.number(part, f"M{command} {letter}", positive, whole) for part in parts]
         return parts if all(good) else zero

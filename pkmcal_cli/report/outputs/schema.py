@@ -17,10 +17,10 @@ def all_outputs() -> dict[str, Output]:
 
 def output_schema(output: Output) -> dict[str, Any]:
     """The schema of what a command writes with `--json`."""
-    own = [key for part in output.parts for key in part]
-    stated = {key.marked for key in own}
+    keys = [key for part in output.parts for key in part]
+    stated = {key.marked for key in keys}
     root = _Node()
-    for key in (*(k for k in keys_of(COMMON) if k.marked not in stated), *own):
+    for key in (*(k for k in keys_of(COMMON) if k.marked not in stated), *keys):
         root.add(key)
     built = root.schema()
     built["properties"]["schema"] = {"const": output.schema, "description": "which output this is"}

@@ -24,7 +24,7 @@ PULL = 0.1
 FOLDS = np.array([2.0, 2.0, 2.0, 4.0])
 RADIUS = 0.075
 GEAR = 20 / 255
-"""Turn of the spool per turn of the motor."""
+"""RotationVector of the spool per turn of the motor."""
 ANCHORED = tuple(f"{line}{axis}" for line in LINES for axis in "xyz")
 SIGMA, LINE_SIGMA, DIGIT, DEGREE = 0.3e-3, 0.5e-3, 0.1e-3, np.pi / 180
 ROWS, FRESH = (31, 14, 24, 19), (10, 10, 10, 10)
