@@ -230,17 +230,15 @@ class Model:
     @cached_property
     def freedoms(self) -> Freedoms:
         """The mechanism with its drives released, a point held at its independent coordinates."""
-        topology, posed, completing = self.topology, self.posed, self.held_points.completing(self.posed) or ()
-        names, groups = self.held_points.motion(posed, completing).sets[0], [topology.aims[g] for g in posed.aims]
+        topology, posed, added = self.topology, self.posed, self.held_points.completing(self.posed) or ()
+        names, groups = self.held_points.motion(posed, added).sets[0], [topology.aims[g] for g in posed.aims]
         held = {name: group.rest.start + k for group in groups for k, name in enumerate(group.element.strains)}
-        drives = np.array(
-            [a for a, d in enumerate(topology.drives) if not (d.force_controlled or a in completing)], dtype=int
-        )
+        drives = np.array([a for a, d in enumerate(topology.drives) if not (d.force_controlled or a in added)], int)
         commanded = np.array([topology.drives[a].coefficient for a in drives], dtype=np.intp)
         unit = np.array([self.length if name in ("x", "y", "z") else 1.0 for name in names])
         lengths = [topology.moves_length(topology.drives[a]) for a in drives]
         return Freedoms(
-            system=self.held_points.system(posed, names, completing),
+            system=self.held_points.system(posed, names, added),
             length=self.length,
             held=np.array([held[name] for name in names], dtype=np.intp),
             unit=unit,
