@@ -55,7 +55,7 @@ def lagrangian_gradient(
     At a real solution its entries at drive coefficients are the drive forces. Ropes are taut or slack by the real part
     of their stress; `taut`: they push too.
     """
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     stacked = geometries(system, state, sums.offset_vectors)
     for index in range(len(system.groups)):
@@ -137,7 +137,7 @@ def _coefficients_of_group(coefficients: Array, where: slice, count: int, width:
 
 def point_gradient(system: System, coefficients: Array | SystemNumbers, state: State, forces: Array) -> Array:
     """Differentiate forces (N, points, 3) times reading points, summed, directly by coefficients: (N, S)."""
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     sums.force[:, system.topology.points] = forces
     _offset_vector_coefficients(system, numbers, state, sums)
@@ -148,7 +148,7 @@ def strain_gradient(
     system: System, coefficients: Array | SystemNumbers, state: State, target: tuple[int, int, int]
 ) -> Array:
     """Differentiate one measured elongation or displacement, strain plus rest value, by coefficients: (N, S)."""
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     index, e, m = target
     geometry = group_geometry(system, index, geometries(system, state, sums.offset_vectors))
@@ -207,7 +207,7 @@ def adjoint_derivative(
     taut: bool = False,
 ) -> Array:
     """Compute l^T dg/dc for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     topology = system.topology
     rows, count = multipliers.shape[:2]
     out: Array = np.empty((rows, count, len(topology.coefficients.constants)), order="F")
