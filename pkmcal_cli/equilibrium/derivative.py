@@ -22,6 +22,7 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import GroupNumbers, SystemNumbers, natural_lengths, system_numbers
 from pkmcal_cli.mechanism.topology import GROUND, Group
 
+_TOGETHER = 6e4  # numbers of a gradient that are computed at once: more no longer fit into the cache
 _STEP = 1e-30
 
 
@@ -211,9 +212,14 @@ def adjoint_derivative(
     topology = system.topology
     rows, count = multipliers.shape[:2]
     out: Array = np.empty((rows, count, len(topology.coefficients.constants)), order="F")
-    for c in range(count):
-        stepped = advance(system, state, 1j * _STEP * multipliers[:, c], scale)
-        out[:, c] = lagrangian_gradient(system, numbers, stepped, taut=taut).imag
+    together = max(1, int(_TOGETHER / max(rows * out.shape[2], 1)))
+    for first in range(0, count, together):
+        along = multipliers[:, first : first + together]
+        every = np.tile(np.arange(rows), along.shape[1])
+        steps = 1j * _STEP * along.reshape(len(every), -1, order="F")
+        stepped = advance(system, state.take(every), steps, scale)
+        gradient = lagrangian_gradient(system, numbers.take(every), stepped, taut=taut).imag
+        out[:, first : first + together] = gradient.reshape(*along.shape[:2], -1, order="F")
     out /= _STEP
     if system.loaded and len(topology.force_dofs):
         where = system.place[topology.force_dofs]
