@@ -49,15 +49,22 @@ def _start(system: System, numbers: SystemNumbers, state: State) -> _Sums:
 
 
 def lagrangian_gradient(
-    system: System, coefficients: Array | SystemNumbers, state: State, *, taut: bool = False
+    system: System,
+    coefficients: Array | SystemNumbers,
+    state: State,
+    *,
+    taut: bool = False,
+    pulls: Array | None = None,
 ) -> Array:
     """Differentiate the Lagrangian with respect to every coefficient, (N, S), at a possibly complex state.
 
     At a real solution its entries at drive coefficients are the drive forces. Ropes are taut or slack by the real part
-    of their stress; `taut`: they push too.
+    of their stress; `taut`: they push too. pulls (N, points, 3): forces on reading points, which take part in it.
     """
     numbers = system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
+    if pulls is not None:
+        sums.force[:, system.topology.points] = pulls
     stacked = geometries(system, state, sums.offset_vectors)
     for index in range(len(system.groups)):
         geometry = group_geometry(system, index, stacked)
@@ -136,15 +143,6 @@ def _coefficients_of_group(coefficients: Array, where: slice, count: int, width:
     return np.moveaxis(coefficients.T[where].reshape(count, width, len(coefficients)), -1, 0)
 
 
-def point_gradient(system: System, coefficients: Array | SystemNumbers, state: State, forces: Array) -> Array:
-    """Differentiate forces (N, points, 3) times reading points, summed, directly by coefficients: (N, S)."""
-    numbers = system_numbers(system, coefficients)
-    sums = _start(system, numbers, state)
-    sums.force[:, system.topology.points] = forces
-    _offset_vector_coefficients(system, numbers, state, sums)
-    return sums.coefficients
-
-
 def strain_gradient(
     system: System, coefficients: Array | SystemNumbers, state: State, target: tuple[int, int, int]
 ) -> Array:
@@ -206,8 +204,12 @@ def adjoint_derivative(
     scale: float,
     *,
     taut: bool = False,
+    points: Array | None = None,
 ) -> Array:
-    """Compute l^T dg/dc for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
+    """Compute l^T dg/dc for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S).
+
+    points (C, points, 3): less what coefficients do directly to these sums of the coordinates of reading points.
+    """
     numbers = system_numbers(system, coefficients)
     topology = system.topology
     rows, count = multipliers.shape[:2]
@@ -218,7 +220,8 @@ def adjoint_derivative(
         every = np.tile(np.arange(rows), along.shape[1])
         steps = 1j * _STEP * along.reshape(len(every), -1, order="F")
         stepped = advance(system, state.take(every), steps, scale)
-        gradient = lagrangian_gradient(system, numbers.take(every), stepped, taut=taut).imag
+        pulls = None if points is None else -1j * _STEP * np.repeat(points[first : first + together], rows, axis=0)
+        gradient = lagrangian_gradient(system, numbers.take(every), stepped, taut=taut, pulls=pulls).imag
         out[:, first : first + together] = gradient.reshape(*along.shape[:2], -1, order="F")
     out /= _STEP
     if system.loaded and len(topology.force_dofs):
