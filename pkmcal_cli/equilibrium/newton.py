@@ -244,7 +244,7 @@ class _Path:
     def __init__(self, system: System, origin: Array, goal: Array, state: State, rows: int) -> None:
         self.system, self.origin, self.goal, self.state = system, origin, goal, state
         self.way, self.stride = np.zeros(rows), np.full(rows, 0.5)
-        self.todo = np.arange(rows)
+        self.open, self.todo = np.ones(rows, dtype=bool), np.arange(rows)  # rows under way, and their numbers
 
     def stride_on(self, length: float, options: NewtonOptions, effort: Effort) -> tuple[Index, State]:
         """One stride; returns the rows that arrive, with their state.
@@ -267,6 +267,6 @@ class _Path:
         self.way[todo[good]] = trial[good]
         self.stride[todo] *= np.where(good, 2.0, 0.5)
         arrived = good & (trial >= 1.0)
-        leaving = todo[arrived | (self.stride[todo] <= 1 / 512)]
-        self.todo = np.setdiff1d(self.todo, leaving, assume_unique=True)
+        self.open[todo[arrived | (self.stride[todo] <= 1 / 512)]] = False
+        self.todo = self.open.nonzero()[0]
         return todo[arrived], moved.take(np.nonzero(arrived)[0])

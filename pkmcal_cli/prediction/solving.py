@@ -36,7 +36,7 @@ from pkmcal_cli.prediction.rigid_pose import (
 )
 from pkmcal_cli.prediction.rows import Method, WarmStart
 
-_ROUGH = NewtonOptions(curved=False, tolerance=1e-3)
+_ROUGH = NewtonOptions(curved=False, tolerance=1e-3)  # of its last step: the error, about the square, is far less
 _ELASTIC = NewtonOptions(contraction=0.9, rebound=0.25, reach=0.5)
 _TAUT = replace(_ELASTIC, taut=True)
 _TORN = 0.1  # of the size of the machine: drives that disagree by more agree on nothing
