@@ -39,7 +39,9 @@ def some_rows(x: NDArray[Any], rows: Rows) -> NDArray[Any]:
     """x[rows] of an array (N, ...); what is stored once stays so."""
     if not stored_once(x):
         return x[rows]
-    count = len(np.broadcast_to(0, (len(x),))[rows])
+    if isinstance(rows, slice) or rows.dtype == bool:
+        rows = np.arange(len(x))[rows]
+    count = len(rows)
     return np.broadcast_to(x[0], (count, *x.shape[1:]))
 
 

@@ -81,9 +81,9 @@ class SparseMap:
 
 def _product(matrix: Array, x: Array) -> Array:
     """A real matrix times x, real or complex; zeros of the matrix are no entries."""
-    lost = ~np.isfinite(x)
-    if not lost.any():
+    if math.isfinite(np.vdot(x, x).real):  # where it overflows, the entries are looked at one by one
         return _all_products(matrix, x)
+    lost = ~np.isfinite(x)
     image = _all_products(matrix, np.where(lost, 0.0, x))
     image[(matrix != 0.0) @ lost] = np.nan
     return image
@@ -174,7 +174,9 @@ def take_rows(x: Array, rows: Index | slice) -> Array:
     """x[rows] of an array (N, ...), with the row index running fastest in memory; what is stored once stays so."""
     if stored_once(x):
         return some_rows(x, rows)
-    return np.asarray(np.ascontiguousarray(x.T[..., rows]).T)
+    if isinstance(rows, slice):
+        return np.asarray(np.ascontiguousarray(x.T[..., rows]).T)
+    return np.asarray(x.T.take(rows, axis=-1).T)
 
 
 def pick(x: Array, numbers: Index) -> Array:

@@ -22,6 +22,7 @@ from pkmcal_cli.base.rotation import Array
 
 _FACTOR = 2.0  # by which ranges are off: one standard deviation
 _LOG_TAU = np.linspace(-4.0, 5.0, 361)  # far beyond what a prior of that width leaves likely
+_HALF_PRECISION = 0.5 * np.exp(-2.0 * _LOG_TAU)
 _OWN_FREEDOM = 10.0
 _CHAINS, _STEPS, _WARMING = 40, 35, 10
 _QUIET = 1e-8  # least variance of noise, in stated ones
@@ -153,20 +154,17 @@ def _offsets(rng: np.random.Generator, evidence: Evidence, variance: Array, nois
     """Offsets (M, q) given their variances (M, q) and those of the instruments (M, G)."""
     q = len(evidence.centre)
     pulled = evidence.score + evidence.information @ evidence.centre  # (G, q)
-    precision = np.einsum("mg,gij->mij", 1.0 / noise, evidence.information)
+    precision = ((1.0 / noise) @ evidence.information.reshape(-1, q * q)).reshape(-1, q, q)
     precision[:, np.arange(q), np.arange(q)] += 1.0 / variance
-    root = np.linalg.cholesky(precision)
-    mean = np.linalg.solve(root, ((1.0 / noise) @ pulled)[..., None])
-    drawn = mean + rng.normal(size=(*variance.shape, 1))
-    return np.asarray(np.linalg.solve(np.swapaxes(root, 1, 2), drawn)[..., 0])
+    drawn = np.linalg.cholesky(precision) @ rng.normal(size=(*variance.shape, 1))
+    drawn += ((1.0 / noise) @ pulled)[..., None]
+    return np.asarray(np.linalg.solve(precision, drawn)[..., 0])
 
 
 def _of_instruments(rng: np.random.Generator, evidence: Evidence, offsets: Array) -> Array:
     """phi (M, G) given offsets (M, q)."""
     step = offsets - evidence.centre
-    misfit = (
-        evidence.squares - 2.0 * step @ evidence.score.T + np.einsum("mi,gij,mj->mg", step, evidence.information, step)
-    )
+    misfit = evidence.squares - 2.0 * step @ evidence.score.T + ((step @ evidence.information) * step).sum(axis=2).T
     freedom = np.where(np.isfinite(evidence.freedom), evidence.freedom, 0.0)
     total = np.maximum(misfit, 0.0) + freedom
     drawn = np.maximum(total / rng.chisquare(np.maximum(evidence.counts + freedom, 1.0), total.shape), _QUIET)
@@ -187,8 +185,9 @@ def _of_kinds(
     for k in np.unique(place[on]):
         count = int((on & (place == k)).sum())
         total = squares[:, place == k].sum(axis=1)[:, None]
-        log_density = prior - count * _LOG_TAU - 0.5 * total * np.exp(-2.0 * _LOG_TAU)  # (M, grid)
-        below = np.exp(log_density - log_density.max(axis=1, keepdims=True)).cumsum(axis=1)
+        density = (prior - count * _LOG_TAU) - total * _HALF_PRECISION  # (M, grid), its logarithm
+        density -= density.max(axis=1, keepdims=True)
+        below = np.exp(density, out=density).cumsum(axis=1)
         chosen = (below < below[:, -1:] * rng.random((len(squares), 1))).sum(axis=1)
         out[:, k] = np.exp(2.0 * _LOG_TAU[chosen])
     return out

@@ -88,7 +88,7 @@ def balance(
     `taut`: ropes push too. `coefficients` (1 or N, S), or what they say where several states are looked at.
     `entries` (N, `maps.width`): memory for the tangent, zero but for what an earlier balance of this system left there.
     """
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     rows, maps = len(state), system.maps
     offset_vectors = rotated_offset_vectors(system.topology, numbers.bodies, state)
     stacked = geometries(system, state, offset_vectors)

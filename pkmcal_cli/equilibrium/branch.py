@@ -16,11 +16,11 @@ from pkmcal_cli.equilibrium.kinematics import State, geometries, rotated_offset_
 from pkmcal_cli.equilibrium.mobility import pivot_columns
 from pkmcal_cli.equilibrium.strains import group_geometry, group_strains
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.equilibrium.system_numbers import system_numbers
+from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.mechanism.topology import Index
 
 
-def strain_jacobian(system: System, coefficients: Array, state: State, length: float) -> Array:
+def strain_jacobian(system: System, coefficients: Array | SystemNumbers, state: State, length: float) -> Array:
     """Differentiate all acting strains by the unknowns, lengths relative to `length`: (N, m, n)."""
     maps, numbers = system.strain_maps, system_numbers(system, coefficients)
     stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
@@ -61,7 +61,9 @@ def reference_mode(system: System, coefficients: Array, state: State, length: fl
     return Mode(strains, *(float(x) for x in np.linalg.slogdet(home[strains])))
 
 
-def regularity(system: System, mode: Mode | None, coefficients: Array, state: State, length: float) -> Array:
+def regularity(
+    system: System, mode: Mode | None, coefficients: Array | SystemNumbers, state: State, length: float
+) -> Array:
     """Give det J over that of the reference configuration, (N,): < 0 in another assembly mode, 0 where singular."""
     if mode is None:
         return np.ones(len(state))

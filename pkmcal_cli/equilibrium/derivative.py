@@ -22,6 +22,7 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import GroupNumbers, SystemNumbers, natural_lengths, system_numbers
 from pkmcal_cli.mechanism.topology import GROUND, Group
 
+_TOGETHER = 6e4  # numbers of a gradient that are computed at once: more no longer fit into the cache
 _STEP = 1e-30
 
 
@@ -48,15 +49,22 @@ def _start(system: System, numbers: SystemNumbers, state: State) -> _Sums:
 
 
 def lagrangian_gradient(
-    system: System, coefficients: Array | SystemNumbers, state: State, *, taut: bool = False
+    system: System,
+    coefficients: Array | SystemNumbers,
+    state: State,
+    *,
+    taut: bool = False,
+    pulls: Array | None = None,
 ) -> Array:
     """Differentiate the Lagrangian with respect to every coefficient, (N, S), at a possibly complex state.
 
     At a real solution its entries at drive coefficients are the drive forces. Ropes are taut or slack by the real part
-    of their stress; `taut`: they push too.
+    of their stress; `taut`: they push too. pulls (N, points, 3): forces on reading points, which take part in it.
     """
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
+    if pulls is not None:
+        sums.force[:, system.topology.points] = pulls
     stacked = geometries(system, state, sums.offset_vectors)
     for index in range(len(system.groups)):
         geometry = group_geometry(system, index, stacked)
@@ -135,20 +143,11 @@ def _coefficients_of_group(coefficients: Array, where: slice, count: int, width:
     return np.moveaxis(coefficients.T[where].reshape(count, width, len(coefficients)), -1, 0)
 
 
-def point_gradient(system: System, coefficients: Array | SystemNumbers, state: State, forces: Array) -> Array:
-    """Differentiate forces (N, points, 3) times reading points, summed, directly by coefficients: (N, S)."""
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
-    sums = _start(system, numbers, state)
-    sums.force[:, system.topology.points] = forces
-    _offset_vector_coefficients(system, numbers, state, sums)
-    return sums.coefficients
-
-
 def strain_gradient(
     system: System, coefficients: Array | SystemNumbers, state: State, target: tuple[int, int, int]
 ) -> Array:
     """Differentiate one measured elongation or displacement, strain plus rest value, by coefficients: (N, S)."""
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    numbers = system_numbers(system, coefficients)
     sums = _start(system, numbers, state)
     index, e, m = target
     geometry = group_geometry(system, index, geometries(system, state, sums.offset_vectors))
@@ -205,15 +204,25 @@ def adjoint_derivative(
     scale: float,
     *,
     taut: bool = False,
+    points: Array | None = None,
 ) -> Array:
-    """Compute l^T dg/dc for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S)."""
-    numbers = coefficients if isinstance(coefficients, SystemNumbers) else system_numbers(system, coefficients)
+    """Compute l^T dg/dc for C adjoint vectors l (N, C, n + c), the last c of each in scaled form: (N, C, S).
+
+    points (C, points, 3): less what coefficients do directly to these sums of the coordinates of reading points.
+    """
+    numbers = system_numbers(system, coefficients)
     topology = system.topology
     rows, count = multipliers.shape[:2]
     out: Array = np.empty((rows, count, len(topology.coefficients.constants)), order="F")
-    for c in range(count):
-        stepped = advance(system, state, 1j * _STEP * multipliers[:, c], scale)
-        out[:, c] = lagrangian_gradient(system, numbers, stepped, taut=taut).imag
+    together = max(1, int(_TOGETHER / max(rows * out.shape[2], 1)))
+    for first in range(0, count, together):
+        along = multipliers[:, first : first + together]
+        every = np.tile(np.arange(rows), along.shape[1])
+        steps = 1j * _STEP * along.reshape(len(every), -1, order="F")
+        stepped = advance(system, state.take(every), steps, scale)
+        pulls = None if points is None else -1j * _STEP * np.repeat(points[first : first + together], rows, axis=0)
+        gradient = lagrangian_gradient(system, numbers.take(every), stepped, taut=taut, pulls=pulls).imag
+        out[:, first : first + together] = gradient.reshape(*along.shape[:2], -1, order="F")
     out /= _STEP
     if system.loaded and len(topology.force_dofs):
         where = system.place[topology.force_dofs]

@@ -42,7 +42,7 @@ class _Point:
         """The point at states."""
         balanced = balance(system, numbers, state, scale)
         gaps = np.abs(balanced.residual[:, system.unknowns :]).sum(axis=1)
-        return cls(state, balanced, potential_energy(system, numbers, balanced), gaps)
+        return cls(state, balanced, potential_energy(system, numbers, balanced.strains, state), gaps)
 
 
 def descend(system: System, coefficients: Array, state: State, length: float, effort: Effort) -> State:

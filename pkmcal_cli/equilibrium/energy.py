@@ -12,25 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.equilibrium.assembly import Balance
 from pkmcal_cli.equilibrium.group_map import GroupMap
+from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.equilibrium.stresses import carrying_ropes
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import GroupNumbers, SystemNumbers
 
 
 def _members(
-    system: System, numbers: SystemNumbers, balanced: Balance
+    system: System, numbers: SystemNumbers, strains: tuple[Array, ...], state: State
 ) -> Iterator[tuple[GroupMap, GroupNumbers, Array]]:
-    """Groups with what coefficients say at the state of the balance, and strains (N, E, m)."""
-    for group, own, e in zip(system.groups, numbers.groups, balanced.strains, strict=True):
-        yield group, own.at(balanced.translation), e
+    """Groups with what coefficients say at a state, and its strains (N, E, m)."""
+    for group, own, e in zip(system.groups, numbers.groups, strains, strict=True):
+        yield group, own.at(state.translation), e
 
 
-def strain_energy(system: System, numbers: SystemNumbers, balanced: Balance, *, taut: bool = False) -> Array:
+def strain_energy(
+    system: System, numbers: SystemNumbers, strains: tuple[Array, ...], state: State, *, taut: bool = False
+) -> Array:
     """Sum 1/2 e^T S e over all members (N,), J; slack ropes hold none, unless `taut`."""
-    out = np.zeros(len(balanced.residual))
-    for group, own, e in _members(system, numbers, balanced):
+    out = np.zeros(len(state))
+    for group, own, e in _members(system, numbers, strains, state):
         if own.stiffness is not None:
             stress = own.stress(e)
             carrying = None if taut else carrying_ropes(group, own, e)
@@ -39,10 +41,10 @@ def strain_energy(system: System, numbers: SystemNumbers, balanced: Balance, *, 
     return out
 
 
-def potential_energy(system: System, numbers: SystemNumbers, balanced: Balance) -> Array:
+def potential_energy(system: System, numbers: SystemNumbers, strains: tuple[Array, ...], state: State) -> Array:
     """Sum 1/2 e^T S e + s0^T e (N,), J, of which forces are the derivatives; constant while a rope is slack."""
-    out = np.zeros(len(balanced.residual))
-    for group, own, e in _members(system, numbers, balanced):
+    out = np.zeros(len(state))
+    for group, own, e in _members(system, numbers, strains, state):
         stress = np.zeros(e.shape) if own.stiffness is None else own.stress(e)
         prestress = np.zeros(e.shape) if own.prestress is None else own.prestress
         energy = (e * (0.5 * stress + prestress)).sum(axis=2)
@@ -54,10 +56,12 @@ def potential_energy(system: System, numbers: SystemNumbers, balanced: Balance) 
     return out
 
 
-def slack_ropes(system: System, numbers: SystemNumbers, balanced: Balance) -> tuple[NDArray[np.bool_], ...]:
-    """Tell which elements (N, E) of each group are slack ropes; the balance is that of ropes that never push."""
+def slack_ropes(
+    system: System, numbers: SystemNumbers, strains: tuple[Array, ...], state: State
+) -> tuple[NDArray[np.bool_], ...]:
+    """Tell which elements (N, E) of each group are slack ropes at a state with these strains."""
     out = []
-    for group, own, e in _members(system, numbers, balanced):
+    for group, own, e in _members(system, numbers, strains, state):
         carrying = carrying_ropes(group, own, e)
         out.append(np.zeros(e.shape[:2], dtype=bool) if carrying is None else ~carrying)
     return tuple(out)

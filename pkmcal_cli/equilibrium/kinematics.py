@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, exp, log, skew, times
+from pkmcal_cli.base.rotation import Array, cross, exp, log, times
 from pkmcal_cli.base.sparse_map import Block, pick, rows_last, take_rows
 from pkmcal_cli.equilibrium.links import LinkMap
 from pkmcal_cli.equilibrium.system import System
@@ -111,7 +111,8 @@ def advance(system: System, state: State, step: Array, multiplier_scale: float) 
 
 def _rotation_of(theta: Array, rotation: Array) -> Array:
     if np.iscomplexobj(theta):  # a complex step: the increment is infinitesimal
-        return rotation + times(skew(theta), rotation)
+        columns = np.swapaxes(rotation, -1, -2)
+        return rotation + np.swapaxes(cross(theta[..., None, :], columns), -1, -2)
     return times(exp(theta), rotation)
 
 

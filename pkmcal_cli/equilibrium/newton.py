@@ -7,8 +7,9 @@ the machine is on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,14 @@ from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.system import System
-from pkmcal_cli.equilibrium.system_numbers import system_numbers
+from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.equilibrium.tangent import Tangent
 from pkmcal_cli.mechanism.topology import Index
 
+_ALWAYS_SMALL = 1e-9  # steps below this size lead nowhere else
 _DIVERGED = 1e3  # a step of so many sizes of the machine, or rad, comes from a matrix without meaning
 _LUCKY = 3e-4  # a step that is shorter than this share of the last one says nothing of the next
+_UNDER_WAY = 1e-2  # accepted of a state from which another is begun, relative to the machine's size or in rad
 _ROUNDING = 1e-13  # a step this small, relative to the machine's size or in rad, is rounding
 
 
@@ -70,7 +73,12 @@ def unit_sizes(system: System, length: float) -> Array:
 
 
 def newton(
-    system: System, coefficients: Array, state: State, length: float, options: NewtonOptions, effort: Effort
+    system: System,
+    coefficients: Array | SystemNumbers,
+    state: State,
+    length: float,
+    options: NewtonOptions,
+    effort: Effort,
 ) -> tuple[State, NDArray[np.int_]]:
     """Solve all rows from `state`; returns the states and a status per row."""
     run = _Run(system, coefficients, state, length, options)
@@ -87,7 +95,12 @@ class _Run:
     """One run of Newton's method: results of all N rows, and what the rows that still move need."""
 
     def __init__(
-        self, system: System, coefficients: Array, state: State, length: float, options: NewtonOptions
+        self,
+        system: System,
+        coefficients: Array | SystemNumbers,
+        state: State,
+        length: float,
+        options: NewtonOptions,
     ) -> None:
         rows = len(state)
         self.system, self.length, self.options = system, length, options
@@ -116,28 +129,34 @@ class _Run:
         assert balanced.tangent is not None
         step = -balanced.tangent.solve(balanced.residual[..., None])[..., 0]
         size = (np.abs(step[:, : self.system.unknowns]) * self.per_unit).max(axis=1, initial=0.0)
-        finite = np.isfinite(size)
-        if not finite.all():
-            step[~finite] = 0.0
-            self.status[self.active[~finite]] = RowStatus.SINGULAR
+        lost = size > self.options.reach
+        if not math.isfinite(size.max(initial=0.0)):
+            without = ~np.isfinite(size)
+            step[without], lost = 0.0, lost | without
+            self.status[self.active[without]] = RowStatus.SINGULAR
         self.state = advance(self.system, self.state, step, self.scale)
-        done = _accepted(size, self.previous, self.options.tolerance) & finite
-        grows = (size > self.options.contraction * self.previous) & (size > 1e-9)
-        grows &= size > self.options.rebound * self.before
-        self.before = np.where(np.isfinite(self.previous), self.previous, 0.0)
+        ratio = size / self.previous
+        done, grows = _accepted(size, ratio, self.options.tolerance), self._grows(size, ratio)
         self.previous = size
         if self.ropes:
             changed = self._ropes_change(balanced.stresses)
             done &= ~changed
             grows &= ~changed
             self.previous = np.where(changed, np.inf, size)
-        lost = (size > self.options.reach) | ~finite
         self._arrive(done, balanced.tangent)
         self._dismiss(done | lost if first else done | lost | grows)
 
+    def _grows(self, size: Array, ratio: Array) -> NDArray[np.bool_]:
+        """Rows (n,) whose steps shrink too slowly, by their ratio to those before."""
+        grows = (ratio > self.options.contraction) & (size > _ALWAYS_SMALL)
+        if self.options.rebound > 0:
+            grows &= size > self.options.rebound * self.before
+            self.before = np.where(np.isfinite(self.previous), self.previous, 0.0)
+        return np.asarray(grows)
+
     def _arrive(self, done: NDArray[np.bool_], tangent: Tangent) -> None:
         """Note which rows have arrived, and whether at a saddle."""
-        rows = np.nonzero(done)[0]
+        rows = done.nonzero()[0]
         if len(rows):
             self.status[self.active[rows]] = RowStatus.SOLVED
             if self.options.curved:
@@ -146,15 +165,17 @@ class _Run:
 
     def _dismiss(self, leaving: NDArray[np.bool_]) -> None:
         """Store the states of rows that leave and go on with the others."""
-        if not leaving.any():
+        gone = leaving.nonzero()[0]
+        if not len(gone):
             return
-        stay = np.nonzero(~leaving)[0]
         if self.result is None:
             self.result = self.state
         else:
-            self.result.write(self.active[leaving], self.state.take(np.nonzero(leaving)[0]))
-        self.active, self.previous, self.before = self.active[stay], self.previous[stay], self.before[stay]
+            self.result.write(self.active[gone], self.state if len(gone) == len(leaving) else self.state.take(gone))
+        stay = (~leaving).nonzero()[0]
+        self.active = self.active[stay]
         if len(stay):
+            self.previous, self.before = self.previous[stay], self.before[stay]
             self.state, self.numbers = self.state.take(stay), self.numbers.take(stay)
 
     def _ropes_change(self, stresses: tuple[Array, ...]) -> NDArray[np.bool_]:
@@ -173,12 +194,13 @@ class _Run:
         return self.result, self.status
 
 
-def _accepted(size: Array, previous: Array, tolerance: float) -> NDArray[np.bool_]:
-    """Error after a step of Newton: about size^3 / previous^2, as steps shrink quadratically (by luck, more)."""
-    small = size <= tolerance
-    ratio = size / previous
-    predicted = size * np.maximum(ratio, _LUCKY) ** 2
-    return np.asarray(small | (np.isfinite(previous) & (ratio < 1e-2) & (predicted <= 0.1 * tolerance)))
+def _accepted(size: Array, ratio: Array, tolerance: float) -> NDArray[np.bool_]:
+    """Error after a step of Newton: about size * ratio^2, as steps shrink quadratically (by luck, more).
+
+    ratio (n,): of the step's size to that before; 0 where there was none.
+    """
+    accepted = (size * np.maximum(ratio, _LUCKY) ** 2 <= 0.1 * tolerance) & (ratio < 1e-2) & (ratio > 0)
+    return np.asarray(accepted | (size <= tolerance))
 
 
 Start = Array | Callable[[Index], Array]
@@ -193,19 +215,21 @@ def follow(
     length: float,
     options: NewtonOptions,
     effort: Effort,
+    numbers: SystemNumbers | None = None,
 ) -> tuple[State, NDArray[np.int_]]:
     """Move solved rows from coefficients `start` to `target`: in one go, and by halved steps where that fails.
 
-    `state` solves the rows at `start`. A row that needs steps below 1/256 of the way keeps its failure.
+    `state` solves the rows at `start`; numbers: what `target` says, where that is known. A row that needs steps below
+    1/256 of the way keeps its failure.
     """
     placed = place_prescribed(system.topology, target, state, free=system.free)
-    final, status = newton(system, target, placed, length, options, effort)
+    final, status = newton(system, target if numbers is None else numbers, placed, length, options, effort)
     todo = np.nonzero(status != RowStatus.SOLVED)[0]
     if not len(todo):
         return final, status
     origin = start(todo) if callable(start) else coefficients_of(start, todo)
     path = _Path(system, origin, coefficients_of(target, todo), state.take(todo), len(todo))
-    for _ in range(64):
+    for _ in range(128):
         rows, part = path.stride_on(length, options, effort)
         arrived = todo[rows]
         final, status[arrived] = final.put(arrived, part), RowStatus.SOLVED
@@ -220,12 +244,20 @@ class _Path:
     def __init__(self, system: System, origin: Array, goal: Array, state: State, rows: int) -> None:
         self.system, self.origin, self.goal, self.state = system, origin, goal, state
         self.way, self.stride = np.zeros(rows), np.full(rows, 0.5)
-        self.todo = np.arange(rows)
+        self.open, self.todo = np.ones(rows, dtype=bool), np.arange(rows)  # rows under way, and their numbers
 
     def stride_on(self, length: float, options: NewtonOptions, effort: Effort) -> tuple[Index, State]:
-        """One stride of all rows under way; returns those that arrive, with their state."""
+        """One stride; returns the rows that arrive, with their state.
+
+        Rows take their last stride together, when no other is under way: until then they need not be as accurate, but
+        where the state tells whether they are stable.
+        """
         todo, system = self.todo, self.system
         trial = np.minimum(self.way[todo] + self.stride[todo], 1.0)
+        under_way = (trial < 1.0).nonzero()[0]
+        if len(under_way):
+            todo, trial = todo[under_way], trial[under_way]
+            options = options if options.curved else replace(options, tolerance=max(options.tolerance, _UNDER_WAY))
         origin, goal = coefficients_of(self.origin, todo), coefficients_of(self.goal, todo)
         between = origin + trial[:, None] * (goal - origin)
         begin = place_prescribed(system.topology, between, self.state.take(todo), free=system.free)
@@ -235,5 +267,6 @@ class _Path:
         self.way[todo[good]] = trial[good]
         self.stride[todo] *= np.where(good, 2.0, 0.5)
         arrived = good & (trial >= 1.0)
-        self.todo = todo[~arrived & (self.stride[todo] > 1 / 512)]
+        self.open[todo[arrived | (self.stride[todo] <= 1 / 512)]] = False
+        self.todo = self.open.nonzero()[0]
         return todo[arrived], moved.take(np.nonzero(arrived)[0])

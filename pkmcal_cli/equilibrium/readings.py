@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, left_jacobian, log, log_jacobian, times
-from pkmcal_cli.equilibrium.derivative import point_gradient, strain_gradient
+from pkmcal_cli.equilibrium.derivative import strain_gradient
 from pkmcal_cli.equilibrium.kinematics import (
     State,
     geometries,
@@ -52,11 +52,16 @@ class ObservedQuantity:
 
 @dataclass(frozen=True)
 class Readings:
-    """Values (N, C); gradients by unknowns (N, C, n + c); direct derivatives by coefficients (N, C, S) or None."""
+    """Values (N, C); gradients by unknowns (N, C, n + c); direct derivatives by coefficients (N, C, S) or None.
+
+    points (C, points, 3): coordinates of points that are read; what coefficients do directly to these is left to
+    `adjoint_derivative`.
+    """
 
     values: Array
     unknowns: Array | None = None
     coefficients: Array | None = None
+    points: Array | None = None
 
 
 def read_quantities(
@@ -72,7 +77,7 @@ def read_quantities(
     constant = constant_offset_vectors(topology, coefficients) if numbers is None else numbers.bodies
     offset_vectors = rotated_offset_vectors(topology, constant, state)
     points = link_vectors(topology, offset_vectors)[:, topology.points]
-    values = np.empty((len(state), len(quantities)))
+    values, read = np.empty((len(state), len(quantities))), np.zeros((len(quantities), *points.shape[1:]))
     gradient = np.zeros((len(state), len(quantities), system.size)) if derivatives else None
     direct = np.zeros((len(state), len(quantities), coefficients.shape[1])) if derivatives else None
     jacobian = input_jacobian(topology, system.points, state, offset_vectors)[0] if derivatives else None
@@ -80,13 +85,10 @@ def read_quantities(
     vectors = {r: _rotated(state, r, topology.rotations.filed) for r in bodies_read}
     for c, q in enumerate(quantities):
         if q.measurand is Measurand.POSITION:
-            values[:, c] = points[:, q.index, q.component]
-            if numbers is not None and gradient is not None and direct is not None and jacobian is not None:
-                p, k = q.index, q.component
+            p, k = q.index, q.component
+            values[:, c], read[c, p, k] = points[:, p, k], 1.0
+            if gradient is not None and jacobian is not None:
                 _scatter_row(gradient[:, c], system.points.unknowns[p], jacobian[:, p, :, k])
-                force = np.zeros_like(points)
-                force[:, p, k] = 1.0
-                direct[:, c] = point_gradient(system, numbers, state, force)
         elif q.measurand is Measurand.ORIENTATION:
             values[:, c] = vectors[q.index][:, q.component]
             if gradient is not None and direct is not None:
@@ -98,7 +100,7 @@ def read_quantities(
             values[:, c] = part.values
             if gradient is not None and direct is not None:
                 gradient[:, c], direct[:, c] = part.unknowns, part.coefficients
-    return Readings(values, gradient, direct)
+    return Readings(values, gradient, direct, read if derivatives and read.any() else None)
 
 
 def _rotated(state: State, r: int, since: Array) -> Array:

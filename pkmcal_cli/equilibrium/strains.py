@@ -13,7 +13,9 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.sparse_map import pick
 from pkmcal_cli.elements import LinkGeometry
+from pkmcal_cli.equilibrium.kinematics import State, geometries, rotated_offset_vectors
 from pkmcal_cli.equilibrium.system import System
+from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.mechanism.topology import Group
 
 _NOTHING = np.zeros((1, 1, 1))
@@ -46,6 +48,16 @@ def group_strains(group: Group, links: LinkGeometry, rest: Array) -> tuple[Array
     lengths, gradients = group.element.evaluate(links, _NOTHING)
     total = (group.summing @ lengths[..., 0].T).T[..., None]
     return total - rest, gradients * group.weights[:, None, None]
+
+
+def all_strains(system: System, coefficients: Array | SystemNumbers, state: State) -> tuple[Array, ...]:
+    """Compute the strains (N, E, m) of every group at a state, and nothing else."""
+    numbers, out = system_numbers(system, coefficients), []
+    stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
+    for index, (group, given) in enumerate(zip(system.groups, numbers.groups, strict=True)):
+        own = given.at(state.translation)
+        out.append(group_strains(group.group, group_geometry(system, index, stacked).links(own.sizes), own.rest)[0])
+    return tuple(out)
 
 
 def on_links(group: Group, stress: Array) -> Array:

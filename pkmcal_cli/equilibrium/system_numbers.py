@@ -110,8 +110,10 @@ class SystemNumbers:
         return SystemNumbers(bodies, frames, groups, forces)
 
 
-def system_numbers(system: System, coefficients: Array) -> SystemNumbers:
-    """Gather what `coefficients` (1 or N, S) say about a system."""
+def system_numbers(system: System, coefficients: Array | SystemNumbers) -> SystemNumbers:
+    """Gather what `coefficients` (1 or N, S) say about a system; what is gathered already is given back."""
+    if isinstance(coefficients, SystemNumbers):
+        return coefficients
     topology = system.topology
     groups = tuple(group_numbers(system, group, coefficients) for group in system.groups)
     forces = common(coefficients[:, topology.force_coefficients])

@@ -177,7 +177,7 @@ class Topology:
             return self.groups[group].element.strains[strain] in ("elongation", "x", "y", "z")
         return drive.kind is DriveKind.TRAVEL
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Dimensions of the space."""
         return 2 if self.planar else 3
@@ -204,18 +204,18 @@ class Topology:
         axial = np.nonzero(self.rotations.kind == RotationKind.AXIS)[0]
         return axial, self.rotation_dofs[axial], self.rotations.axis[axial]
 
-    @property
+    @cached_property
     def moved_blocks(self) -> tuple[Block, Block]:
         """Rotations (B, 3, 3) and offset vectors (A, 3): the stacked array out of which links and triads are made."""
         rotations = Block(0, (len(self.rotations.kind), 3, 3))
         return rotations, Block(rotations.stop, (len(self.offset_vectors.link), 3))
 
-    @property
+    @cached_property
     def offset_vector_block(self) -> Block:
         """Arms (A, 3) alone."""
         return Block(0, (len(self.offset_vectors.link), 3))
 
-    @property
+    @cached_property
     def link_block(self) -> Block:
         """Links (links, 3) alone."""
         return Block(0, (len(self.offset_vectors.start), 3))

@@ -32,7 +32,7 @@ def drive_forces(model: Model, solution: Solution) -> tuple[Array, Array]:
     system, coefficients, state, taut = solution.system, solution.coefficients, solution.state, solution.taut
     gradient = lagrangian_gradient(system, solution.numbers, state, taut=taut)
     balanced = balance(system, solution.numbers, state, 1.0, tangent=False, taut=taut)
-    energy = strain_energy(system, solution.numbers, balanced, taut=taut)
+    energy = strain_energy(system, solution.numbers, balanced.strains, state, taut=taut)
     forces = np.zeros((len(coefficients), len(model.topology.drives)))
     for a, drive in enumerate(model.topology.drives):
         if drive.force_controlled:

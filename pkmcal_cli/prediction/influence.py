@@ -48,7 +48,9 @@ def _coefficient_influence(model: Model) -> Array:
     seen = tuple(v for v in (*tcp_model(model).observed, *model.observed) if not v.is_load)
     readings = read_quantities(system, coefficients, state, seen, gains, numbers)
     assert readings.coefficients is not None
-    felt = (change > 0) | (np.abs(readings.coefficients).max(axis=(0, 1), initial=0.0) > 0)
+    still = np.zeros((1, len(seen), system.size))
+    direct = readings.coefficients - adjoint_derivative(system, numbers, state, still, 1.0, points=readings.points)
+    felt = (change > 0) | (np.abs(direct).max(axis=(0, 1), initial=0.0) > 0)
     felt[gains] = True  # a gain scales its drive's commands
     for sensor in model.sensors:
         for known in sensor.known.values():

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, log
-from pkmcal_cli.equilibrium.assembly import balance
 from pkmcal_cli.equilibrium.kinematics import State, point_poses, reference_state
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, coefficients_of, follow
 from pkmcal_cli.equilibrium.released_drives import released_readings
 from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.strains import all_strains
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import system_numbers
 from pkmcal_cli.mechanism.topology import DriveKind, Index
@@ -125,7 +125,7 @@ def _at_poses(model: Model, aimed: AimedPoint, coefficients: Array, poses: Array
 
 def _readings(model: Model, system: System, coefficients: Array, state: State) -> Array:
     """Readings (N, A) of released drives at a state: (position - position at reading zero) / gain."""
-    strains = balance(system, coefficients, state, 1.0, tangent=False).strains
+    strains = all_strains(system, coefficients, state)
     out = np.empty((len(state), len(model.topology.drives)))
     for a, (drive, actuator) in enumerate(zip(model.topology.drives, model.actuators, strict=True)):
         if drive.kind is DriveKind.TRAVEL:

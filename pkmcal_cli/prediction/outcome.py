@@ -13,6 +13,7 @@ from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.derivative import adjoint_derivative
 from pkmcal_cli.equilibrium.energy import slack_ropes
 from pkmcal_cli.equilibrium.readings import Readings, read_quantities
+from pkmcal_cli.equilibrium.strains import all_strains
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction.displacements import Displacements
 from pkmcal_cli.prediction.forces import drive_forces, least_tensions, load_derivatives, load_values
@@ -86,10 +87,9 @@ def _slack_names(solution: Solution) -> dict[int, tuple[str, ...]]:
     out: dict[int, tuple[str, ...]] = {}
     if solution.taut or not solution.system.ropes:
         return out
-    balanced = balance(solution.system, solution.numbers, solution.state, 1.0, tangent=False)
-    for group, slack in zip(
-        solution.system.groups, slack_ropes(solution.system, solution.numbers, balanced), strict=True
-    ):
+    system, numbers, state = solution.system, solution.numbers, solution.state
+    every = slack_ropes(system, numbers, all_strains(system, numbers, state), state)
+    for group, slack in zip(system.groups, every, strict=True):
         for row in np.nonzero(slack.any(axis=1) & ~solution.failed)[0]:
             names = [group.group.names[k] for k in np.nonzero(slack[row])[0]]
             out[int(row)] = (*out.get(int(row), ()), *names)
@@ -105,6 +105,8 @@ def _coefficient_jacobian(solution: Solution, readings: Readings) -> Array:
     assert balanced.tangent is not None
     adjoint = balanced.tangent.solve_transposed(np.swapaxes(readings.unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
-    out = readings.coefficients - adjoint_derivative(system, solution.numbers, state, adjoint, scale, taut=taut)
+    out = readings.coefficients - adjoint_derivative(
+        system, solution.numbers, state, adjoint, scale, taut=taut, points=readings.points
+    )
     out[solution.failed] = np.nan
     return np.asarray(out)

@@ -6,17 +6,18 @@ of them hold; where the substructure passes a singular pose on the way, it is be
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, log
-from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
 from pkmcal_cli.equilibrium.branch import regularity
 from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference_state, without_stress
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton
 from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.strains import all_strains
+from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
 from pkmcal_cli.model.singular_drives import substructure_holds
@@ -52,7 +53,7 @@ def substructure_pose(model: Model, coefficients: Array, effort: Effort) -> tupl
     solved = np.nonzero(other_status == RowStatus.SOLVED)[0]
     state = state.put(doubt[solved], other.take(solved))
     status[doubt[solved]] = RowStatus.SOLVED
-    _check_reach(model, coefficients, state, status)
+    _check_reach(model, system_numbers(model.rigid, coefficients), state, status)
     return state, status
 
 
@@ -60,35 +61,35 @@ def rigid_pose(
     model: Model, coefficients: Array, options: NewtonOptions, effort: Effort
 ) -> tuple[State, NDArray[np.int_]]:
     """Solve the non-redundant substructure (Ecorchard 2010, eq. 11), from the reference configuration on."""
-    system = model.rigid
+    system, numbers = model.rigid, system_numbers(model.rigid, coefficients)
     begin = model.reference_coefficients
     state = reference_state(model.topology, begin, len(coefficients), system.constraints)
     state, status = follow(
-        system, begin, coefficients, state=state, length=model.length, options=options, effort=effort
+        system, begin, coefficients, state=state, length=model.length, options=options, effort=effort, numbers=numbers
     )
-    elsewhere = regularity(system, model.reference_mode, coefficients, state, model.length) < 0
+    elsewhere = regularity(system, model.reference_mode, numbers, state, model.length) < 0
     failed = np.nonzero(status != RowStatus.SOLVED)[0]
     status[elsewhere & (status == RowStatus.SOLVED)] = RowStatus.WRONG_MODE
     if len(failed):
         status[failed] = _failure(model, coefficients[failed])
-    _check_reach(model, coefficients, state, status)
+    _check_reach(model, numbers, state, status)
     return state, status
 
 
-def _check_reach(model: Model, coefficients: Array, state: State, status: NDArray[np.int_]) -> None:
+def _check_reach(model: Model, numbers: SystemNumbers, state: State, status: NDArray[np.int_]) -> None:
     """Rows whose rigid pose has a gap of more than a share of the machine's size are out of reach."""
     good = np.nonzero(status == RowStatus.SOLVED)[0]
     if not len(good):
         return
-    if len(good) < len(coefficients):
-        coefficients, state = coefficients[good], state.take(good)
-    strains = balance(model.rigid, coefficients, state, 1.0, tangent=False).strains
+    if len(good) < len(state):
+        numbers, state = numbers.take(good), state.take(good)
+    strains = all_strains(model.rigid, numbers, state)
     groups = model.rigid.groups
     gaps = [e * (group.elastic * group.group.element.gaps) for group, e in zip(groups, strains, strict=True)]
     status[good[largest_strain(gaps, len(good)) > REACH * model.length]] = RowStatus.OUT_OF_REACH
 
 
-def largest_strain(strains: list[Array], rows: int) -> Array:
+def largest_strain(strains: Iterable[Array], rows: int) -> Array:
     """Give the largest strain of each row, (N,)."""
     out = np.zeros(rows)
     for e in strains:
@@ -98,16 +99,15 @@ def largest_strain(strains: list[Array], rows: int) -> Array:
 
 def _failure(model: Model, coefficients: Array) -> NDArray[np.int_]:
     """Why rows have no rigid pose: the mechanism closes elsewhere, not at all, or is singular there."""
-    system = model.rigid
+    system, numbers = model.rigid, system_numbers(model.rigid, coefficients)
     state = reference_state(model.topology, model.reference_coefficients, len(coefficients), system.constraints)
     free = NewtonOptions(curved=False, contraction=np.inf, iterations=60, tolerance=1e-8)
     placed = place_prescribed(model.topology, coefficients, state, free=system.free)
-    state, status = newton(system, coefficients, placed, model.length, free, Effort())
-    _check_reach(model, coefficients, state, status)
+    state, status = newton(system, numbers, placed, model.length, free, Effort())
+    _check_reach(model, numbers, state, status)
     out = np.full(len(coefficients), RowStatus.OUT_OF_REACH)
     out[status == RowStatus.SOLVED] = RowStatus.WRONG_MODE
-    strains = balance(system, coefficients, state, typical_stiffness(system, coefficients), tangent=False).strains
-    strain = largest_strain(list(strains), len(coefficients))
+    strain = largest_strain(all_strains(system, numbers, state), len(coefficients))
     closed = np.isfinite(strain) & (strain < 1e-6 * model.length) & (status != RowStatus.SOLVED)
     out[closed] = RowStatus.SINGULAR
     return out
@@ -119,7 +119,7 @@ def relaxed_coefficients(model: Model, coefficients: Array, state: State, drives
     for group in topology.groups:
         out[:, group.prestress] = 0.0
     out[:, topology.force_coefficients] = 0.0
-    strains = balance(system, coefficients, without_stress(state, system), 1.0, tangent=False).strains
+    strains = all_strains(system, coefficients, state)
     for drive in drives:
         if drive.kind is DriveKind.TRAVEL:
             out[:, drive.coefficient] = state.translation[:, drive.target[0]]

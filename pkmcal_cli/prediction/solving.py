@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from pkmcal_cli.equilibrium.energy import slack_ropes, strain_energy
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed, without_stress
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton
 from pkmcal_cli.equilibrium.status import RowStatus
+from pkmcal_cli.equilibrium.strains import all_strains
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, Index
@@ -36,7 +36,7 @@ from pkmcal_cli.prediction.rigid_pose import (
 )
 from pkmcal_cli.prediction.rows import Method, WarmStart
 
-_ROUGH = NewtonOptions(curved=False, tolerance=1e-6)
+_ROUGH = NewtonOptions(curved=False, tolerance=1e-3)  # of its last step: the error, about the square, is far less
 _ELASTIC = NewtonOptions(contraction=0.9, rebound=0.25, reach=0.5)
 _TAUT = replace(_ELASTIC, taut=True)
 _TORN = 0.1  # of the size of the machine: drives that disagree by more agree on nothing
@@ -58,11 +58,7 @@ class Solution:
     misfit: Array
     taut: bool
     steps: int
-
-    @cached_property
-    def numbers(self) -> SystemNumbers:
-        """What the coefficients say about the system."""
-        return system_numbers(self.system, self.coefficients)
+    numbers: SystemNumbers  # what the coefficients say about the system
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -87,31 +83,38 @@ def _solve(
     model: Model, coefficients: Array, method: Method, start: WarmStart | None, compare: bool, effort: Effort
 ) -> Solution:
     if method == "exact":
-        rows = _equilibrium(model, coefficients, start, compare, effort)
+        numbers = system_numbers(model.exact, coefficients)
+        rows = _equilibrium(model, coefficients, numbers, start, compare, effort)
         return Solution(
             system=model.exact, coefficients=coefficients, state=rows.state, status=rows.status, misfit=rows.misfit,
-            taut=False, steps=effort.steps,
+            taut=False, steps=effort.steps, numbers=numbers,
         )  # fmt: skip
     state, status = substructure_pose(model, coefficients, effort)
     if method == "linear":
         state = _one_step(model, coefficients, state, status, effort)
+    system = model.rigid if method == "rigid" else model.exact
     return Solution(
-        system=model.rigid if method == "rigid" else model.exact, coefficients=coefficients, state=state, status=status,
-        misfit=np.zeros(len(status)), taut=True, steps=effort.steps,
+        system=system, coefficients=coefficients, state=state, status=status, misfit=np.zeros(len(status)), taut=True,
+        steps=effort.steps, numbers=system_numbers(system, coefficients),
     )  # fmt: skip
 
 
 def _equilibrium(
-    model: Model, coefficients: Array, start: WarmStart | None, compare: bool, effort: Effort
+    model: Model,
+    coefficients: Array,
+    numbers: SystemNumbers,
+    start: WarmStart | None,
+    compare: bool,
+    effort: Effort,
 ) -> WarmStart:
     """The stable equilibrium of least strain energy: as found; where that is in doubt, from the common pose too."""
     if start is None:
-        rows = _from_reference(model, coefficients, effort)
+        rows = _from_reference(model, coefficients, numbers, effort)
     else:
-        rows = _from_earlier(model, coefficients, start, effort)
+        rows = _from_earlier(model, coefficients, numbers, start, effort)
     if not (compare and model.overdetermined):
         return rows
-    apart = _apart(model, coefficients, rows.state)
+    apart = _apart(model, numbers, rows.state)
     solved = rows.status == RowStatus.SOLVED
     fits = solved & ~(apart > np.maximum(LEAST_MISFIT, _GROWN * rows.misfit))
     if (solved & ~fits).any() and substructure_holds(model):
@@ -129,15 +132,15 @@ def _still_out_of_reach(rows: WarmStart) -> NDArray[np.bool_]:
 
 def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort) -> WarmStart:
     """Rows with the equilibrium next to the common pose where its energy is less, and true reasons where none holds."""
-    pose = common_pose(model, coefficients)
-    state, status = _relaxed_equilibrium(model, coefficients, pose.state, model.held_drives, effort)
-    before = np.where(rows.status == RowStatus.SOLVED, _energy(model, coefficients, rows.state), np.inf)
-    after = np.where(status == RowStatus.SOLVED, _energy(model, coefficients, state), np.inf)
+    pose, numbers = common_pose(model, coefficients), system_numbers(model.exact, coefficients)
+    state, status = _relaxed_equilibrium(model, coefficients, numbers, pose.state, model.held_drives, effort)
+    before = np.where(rows.status == RowStatus.SOLVED, _energy(model, numbers, rows.state), np.inf)
+    after = np.where(status == RowStatus.SOLVED, _energy(model, numbers, state), np.inf)
     won = np.nonzero(after < before)[0]
     rows = rows.put(won, WarmStart(state, status, rows.misfit).take(won))
-    status, apart = rows.status.copy(), _apart(model, coefficients, rows.state)
+    status, apart = rows.status.copy(), _apart(model, numbers, rows.state)
     status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
-    slack = _any_slack(model, coefficients, rows.state)  # a slack rope is longer than the pose needs: no misfit
+    slack = _any_slack(model, numbers, rows.state)  # a slack rope is longer than the pose needs: no misfit
     status[(np.maximum(pose.misfit, pose.rival) < LEAST_MISFIT) & ~slack] = RowStatus.AMBIGUOUS
     misfit = np.where(slack, apart, pose.misfit)
     far = np.nonzero(misfit > max(_TORN, model.expected_misfit))[0]
@@ -147,33 +150,31 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     return WarmStart(state, status, apart)
 
 
-def _apart(model: Model, coefficients: Array, state: State) -> Array:
+def _apart(model: Model, numbers: SystemNumbers, state: State) -> Array:
     """How far parts that should meet are apart (N,), in sizes of the machine; slack ropes need not reach."""
-    numbers = system_numbers(model.exact, coefficients)
-    balanced = balance(model.exact, numbers, state, 1.0, tangent=False)
-    slack = slack_ropes(model.exact, numbers, balanced)
+    strains = all_strains(model.exact, numbers, state)
+    slack = slack_ropes(model.exact, numbers, strains, state)
     gaps = [
         e * (group.elastic * group.group.element.gaps) * ~is_slack[:, :, None]
-        for group, e, is_slack in zip(model.exact.groups, balanced.strains, slack, strict=True)
+        for group, e, is_slack in zip(model.exact.groups, strains, slack, strict=True)
     ]
     return largest_strain(gaps, len(state)) / model.length
 
 
-def _any_slack(model: Model, coefficients: Array, state: State) -> NDArray[np.bool_]:
+def _any_slack(model: Model, numbers: SystemNumbers, state: State) -> NDArray[np.bool_]:
     """Rows (N,) with a slack rope."""
-    numbers = system_numbers(model.exact, coefficients)
-    balanced = balance(model.exact, numbers, state, 1.0, tangent=False)
-    every = slack_ropes(model.exact, numbers, balanced)
+    every = slack_ropes(model.exact, numbers, all_strains(model.exact, numbers, state), state)
     return np.asarray(np.concatenate(every, axis=1).any(axis=1))
 
 
-def _energy(model: Model, coefficients: Array, state: State) -> Array:
+def _energy(model: Model, numbers: SystemNumbers, state: State) -> Array:
     """Strain energy (N,), J."""
-    numbers = system_numbers(model.exact, coefficients)
-    return strain_energy(model.exact, numbers, balance(model.exact, numbers, state, 1.0, tangent=False))
+    return strain_energy(model.exact, numbers, all_strains(model.exact, numbers, state), state)
 
 
-def _from_earlier(model: Model, coefficients: Array, start: WarmStart, effort: Effort) -> WarmStart:
+def _from_earlier(
+    model: Model, coefficients: Array, numbers: SystemNumbers, start: WarmStart, effort: Effort
+) -> WarmStart:
     """Elastic equilibrium from an earlier state; from the rigid pose where there is none or it does not lead there.
 
     Rows whose drives agreed on no pose stay as they are: only a prediction without a start looks for one again.
@@ -181,19 +182,25 @@ def _from_earlier(model: Model, coefficients: Array, start: WarmStart, effort: E
     system, rows = model.exact, start
     near = np.nonzero(start.status == RowStatus.SOLVED)[0]
     if len(near):
-        some = coefficients[near]
-        placed = place_prescribed(model.topology, some, start.state.take(near), free=system.free)
-        state, status = newton(system, some, placed, model.length, _ELASTIC, effort)
+        every = len(near) == len(start.status)
+        some, own, state = coefficients, numbers, start.state
+        if not every:
+            some, own, state = coefficients[near], numbers.take(near), state.take(near)
+        placed = place_prescribed(model.topology, some, state, free=system.free)
+        state, status = newton(system, own, placed, model.length, _ELASTIC, effort)
         swung = np.nonzero(status != RowStatus.SOLVED)[0] if system.ropes else near[:0]
         if len(swung):  # a small tension is less than what the start lacks: ropes seem slack that carry
-            again, status[swung] = newton(system, some[swung], placed.take(swung), model.length, _TAUT, effort)
+            again, status[swung] = newton(system, own.take(swung), placed.take(swung), model.length, _TAUT, effort)
             state = state.put(swung, again)
-        rows = rows.put(near, WarmStart(state, status, start.misfit[near]))
+        solved = WarmStart(state, status, start.misfit[near])
+        rows = solved if every else rows.put(near, solved)
     todo = np.nonzero((rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows))[0]
-    return rows.put(todo, _from_reference(model, coefficients[todo], effort)) if len(todo) else rows
+    if not len(todo):
+        return rows
+    return rows.put(todo, _from_reference(model, coefficients[todo], numbers.take(todo), effort))
 
 
-def _from_reference(model: Model, coefficients: Array, effort: Effort) -> WarmStart:
+def _from_reference(model: Model, coefficients: Array, numbers: SystemNumbers, effort: Effort) -> WarmStart:
     """Elastic equilibrium from the rigid pose, which is continued from the reference configuration."""
     state, status = rigid_pose(model, coefficients, _ROUGH, effort)
     rows = WarmStart(without_stress(state, model.exact), status, np.zeros(len(status)))
@@ -201,32 +208,37 @@ def _from_reference(model: Model, coefficients: Array, effort: Effort) -> WarmSt
     if not len(good):
         return rows
     every = len(good) == len(status)
-    goal, pose = (coefficients, state) if every else (coefficients[good], state.take(good))
-    solved = WarmStart(*_relaxed_equilibrium(model, goal, pose, model.redundant_drives, effort), rows.misfit[good])
+    if not every:
+        coefficients, numbers, state = coefficients[good], numbers.take(good), state.take(good)
+    found = _relaxed_equilibrium(model, coefficients, numbers, state, model.redundant_drives, effort)
+    solved = WarmStart(*found, rows.misfit[good])
     return solved if every else rows.put(good, solved)
 
 
 def _relaxed_equilibrium(
-    model: Model, coefficients: Array, pose: State, drives: Sequence[Drive], effort: Effort
+    model: Model, coefficients: Array, numbers: SystemNumbers, pose: State, drives: Sequence[Drive], effort: Effort
 ) -> tuple[State, NDArray[np.int_]]:
     """Elastic equilibrium from a closed pose, at which some drives are elsewhere than commanded."""
     system, begin = model.exact, without_stress(pose, model.exact)
     if system.ropes:
-        return _taut_equilibrium(model, coefficients, begin, effort)
+        return _taut_equilibrium(model, coefficients, numbers, begin, effort)
 
     def relaxed(some: Index) -> Array:
         return relaxed_coefficients(model, coefficients[some], begin.take(some), drives)
 
-    return follow(system, relaxed, coefficients, state=begin, length=model.length, options=_ELASTIC, effort=effort)
+    return follow(
+        system, relaxed, coefficients, state=begin, length=model.length, options=_ELASTIC, effort=effort,
+        numbers=numbers,
+    )  # fmt: skip
 
 
 def _taut_equilibrium(
-    model: Model, coefficients: Array, begin: State, effort: Effort
+    model: Model, coefficients: Array, numbers: SystemNumbers, begin: State, effort: Effort
 ) -> tuple[State, NDArray[np.int_]]:
     """Elastic equilibrium of a machine with ropes: where Newton's method fails, the potential falls from the pose."""
     system = model.exact
     placed = place_prescribed(model.topology, coefficients, begin, free=system.free)
-    state, status = newton(system, coefficients, placed, model.length, _TAUT, effort)
+    state, status = newton(system, numbers, placed, model.length, _TAUT, effort)
     todo = np.nonzero(status != RowStatus.SOLVED)[0]
     if len(todo):
         some = coefficients[todo]
@@ -240,8 +252,9 @@ def _one_step(model: Model, coefficients: Array, state: State, status: NDArray[n
     """The paper's elastic displacement: one linear step of the whole structure from the rigid pose (eq. 7, 10, 19)."""
     system = model.exact
     placed = place_prescribed(model.topology, coefficients, without_stress(state, system), free=system.free)
-    scale = typical_stiffness(system, coefficients)
-    balanced = balance(system, coefficients, placed, scale, curved=False, taut=True)
+    numbers = system_numbers(system, coefficients)
+    scale = typical_stiffness(system, numbers)
+    balanced = balance(system, numbers, placed, scale, curved=False, taut=True)
     assert balanced.tangent is not None
     step = -balanced.tangent.solve(balanced.residual[..., None])[..., 0]
     effort.add(len(coefficients))
