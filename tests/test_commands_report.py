@@ -11,7 +11,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from pkmcal_cli.pictures.picture import Picture
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.loading.poses import reference_poses
+from pkmcal_cli.pictures.machine_picture import machine_picture
+from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
+from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.sheet.content import Block, Figure, Section, Sheet, Table, Text, Verdict
 from pkmcal_cli.sheet.page import html
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, clean, run
@@ -114,6 +118,16 @@ def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, Any
     assert words.index("FAIL") < words.index("two causes found") < words.index("Errors before and after")
 
 
+def test_a_quantity_has_one_figure(shopfloor: tuple[dict[str, Any], str, int]) -> None:
+    """What is left after calibration, in words and in the picture of the steps; rows that differ are said to."""
+    _, page, _ = shopfloor
+    (told,) = re.findall(r"The residuals after calibration are ([\d.]+) times larger", page)
+    (steps,) = [svg for svg in re.findall(r"<svg.*?</svg>", page, re.S) if "step by step" in svg]
+    figures = [t for t in ElementTree.fromstring(steps).itertext() if re.fullmatch(r"\d+(\.\d+)?", t.strip())]
+    assert told in [figure.strip() for figure in figures]
+    assert page.count("Without rows that are not used (scissors-shopfloor.csv:38 (p37))") == 1
+
+
 def test_the_page_stands_alone(shopfloor: tuple[dict[str, Any], str, int]) -> None:
     _, text, _ = shopfloor
     page = Page(text)
@@ -144,10 +158,21 @@ def test_words_of_files_are_letters_of_equal_width_and_still_no_markup() -> None
     assert '<span class="key">&lt;i&gt;</span>' in page and "<i>" not in page
 
 
-def test_pictures_with_many_lines_are_not_made_small() -> None:
-    """A list of forty parameters keeps its height; others are no higher than a screen or half a page."""
-    page = page_of(*(Figure(Picture("p", "t", "a", (9.0, high), lambda figure: None), "") for high in (3.0, 12.0)))
-    assert page.count("<figure>") == 1 and page.count('<figure class="tall">') == 1
+@pytest.mark.parametrize("name", ["hexapod7", "delta4", "triglide"])
+def test_letters_of_a_drawing_are_printed_large_enough_to_read(name: str) -> None:
+    """On A4 with the margins of the style sheet no letter is smaller than 6.5 points (newspapers' tables: 6 to 7)."""
+    done = load_machine(str(MACHINES / f"{name}.yaml"))
+    shape = machine_shape(done, done.model.nominal, reference_poses(done.model).rows, 0)
+    assert isinstance(shape, MachineShape)
+    page = page_of(Figure(machine_picture(shape, titles(name, "", [])), ""))
+    (margins,) = re.findall(r"@page { size: A4; margin: (\d+)mm (\d+)mm; }", page)
+    (most,) = re.findall(r"figure svg { max-height: (\d+)mm; }", page)
+    assert 2 * int(margins[0]) + int(most) < 297  # as high as a page, and no higher
+    (svg,) = re.findall(r"<svg.*?</svg>", page, re.S)
+    width, height = (float(x) for x in re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)[0])
+    printed = min(1.0, (210 - 2 * int(margins[1])) / 25.4 * 72 / width, int(most) / 25.4 * 72 / height)
+    sizes = [float(size) for size in re.findall(r"font: [^;\"]*?([\d.]+)px", svg)]
+    assert len(sizes) > 5 and printed * min(sizes) > 6.5
 
 
 def test_iso_230_2_of_repeats(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_a_panel_shows_what_was_planted() -> None:
 
 
 def test_the_waterfall_goes_down_to_noise() -> None:
-    sizes = [s.rms for s in waterfall(shop())]
+    sizes = [s.noise for s in waterfall(shop())]
     assert len(sizes) == 4 and sizes == sorted(sizes, reverse=True)
     assert sizes[-1] == pytest.approx(1.0, abs=0.1)
 
@@ -143,7 +143,7 @@ def test_what_colours_say_is_not_cut_off() -> None:
 
 def test_the_terminal_shows_them_too() -> None:
     done = run_once("diagnose", SCISSORS, SHOPFLOOR, "--plots", "-")
-    assert "residual rms in standard uncertainties" in done.err
+    assert "residuals, times the stated noise" in done.err
     assert "backlash@q3: displacement [um]; o from above, + from below, * fitted" in done.err
     assert "T [degC]" in done.err and max(len(line) for line in done.err.split("logarithmic")[1].splitlines()) < 80
 

@@ -200,7 +200,7 @@ def test_it_leaves_nothing_but_noise() -> None:
 
 def test_the_steps_to_noise_end_with_it() -> None:
     last = waterfall(diagnosis("tanh", "q2"))[-1]
-    assert last.name == "+ unexplained@q2" and 0.85 < last.rms < 1.1  # rms in sigma: 192 poses, 25 numbers fitted
+    assert last.name == "+ unexplained@q2" and 0.9 < last.noise < 1.1  # 192 poses
 
 
 def test_parameters_beside_it_hold_within_their_uncertainties() -> None:

@@ -82,10 +82,16 @@ class DriverPanel:
 
 @dataclass(frozen=True)
 class Share:
-    """One bar of the waterfall: what was added, and the whitened rms left."""
+    """One step of the waterfall: what was added, and chi-square and degrees of freedom that are left."""
 
     name: str
-    rms: float
+    chi2: float
+    dof: int
+
+    @property
+    def noise(self) -> float:
+        """How many times the stated noise the residuals are."""
+        return float(np.sqrt(self.chi2 / self.dof))
 
 
 def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
@@ -224,28 +230,30 @@ def _nested(one: Hypothesis, other: Hypothesis) -> bool:
 
 
 def waterfall(diagnosis: Diagnosis) -> list[Share]:
-    """Whitened rms that is left: nominal, calibrated, with one effect after the other.
+    """Root of chi-square per degree of freedom: nominal, calibrated, with one effect after the other.
 
     Displacements without a name belong to all effects together: with one, these are the last step.
     """
     problem, search = diagnosis.problem, diagnosis.search
-    nominal, calibrated = problem.model.nominal, diagnosis.before.values
-    out = [Share("nominal", _chi2(problem, nominal)), Share("calibrated", _chi2(problem, calibrated))]
+    nominal = Share("nominal", _chi2(problem, problem.model.nominal), problem.count)
+    out = [nominal, _share("calibrated", diagnosis.before)]
+    names = [f.hypothesis.name for f in diagnosis.findings]
     if diagnosis.shapes:
-        names = [f.hypothesis.name for f in diagnosis.findings] + [s.hypothesis.name for s in diagnosis.shapes]
-        out.append(Share(f"+ {', '.join(names)}", _chi2(search.problem, search.fit.values)))
-        return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
-    for k in range(1, len(diagnosis.findings)):
+        together = ", ".join([*names, *(s.hypothesis.name for s in diagnosis.shapes)])
+        return [*out, _share(f"+ {together}", search.fit)]
+    for k in range(1, len(names)):
         part = refit(replace(search, accepted=tuple(f.hypothesis for f in diagnosis.findings[:k])), {})
         if part is not None:
-            out.append(Share(f"+ {diagnosis.findings[k - 1].hypothesis.name}", _chi2(problem, part.values)))
-    if diagnosis.findings:
-        out.append(Share(f"+ {diagnosis.findings[-1].hypothesis.name}", _chi2(problem, search.fit.values)))
-    return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
+            out.append(_share(f"+ {names[k - 1]}", part))
+    return [*out, _share(f"+ {names[-1]}", search.fit)] if names else out
+
+
+def _share(name: str, fit: Fit) -> Share:
+    return Share(name, fit.chi2, max(fit.dof, 1))
 
 
 def _chi2(problem: Problem, values: Array) -> float:
-    """With the drives' errors as part of the noise, at every step alike."""
+    """With the drives' errors as part of the noise, as in a fit."""
     return float((linearise_at(problem, values, (), None).values[0] ** 2).sum())
 
 

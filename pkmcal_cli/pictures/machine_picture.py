@@ -97,6 +97,7 @@ class _Drawing:
             ax.set_xticks([])
             ax.set_yticks([])
         else:
+            ax.tick_params(labelsize=8)
             ax.set_xlabel(f"{self.view.names[0]} [{unit.text}]", labelpad=2)
             ax.set_ylabel(f"{self.view.names[1]} [{unit.text}]", labelpad=2)
         if self.view.title:
@@ -215,10 +216,10 @@ class _Drawing:
                 text = f"{n} {newtons(tensions[n])}"
                 out.append(Label(text=text, at=at, size=7.5, needed=alone))
         if alone:
-            others = [Label(text=n, at=at, size=7, colour="0.35", needed=False) for n, at in middle.items()
+            others = [Label(text=n, at=at, size=7.5, colour="0.2", needed=False) for n, at in middle.items()
                       if n not in tensions]  # fmt: skip
             named = [n for n in places if n != tool]
-            others += [Label(text=n, at=self._on_page(places[n]), size=6.5, colour="0.5", needed=False) for n in named]
+            others += [Label(text=n, at=self._on_page(places[n]), size=7.2, colour="0.35", needed=False) for n in named]
             out += others
         return out
 

@@ -24,9 +24,9 @@ def _bars(diagnosis: Diagnosis) -> str:
     """What is left, as bars over the logarithm of its size."""
     shares = waterfall(diagnosis)
     width = max(len(s.name) for s in shares)
-    most = max(np.log(max(s.rms for s in shares)), 1e-9)
-    lines = ["residual rms in standard uncertainties, logarithmic (1: noise)"]
-    lines += [f"{s.name:<{width}}  {s.rms:8.3g}  {bar(max(np.log(s.rms), 0.0) / most)}".rstrip() for s in shares]
+    most = max(np.log(max(s.noise for s in shares)), 1e-9)
+    lines = ["residuals, times the stated noise, logarithmic (1: noise)"]
+    lines += [f"{s.name:<{width}}  {s.noise:8.3g}  {bar(max(np.log(s.noise), 0.0) / most)}".rstrip() for s in shares]
     return "\n".join(lines)
 
 
