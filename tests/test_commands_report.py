@@ -171,7 +171,7 @@ def test_letters_of_a_drawing_are_printed_large_enough_to_read(name: str) -> Non
     (svg,) = re.findall(r"<svg.*?</svg>", page, re.S)
     width, height = (float(x) for x in re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)[0])
     printed = min(1.0, (210 - 2 * int(margins[1])) / 25.4 * 72 / width, int(most) / 25.4 * 72 / height)
-    sizes = [float(size) for size in re.findall(r"font: [^;\"]*?([\d.]+)px", svg)]
+    sizes = [float(size) for size in re.findall(r"(?:font-size: |font: [^;\"]*?)([\d.]+)px", svg)]
     assert len(sizes) > 5 and printed * min(sizes) > 6.5
 
 

@@ -20,6 +20,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.steady_ropes import steady_fit
 from pkmcal_cli.prediction import WarmStart
 
 _SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
@@ -85,6 +86,8 @@ def identify_from(
         first = _centred(problem, selected, start, first)
         if first.before.prediction.slack:
             first = _by_taut_ropes(problem, selected, start, first)
+        if first.status == "not_converged":
+            first = steady_fit(problem, first)
     except RowsFailed as error:
         failure = error
     if first is not None and (count == 1 or (count == 0 and not _doubtful(first))):
