@@ -73,29 +73,36 @@ def hung(lengths: Array) -> Array:
     return np.asarray(min(ends, key=lambda end: end.fun).x)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 6, 16))])
-def test_zeros_of_ropes_that_are_150_mm_off(seed: int, tmp_path: Path) -> None:
+SHARES = np.array([0.932220268, 0.347374584, 0.77091157, 0.630781296])
+FAR = [(seed, np.full(4, 0.15), 60) for seed in (1, 4, 6, 16)]
+NEAR = (31, 0.005 * SHARES, 40)
+
+
+@pytest.mark.parametrize(
+    ("seed", "sizes", "count"), [FAR[0], NEAR, *(pytest.param(*far, marks=pytest.mark.slow) for far in FAR[1:])]
+)
+def test_zeros_of_ropes_are_found(seed: int, sizes: Array, count: int, tmp_path: Path) -> None:
     """Which ropes carry changes from row to row. What is told to be known is; of a rope that is slack in every row but
-    for noise nothing is known, though a row in which it just does not pull stops the fit."""
+    for noise nothing is known, though a row in which it just does not pull stops the fit. `NEAR`: plain descent ends
+    with one rope slack in all rows and another one wrong by six standard uncertainties, as a slack rope moves nothing.
+    """
     rng = np.random.default_rng(seed)
-    off = 0.15 * rng.choice([-1, 1], 4)
-    places = rng.uniform([0.6, 0.5], [2.4, 1.7], (60, 2))
+    off = sizes * rng.choice([-1, 1], 4)
+    places = rng.uniform([0.6, 0.5], [2.4, 1.7], (count, 2))
     lengths = np.linalg.norm(WINDOWS - places[:, None], axis=2)
     true = np.array([hung(l + off) for l in lengths])
     slack = np.linalg.norm(WINDOWS - true[:, None], axis=2) < lengths + off
     turns = np.rad2deg((lengths + rng.normal(0, 1e-4, lengths.shape) - 0.25) / 0.025)
     rows = np.column_stack([turns, 1e3 * (true + rng.normal(0, 2e-4, true.shape))])
     machine, table = tmp_path / "m.yaml", tmp_path / "t.csv"
-    machine.write_text(MACHINE, encoding="utf-8")
+    machine.write_text(MACHINE.replace("200}", f"{1300 * sizes.max():.3g}}}"), encoding="utf-8")
     np.savetxt(table, rows, "%.6f", ",", header="q1 [deg],q2 [deg],q3 [deg],q4 [deg],x [mm],y [mm]", comments="")
     found = run("calibrate", machine, table, "--json", "--holdout", "none", "-q").json
-    assert found["status"] == "converged" and 0.6 < found["chi2_per_dof"] < 1.5
+    assert found["status"] == "converged" and 0.5 < found["chi2_per_dof"] < 1.5
     assert len(found["failed"]) <= 6 and (seed == 16 or found["starts"] is None)
     known = {p["name"]: p for p in found["parameters"] if p["std"] is not None}
     for k in range(4):
         if f"zero{k + 1}" in known:
             p = known[f"zero{k + 1}"]
             assert abs(p["value"] - 250 - 1e3 * off[k]) < 4 * p["std"] < 4
-        else:
-            assert slack[:, k].all()
     assert {k for k in range(4) if slack[:, k].all()} == {k for k in range(4) if f"zero{k + 1}" not in known}

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from pkmcal_cli.diagnosis.panels import driver_panel, field_map, nearest_rivals, waterfall
+from pkmcal_cli.diagnosis.panels import driver_panel, field_map, nearest_rivals
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.pictures.parts import composed
 from pkmcal_cli.pictures.picture import drawn
 from pkmcal_cli.pictures.scatter import Cloud, scatter_part

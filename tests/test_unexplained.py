@@ -14,8 +14,8 @@ from pkmcal_cli.app import app
 from pkmcal_cli.calibration.complete_fit import FitOptions, calibrated
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.selection import select
-from pkmcal_cli.diagnosis.panels import waterfall
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.effects.unexplained import FreeShape
 from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from pkmcal_cli.pictures.diagnosis_pictures import diagnosis_picture, diagnosis_pictures

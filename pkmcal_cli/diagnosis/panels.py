@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.experiment_design import cosines_between
 from pkmcal_cli.diagnosis.findings import Finding
@@ -78,20 +77,6 @@ class DriverPanel:
         """Values of what drives it, in its unit."""
         unit = parse_unit(self.unit)
         return np.asarray((self.x - unit.offset) / unit.scale)
-
-
-@dataclass(frozen=True)
-class Share:
-    """One step of the waterfall: what was added, and chi-square and degrees of freedom that are left."""
-
-    name: str
-    chi2: float
-    dof: int
-
-    @property
-    def noise(self) -> float:
-        """How many times the stated noise the residuals are."""
-        return float(np.sqrt(self.chi2 / self.dof))
 
 
 def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
@@ -227,34 +212,6 @@ def nearest_rivals(diagnosis: Diagnosis) -> list[Likeness]:
 
 def _nested(one: Hypothesis, other: Hypothesis) -> bool:
     return one.nested(other) or one.akin(other)
-
-
-def waterfall(diagnosis: Diagnosis) -> list[Share]:
-    """Root of chi-square per degree of freedom: nominal, calibrated, with one effect after the other.
-
-    Displacements without a name belong to all effects together: with one, these are the last step.
-    """
-    problem, search = diagnosis.problem, diagnosis.search
-    nominal = Share("nominal", _chi2(problem, problem.model.nominal), problem.count)
-    out = [nominal, _share("calibrated", diagnosis.before)]
-    names = [f.hypothesis.name for f in diagnosis.findings]
-    if diagnosis.shapes:
-        together = ", ".join([*names, *(s.hypothesis.name for s in diagnosis.shapes)])
-        return [*out, _share(f"+ {together}", search.fit)]
-    for k in range(1, len(names)):
-        part = refit(replace(search, accepted=tuple(f.hypothesis for f in diagnosis.findings[:k])), {})
-        if part is not None:
-            out.append(_share(f"+ {names[k - 1]}", part))
-    return [*out, _share(f"+ {names[-1]}", search.fit)] if names else out
-
-
-def _share(name: str, fit: Fit) -> Share:
-    return Share(name, fit.chi2, max(fit.dof, 1))
-
-
-def _chi2(problem: Problem, values: Array) -> float:
-    """With the drives' errors as part of the noise, as in a fit."""
-    return float((linearise_at(problem, values, (), None).values[0] ** 2).sum())
 
 
 @dataclass(frozen=True)

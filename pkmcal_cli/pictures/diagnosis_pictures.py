@@ -10,8 +10,9 @@ import numpy as np
 
 from pkmcal_cli.base.outputs import check_target, make_folder
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals, waterfall
+from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.pictures.error_map import Places, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text, three_digits
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture

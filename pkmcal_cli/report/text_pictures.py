@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, waterfall
+from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.report.console import bar
 
 _WIDTH, _HEIGHT = 64, 15
