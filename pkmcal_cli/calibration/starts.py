@@ -126,7 +126,7 @@ def best_of_starts(
 
 
 def _with_ropes(problem: Problem, selected: tuple[str, ...], start: Array, first: Fit) -> Fit:
-    """The fit, or a better one of a machine with ropes, of which none may be between taut and slack, or always slack."""
+    """The fit, or a better one where ropes are slack, or between taut and slack."""
     if first.before.prediction.slack:
         first = _by_taut_ropes(problem, selected, start, first)
     if first.status == "not_converged":
