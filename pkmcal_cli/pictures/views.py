@@ -11,7 +11,7 @@ from pkmcal_cli.base.rotation import Array
 
 _AROUND = 0.13  # of the larger side: room for labels around a machine
 _LEAST = 0.25  # of the larger side: a machine on one line has room across it
-_WIDTH, _LOWEST, _HIGHEST = 6.45, 2.6, 4.7  # inches, of the one view of a planar machine
+_WIDTH, _LOWEST, _HIGHEST = 6.45, 2.6, 4.1  # inches, of the one view of a planar machine
 _LARGE, _LARGE_LOW, _LARGE_HIGH = 7.0, 2.4, 4.6  # inches, of the isometric view, in which everything is named
 _SMALL, _SMALL_LOW, _SMALL_HIGH = 1.66, 1.2, 2.6  # inches, of each of the three views below it
 LEFT, RIGHT, TOP, BOTTOM = 0.75, 0.2, 0.75, 1.1  # inches around the views: ticks, title, legend
