@@ -11,9 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from pkmcal_cli.pictures.picture import Picture
-from pkmcal_cli.sheet.content import Block, Figure, Section, Sheet, Table, Text, Verdict
-from pkmcal_cli.sheet.page import html
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, clean, run
 from tests.json_schemas import faults_of
 from tests.test_commands_json import NAMED, covers, documented, paths
@@ -114,6 +111,16 @@ def test_the_verdict_stands_first_with_the_causes(shopfloor: tuple[dict[str, Any
     assert words.index("FAIL") < words.index("two causes found") < words.index("Errors before and after")
 
 
+def test_a_quantity_has_one_figure(shopfloor: tuple[dict[str, Any], str, int]) -> None:
+    """What is left after calibration, in words and in the picture of the steps; rows that differ are said to."""
+    _, page, _ = shopfloor
+    (told,) = re.findall(r"The residuals after calibration are ([\d.]+) times larger", page)
+    (steps,) = [svg for svg in re.findall(r"<svg.*?</svg>", page, re.S) if "step by step" in svg]
+    figures = [t for t in ElementTree.fromstring(steps).itertext() if re.fullmatch(r"\d+(\.\d+)?", t.strip())]
+    assert told in [figure.strip() for figure in figures]
+    assert page.count("Without rows that are not used (scissors-shopfloor.csv:38 (p37))") == 1
+
+
 def test_the_page_stands_alone(shopfloor: tuple[dict[str, Any], str, int]) -> None:
     _, text, _ = shopfloor
     page = Page(text)
@@ -132,22 +139,6 @@ def test_the_page_stands_alone(shopfloor: tuple[dict[str, Any], str, int]) -> No
         assert drawn.get("role") == "img" and len(drawn.get("aria-label") or "") > 10
         for use in re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', svg):
             assert (use[0] or use[1]) in ids
-
-
-def page_of(*blocks: Block) -> str:
-    return html(Sheet("m.yaml", "", Verdict("DONE", ""), (), (Section("k", "title", blocks),), ""))
-
-
-def test_words_of_files_are_letters_of_equal_width_and_still_no_markup() -> None:
-    page = page_of(Text("needs `period` of <b>q1</b>", "note"), Table("", ("a",), (("`<i>`",),)))
-    assert 'needs <span class="key">period</span> of &lt;b&gt;q1&lt;/b&gt;' in page
-    assert '<span class="key">&lt;i&gt;</span>' in page and "<i>" not in page
-
-
-def test_pictures_with_many_lines_are_not_made_small() -> None:
-    """A list of forty parameters keeps its height; others are no higher than a screen or half a page."""
-    page = page_of(*(Figure(Picture("p", "t", "a", (9.0, high), lambda figure: None), "") for high in (3.0, 12.0)))
-    assert page.count("<figure>") == 1 and page.count('<figure class="tall">') == 1
 
 
 def test_iso_230_2_of_repeats(tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from pkmcal_cli.diagnosis.panels import driver_panel, field_map, nearest_rivals, waterfall
+from pkmcal_cli.diagnosis.panels import driver_panel, field_map, nearest_rivals
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.pictures.parts import composed
 from pkmcal_cli.pictures.picture import drawn
 from pkmcal_cli.pictures.scatter import Cloud, scatter_part
@@ -54,7 +55,7 @@ def test_a_panel_shows_what_was_planted() -> None:
 
 
 def test_the_waterfall_goes_down_to_noise() -> None:
-    sizes = [s.rms for s in waterfall(shop())]
+    sizes = [s.noise for s in waterfall(shop())]
     assert len(sizes) == 4 and sizes == sorted(sizes, reverse=True)
     assert sizes[-1] == pytest.approx(1.0, abs=0.1)
 
@@ -143,7 +144,7 @@ def test_what_colours_say_is_not_cut_off() -> None:
 
 def test_the_terminal_shows_them_too() -> None:
     done = run_once("diagnose", SCISSORS, SHOPFLOOR, "--plots", "-")
-    assert "residual rms in standard uncertainties" in done.err
+    assert "residuals, times the stated noise" in done.err
     assert "backlash@q3: displacement [um]; o from above, + from below, * fitted" in done.err
     assert "T [degC]" in done.err and max(len(line) for line in done.err.split("logarithmic")[1].splitlines()) < 80
 

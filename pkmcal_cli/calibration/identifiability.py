@@ -97,9 +97,14 @@ class Directions:
         with np.errstate(divide="ignore"):
             return np.where(without, 0.0, 1.0 / self.singular_values**2)
 
-    def determined_covariance(self) -> Array:
-        """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held."""
+    def determined_covariance(self, *, seen: bool = False) -> Array:
+        """Covariance (p, p) in SI, right for sums of parameters that are determined: 1/s^2, the prior where held.
+
+        seen: without directions of which the data see nothing.
+        """
         variance = self.spread * np.where(self.held, WEAK**-2, self._variance(self.held))
+        if seen:
+            variance = np.where(self.null, 0.0, variance)
         return np.asarray((self.vectors.T * variance @ self.vectors) * np.outer(self.ranges, self.ranges))
 
 

@@ -20,6 +20,8 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed, identify
 from pkmcal_cli.calibration.prior import Prior
 from pkmcal_cli.calibration.problem import Problem
+from pkmcal_cli.calibration.steady_ropes import steady_fit
+from pkmcal_cli.calibration.tightened_ropes import with_tightened_ropes
 from pkmcal_cli.prediction import WarmStart
 
 _SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
@@ -83,8 +85,7 @@ def identify_from(
     try:
         first = identify(problem, selected, start, steps, progress=partial(_fitted, observe), states=states)
         first = _centred(problem, selected, start, first)
-        if first.before.prediction.slack:
-            first = _by_taut_ropes(problem, selected, start, first)
+        first = _with_ropes(problem, selected, start, first)
     except RowsFailed as error:
         failure = error
     if first is not None and (count == 1 or (count == 0 and not _doubtful(first))):
@@ -122,6 +123,15 @@ def best_of_starts(
         best = first  # the same, with what is not seen as it was given
     before = first.before if first is not None else best.before
     return replace(best, before=before), _agreement(problem, ends, good, best)
+
+
+def _with_ropes(problem: Problem, selected: tuple[str, ...], start: Array, first: Fit) -> Fit:
+    """The fit, or a better one where ropes are slack, or between taut and slack."""
+    if first.before.prediction.slack:
+        first = _by_taut_ropes(problem, selected, start, first)
+    if first.status == "not_converged":
+        first = steady_fit(problem, first)
+    return with_tightened_ropes(problem, first)
 
 
 def _by_taut_ropes(problem: Problem, selected: tuple[str, ...], start: Array, first: Fit) -> Fit:

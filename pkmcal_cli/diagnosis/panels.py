@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
-from pkmcal_cli.calibration.residual import linearise_at
 from pkmcal_cli.diagnosis.confirm import cells
 from pkmcal_cli.diagnosis.experiment_design import cosines_between
 from pkmcal_cli.diagnosis.findings import Finding
@@ -78,14 +77,6 @@ class DriverPanel:
         """Values of what drives it, in its unit."""
         unit = parse_unit(self.unit)
         return np.asarray((self.x - unit.offset) / unit.scale)
-
-
-@dataclass(frozen=True)
-class Share:
-    """One bar of the waterfall: what was added, and the whitened rms left."""
-
-    name: str
-    rms: float
 
 
 def driver_panel(diagnosis: Diagnosis, finding: Finding) -> DriverPanel | None:
@@ -221,32 +212,6 @@ def nearest_rivals(diagnosis: Diagnosis) -> list[Likeness]:
 
 def _nested(one: Hypothesis, other: Hypothesis) -> bool:
     return one.nested(other) or one.akin(other)
-
-
-def waterfall(diagnosis: Diagnosis) -> list[Share]:
-    """Whitened rms that is left: nominal, calibrated, with one effect after the other.
-
-    Displacements without a name belong to all effects together: with one, these are the last step.
-    """
-    problem, search = diagnosis.problem, diagnosis.search
-    nominal, calibrated = problem.model.nominal, diagnosis.before.values
-    out = [Share("nominal", _chi2(problem, nominal)), Share("calibrated", _chi2(problem, calibrated))]
-    if diagnosis.shapes:
-        names = [f.hypothesis.name for f in diagnosis.findings] + [s.hypothesis.name for s in diagnosis.shapes]
-        out.append(Share(f"+ {', '.join(names)}", _chi2(search.problem, search.fit.values)))
-        return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
-    for k in range(1, len(diagnosis.findings)):
-        part = refit(replace(search, accepted=tuple(f.hypothesis for f in diagnosis.findings[:k])), {})
-        if part is not None:
-            out.append(Share(f"+ {diagnosis.findings[k - 1].hypothesis.name}", _chi2(problem, part.values)))
-    if diagnosis.findings:
-        out.append(Share(f"+ {diagnosis.findings[-1].hypothesis.name}", _chi2(problem, search.fit.values)))
-    return [Share(s.name, float(np.sqrt(s.rms / problem.count))) for s in out]
-
-
-def _chi2(problem: Problem, values: Array) -> float:
-    """With the drives' errors as part of the noise, at every step alike."""
-    return float((linearise_at(problem, values, (), None).values[0] ** 2).sum())
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ import numpy as np
 
 from pkmcal_cli.base.outputs import check_target, make_folder
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals, waterfall
+from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, nearest_rivals
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, errors_in_words, map_part, places_of
 from pkmcal_cli.pictures.parts import Part, composed, plain_log, size_text, three_digits
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, Picture, write_picture
@@ -52,7 +53,7 @@ def diagnosis_pictures(diagnosis: Diagnosis, titles: Titles, units: FileUnits) -
     for shape in diagnosis.shapes:
         name = shape.hypothesis.name.replace(":", "-")  # no file name on Windows has a colon
         yield composed(name, titles, shape_in_words(shape), [shape_part(shape, units)])
-    steps = ", ".join(f"{s.name} {s.rms:.3g}" for s in waterfall(diagnosis))
+    steps = ", ".join(f"{s.name} {s.noise:.3g}" for s in waterfall(diagnosis))
     alt = f"Rms of the residual in standard uncertainties of the readings, step by step: {steps}."
     yield composed("variance", titles, alt, [waterfall_part(diagnosis)])
     if diagnosis.findings:
@@ -115,7 +116,7 @@ def circle_picture(places: PlaneErrors, titles: Titles, length: Unit, name: str)
             angle = np.arctan2(ray[:, 1], ray[:, 0])
             ax.plot(angle, 3 * largest + errors, ls="none", marker=marker, ms=3, color=colour, label=text)
         ax.set_yticks([2 * largest, 3 * largest, 4 * largest])
-        ax.set_yticklabels([f"-{size_text(largest)}", "0", f"+{size_text(largest)}"], fontsize=7)
+        ax.set_yticklabels([f"-{size_text(largest)}", "0", f"+{size_text(largest)}"], fontsize=8)
         ax.set_rlabel_position(11)
         figure.text(0.5, 1 - 0.62 / size[1], caption, ha="center", va="top", size=9)
         figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
@@ -145,7 +146,7 @@ def driver_part(panel: DriverPanel) -> Part:
         ax.set_xlabel(f"{plain(panel.name)} [{panel.unit_name}]")
         ax.set_ylabel(f"{panel.quantity} [{unit.text}]")
         ax.set_title(plain(panel.finding.hypothesis.name), fontsize=9)
-        ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+        ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
     return Part(3.0, draw)
 
@@ -190,7 +191,7 @@ def _limit(ax: Axes, y: Array, fitted: Array) -> None:
 def waterfall_part(diagnosis: Diagnosis) -> Part:
     """What is left of the residual, step by step, as dots on one axis that ends at the noise."""
     shares = waterfall(diagnosis)
-    names, sizes = [plain(s.name) for s in shares], np.array([s.rms for s in shares])
+    names, sizes = [plain(s.name) for s in shares], np.array([s.noise for s in shares])
 
     def draw(figure: SubFigure) -> None:
         ax = figure.add_subplot()
@@ -207,7 +208,7 @@ def waterfall_part(diagnosis: Diagnosis) -> Part:
                         fontsize=8, bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
         ax.set_yticks(range(len(names)), names)
         ax.grid(axis="y", visible=False)
-        ax.set_xlabel("rms of the residual, in standard uncertainties of the readings; dashed: noise (logarithmic)")
+        ax.set_xlabel("residuals, times the stated noise (root of chi-square per degree of freedom; logarithmic)")
 
     return Part(0.75 + 0.3 * len(names), draw)
 

@@ -97,6 +97,7 @@ class _Drawing:
             ax.set_xticks([])
             ax.set_yticks([])
         else:
+            ax.tick_params(labelsize=8)
             ax.set_xlabel(f"{self.view.names[0]} [{unit.text}]", labelpad=2)
             ax.set_ylabel(f"{self.view.names[1]} [{unit.text}]", labelpad=2)
         if self.view.title:
@@ -198,28 +199,25 @@ class _Drawing:
         ax.plot(*end, marker="D", ms=5, mfc=BEFORE, mec="white", mew=0.6, ls="none", zorder=7, gid="tool")
 
     def _labels(self) -> list[Label]:
-        """Drives first, then the tool point, forces of members, and names of points and members where there is room."""
-        alone = self.view.names is None or self.shape.planar
-        out = [
-            Label(text=self._drive_text(n), at=self._on_page(self.shape.at_drive(n, self.shown)),
-                  colour="#00664b", size=9, bold=True, needed=alone)
-            for n in self.shape.readings
-        ]  # fmt: skip
+        """Drives first, then the tool point, forces of members, and names of points and members where there is room.
+
+        In the small views of a machine in space only names of drives.
+        """
+        drives = {n: self._on_page(self.shape.at_drive(n, self.shown)) for n in self.shape.readings}
+        green = "#00664b"
+        if self.view.names is not None and not self.shape.planar:
+            return [Label(text=n, at=at, colour=green, bold=True, needed=False) for n, at in drives.items()]
+        out = [Label(text=self._drive_text(n), at=at, colour=green, size=9, bold=True) for n, at in drives.items()]
         tool, places = self.shape.tool, self.shown.places
         if tool is not None:
-            out.append(Label(text=tool, at=self._on_page(places[tool]), colour="#a34700", bold=True, needed=alone))
+            out.append(Label(text=tool, at=self._on_page(places[tool]), colour="#a34700", bold=True))
         middle = {n: self._on_page(_middle(course)) for n, course in self.shown.members.items()}
         tensions = self.shape.tensions if self.forces else {}
-        for n, at in middle.items():
-            if n in tensions:
-                text = f"{n} {newtons(tensions[n])}"
-                out.append(Label(text=text, at=at, size=7.5, needed=alone))
-        if alone:
-            others = [Label(text=n, at=at, size=7, colour="0.35", needed=False) for n, at in middle.items()
-                      if n not in tensions]  # fmt: skip
-            named = [n for n in places if n != tool]
-            others += [Label(text=n, at=self._on_page(places[n]), size=6.5, colour="0.5", needed=False) for n in named]
-            out += others
+        out += [Label(text=f"{n} {newtons(tensions[n])}", at=at, size=7.5) for n, at in middle.items() if n in tensions]
+        out += [Label(text=n, at=at, size=7.5, colour="0.2", needed=False) for n, at in middle.items()
+                if n not in tensions]  # fmt: skip
+        out += [Label(text=n, at=self._on_page(at), size=7.2, colour="0.35", needed=False) for n, at in places.items()
+                if n != tool]  # fmt: skip
         return out
 
     def _drive_text(self, name: str) -> str:
@@ -280,7 +278,7 @@ def _legend(
             Line2D([], [], color=BEFORE, lw=3, ls=(0, (3, 0.8)), label="pushes (-)"),
         ]
     corner = (0.4 / size[0], 0.05 / size[1])
-    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, ncols=3, fontsize=8, frameon=False)
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, ncols=2, fontsize=8, frameon=False)
 
 
 def _mark(kind: Any, marker: str, colour: str, label: str) -> Any:

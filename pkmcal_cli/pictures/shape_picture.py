@@ -61,6 +61,6 @@ def shape_part(finding: ShapeFinding, units: FileUnits) -> Part:
         ax.set_xlabel(f"{plain(finding.depends_on)} [{along.text}]")
         ax.set_ylabel(f"deviation [{unit.text}]")
         ax.set_title(plain(finding.hypothesis.name), fontsize=9)
-        ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+        ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
     return Part(3.0, draw)

@@ -11,10 +11,11 @@ from pkmcal_cli.base.rotation import Array
 
 _AROUND = 0.13  # of the larger side: room for labels around a machine
 _LEAST = 0.25  # of the larger side: a machine on one line has room across it
-_WIDTH, _LOWEST, _HIGHEST = 7.6, 2.6, 8.0  # inches, of the one view of a planar machine
-_PANE, _LOW = 4.3, 1.6  # inches, width of each of four views, and their least height
+_WIDTH, _LOWEST, _HIGHEST = 6.45, 2.6, 4.1  # inches, of the one view of a planar machine
+_LARGE, _LARGE_LOW, _LARGE_HIGH = 7.0, 2.4, 4.6  # inches, of the isometric view, in which everything is named
+_SMALL, _SMALL_LOW, _SMALL_HIGH = 1.66, 1.2, 2.6  # inches, of each of the three views below it
 LEFT, RIGHT, TOP, BOTTOM = 0.75, 0.2, 0.75, 1.1  # inches around the views: ticks, title, legend
-BETWEEN = (0.75, 0.75)  # inches between views, across and up
+BETWEEN = (0.74, 0.4)  # inches between views, across (ticks) and up (title)
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,8 @@ class View:
 X, Y, Z = np.eye(3)
 PLANE = View("", np.array([X, Y]), ("x", "y"))
 ISOMETRIC = View("isometric", np.array([(X + Y) / np.sqrt(2), (2 * Z - X + Y) / np.sqrt(6)]), None)
-SPACE = (
+ABREAST = (
     View("from above (xy)", np.array([X, Y]), ("x", "y")),
-    ISOMETRIC,
     View("from the front (xz)", np.array([X, Z]), ("x", "z")),
     View("from the right (yz)", np.array([Y, Z]), ("y", "z")),
 )
@@ -51,25 +51,34 @@ class Pane:
 
 
 def panes(corners: Array, planar: bool) -> tuple[tuple[float, float], list[Pane]]:
-    """Size of the page in inches, and the views of what lies within `corners` (K, 3), all at one scale."""
-    views = (PLANE,) if planar else SPACE
+    """Size of the page in inches, and the views of what lies within `corners` (K, 3).
+
+    In space one large view, and three beside one another below it, at one scale. The page is as wide as the text of an
+    A4 sheet, so that letters are printed at their size.
+    """
+    if planar:
+        (height,), (shown,) = _fitted((PLANE,), corners, _WIDTH, (_LOWEST, _HIGHEST))
+        box = (LEFT, BOTTOM, _WIDTH, height)
+        return (LEFT + _WIDTH + RIGHT, BOTTOM + height + TOP), [Pane(PLANE, box, shown)]
+    (high,), (large,) = _fitted((ISOMETRIC,), corners, _LARGE, (_LARGE_LOW, _LARGE_HIGH))
+    (low, *_), limits = _fitted(ABREAST, corners, _SMALL, (_SMALL_LOW, _SMALL_HIGH))
+    above = BOTTOM + low + BETWEEN[1]
+    out = [Pane(ISOMETRIC, (RIGHT, above, _LARGE, high), large)]
+    for k, (view, shown) in enumerate(zip(ABREAST, limits, strict=True)):
+        out.append(Pane(view, (BETWEEN[0] + k * (_SMALL + BETWEEN[0]), BOTTOM, _SMALL, low), shown))
+    return (_LARGE + 2 * RIGHT, above + high + TOP), out
+
+
+def _fitted(
+    views: Sequence[View], corners: Array, width: float, heights: tuple[float, float]
+) -> tuple[list[float], list[Array]]:
+    """Heights in inches, all the same, and limits (2, 2) of views at one scale, so that each shows all `corners`."""
     bounds = [_bounds(view.of(corners)) for view in views]
     sizes = [np.ptp(bound, axis=0) for bound in bounds]
-    columns, width = (1, _WIDTH) if planar else (2, _PANE)
-    highest, lowest = (_HIGHEST, _LOWEST) if planar else (_PANE, _LOW)
-    per_inch = max(float(max(size[0] / width, size[1] / highest)) for size in sizes)
-    rows = [list(range(k, k + columns)) for k in range(0, len(views), columns)]
-    heights = [max(lowest, *(float(sizes[k][1]) / per_inch for k in row)) for row in rows]
-    out, top = [], BOTTOM + sum(heights) + (len(rows) - 1) * BETWEEN[1]
-    page = (LEFT + columns * width + (columns - 1) * BETWEEN[0] + RIGHT, top + TOP)
-    for row, height in zip(rows, heights, strict=True):
-        for column, k in enumerate(row):
-            half = 0.5 * per_inch * np.array([width, height])
-            middle = bounds[k].mean(axis=0)
-            box = (LEFT + column * (width + BETWEEN[0]), top - height, width, height)
-            out.append(Pane(views[k], box, np.array([middle - half, middle + half])))
-        top -= height + BETWEEN[1]
-    return page, out
+    per_inch = max(float(max(size[0] / width, size[1] / heights[1])) for size in sizes)
+    height = max(heights[0], *(float(size[1]) / per_inch for size in sizes))
+    half = 0.5 * per_inch * np.array([width, height])
+    return [height] * len(views), [np.array([b.mean(axis=0) - half, b.mean(axis=0) + half]) for b in bounds]
 
 
 def _bounds(places: Array) -> Array:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel, waterfall
+from pkmcal_cli.diagnosis.panels import DriverPanel, driver_panel
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.waterfall import waterfall
 from pkmcal_cli.report.console import bar
 
 _WIDTH, _HEIGHT = 64, 15
@@ -24,9 +25,9 @@ def _bars(diagnosis: Diagnosis) -> str:
     """What is left, as bars over the logarithm of its size."""
     shares = waterfall(diagnosis)
     width = max(len(s.name) for s in shares)
-    most = max(np.log(max(s.rms for s in shares)), 1e-9)
-    lines = ["residual rms in standard uncertainties, logarithmic (1: noise)"]
-    lines += [f"{s.name:<{width}}  {s.rms:8.3g}  {bar(max(np.log(s.rms), 0.0) / most)}".rstrip() for s in shares]
+    most = max(np.log(max(s.noise for s in shares)), 1e-9)
+    lines = ["residuals, times the stated noise, logarithmic (1: noise)"]
+    lines += [f"{s.name:<{width}}  {s.noise:8.3g}  {bar(max(np.log(s.noise), 0.0) / most)}".rstrip() for s in shares]
     return "\n".join(lines)
 
 

@@ -55,8 +55,16 @@ def maps(results: Results) -> list[Figure]:
         pairs.append(("errors with the causes", places_of(improved.improvement.problem, [calibrated, with_causes])))
     unit, caption = results.machine.file_units.length, "Measured minus predicted, on the fitted rows. Arrows of a row "
     caption += "of panels have one scale, but where a panel says otherwise."
-    drawn = [error_map(places, _titles(results, subject), unit) for subject, places in pairs if places]
-    return [Figure(picture, caption) for picture in drawn]
+    again = _without_bad_rows(results)
+    out = [Figure(error_map(p, _titles(results, subject), unit), caption) for subject, p in pairs if p]
+    return [*out[:1], *(replace(figure, caption=f"{caption}{again}") for figure in out[1:])]
+
+
+def _without_bad_rows(results: Results) -> str:
+    """Why figures with the causes are of fewer rows than those of the calibration."""
+    bad = results.diagnosis.diagnosis.bad_rows if results.diagnosis is not None else ()
+    named = ", ".join(results.row_text(row) for row in bad)
+    return f" Without rows that are not used ({named}), so that rms differ from those of all rows." if bad else ""
 
 
 def effects(results: Results) -> list[Figure]:
@@ -83,7 +91,7 @@ def steps(results: Results) -> Figure | None:
     subject = "what is left of the residual, step by step"
     part = waterfall_part(results.diagnosis.diagnosis)
     picture = composed("steps", _titles(results, subject), f"{subject[0].upper()}{subject[1:]}.", [part])
-    return Figure(picture, "Rms of the residual in standard uncertainties of the readings; 1 is noise.")
+    return Figure(picture, "Residuals, times the stated noise: root of chi-square per degree of freedom; 1 is noise.")
 
 
 def identified(results: Results) -> Figure | None:

@@ -99,6 +99,8 @@ def alone(results: Results) -> Section | None:
     if _with_causes(results) is None:
         return None
     text = "Not for use: without the causes, the parameters take up part of them."
+    if results.diagnosis is not None and results.diagnosis.diagnosis.bad_rows:
+        text += " All rows are in it, also those that the search for causes does not use."
     return section("alone", "Appendix: calibration without the causes", [Text(text, "warning"), *_calibrated(results)])
 
 
