@@ -15,6 +15,7 @@ from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.sheet.content import Block, Figure, Section, Sheet, Table, Text, Verdict
 from pkmcal_cli.sheet.page import html
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, clean, run
+from tests.computed_once import run_once
 from tests.json_schemas import faults_of
 from tests.test_commands_json import NAMED, covers, documented, paths
 
@@ -91,7 +92,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def shopfloor(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str, int]:
     file = tmp_path_factory.mktemp("sheet") / "sheet.html"
-    done = run("report", SCISSORS, SHOPFLOOR, "--tolerance", "5 um", "-o", file, "--json", "-q")
+    done = run_once("report", SCISSORS, SHOPFLOOR, "--tolerance", "5 um", "-o", file, "--json", "-q")
     return done.json, file.read_text(encoding="utf-8"), done.code
 
 
