@@ -246,6 +246,7 @@ def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
 
 # --- commands ------------------------------------------------------------------------------
 QUICK = ("--holdout", "none", "--select", "l1,l2")
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 GRIDDED = ("--grid", "x=300:600:4,y=200:350:3")
 COMMANDS = {
     "simulate": ("simulate", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
@@ -253,10 +254,10 @@ COMMANDS = {
     "sensitivity": ("sensitivity", TRIGLIDE, *GRIDDED),
     "along": ("sensitivity", TRIGLIDE, *GRIDDED, "--channel", "x"),
     "observability": ("observability", TRIGLIDE, *GRIDDED),
-    "plan": ("plan", str(MACHINES / "triglide-nonredundant.yaml"), *GRIDDED, "--aim", "uncertainty", "--points", "2"),
+    "plan": ("plan", PLAIN, *GRIDDED, "--aim", "uncertainty", "--points", "2"),
     "calibrate": ("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK),
     "correct": ("correct", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
-    "compare": ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
+    "compare": ("compare", TRIGLIDE, PLAIN, TRIGLIDE_DATA),
 }
 
 
@@ -289,8 +290,8 @@ def test_a_picture_replaces_no_input_and_no_other_result(tmp_path: Path, monkeyp
 
 def test_a_map_of_uncertainties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK, "-o", "p.yaml", "-q").code == 0
-    done = run("simulate", TRIGLIDE, *GRIDDED, "-p", "p.yaml", "--uncertainty", "-o", "t.csv", "--plot", "u.svg")
+    assert run("calibrate", PLAIN, PLAIN.replace(".yaml", ".csv"), *QUICK, "-o", "p.yaml", "-q").code == 0
+    done = run("simulate", PLAIN, *GRIDDED, "-p", "p.yaml", "--uncertainty", "-o", "t.csv", "--plot", "u.svg")
     drawn = Path("u.svg").read_text(encoding="utf-8")
     assert done.code == 0 and "standard uncertainty<" in drawn and "of the position [um]<" in drawn
     compared = run("compare", "p.yaml", "p.yaml", "--plot", "c.svg")
