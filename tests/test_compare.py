@@ -16,6 +16,8 @@ from tests.command import MACHINES, Done, run
 from tests.compare_campaigns import SUBJECTS, changed_pair, null_pair
 
 BIGLIDE, SCISSORS = str(MACHINES / "biglide.yaml"), str(MACHINES / "scissors.yaml")
+TWO_LEGS = "triglide-nonredundant"
+PLAIN = str(MACHINES / f"{TWO_LEGS}.yaml")
 
 
 @pytest.fixture(autouse=True)
@@ -145,7 +147,8 @@ def test_selection_prior_and_what_is_held_do_not_matter() -> None:
 
 
 def test_an_unchanged_machine() -> None:
-    done = compared(calibrated("one", table("a", 1)), calibrated("two", table("b", 2)))
+    one, two = (table(name, seed, machine=TWO_LEGS) for name, seed in (("a", 1), ("b", 2)))
+    done = compared(calibrated("one", one, machine=PLAIN), calibrated("two", two, machine=PLAIN))
     found = done.json
     assert done.code == 0 and found["verdict"] == "no change" and found["named"] == []
     tool = found["tool_point"]
@@ -193,8 +196,8 @@ def test_campaigns_of_changed_machines() -> None:
 
 
 def test_the_same_rows_twice_are_told() -> None:
-    rows = table("a", 1)
-    done = compared(calibrated("one", rows), calibrated("two", rows, "--select", "all"))
+    rows = table("a", 1, machine=TWO_LEGS)
+    done = compared(calibrated("one", rows, machine=PLAIN), calibrated("two", rows, "--select", "all", machine=PLAIN))
     assert "share rows" in done.err and "the tests do not hold" in done.err
 
 
@@ -227,8 +230,9 @@ def test_a_trend_needs_dates() -> None:
 
 def test_what_has_no_partner_is_listed() -> None:
     """A machine file that has since got an effect: parameters by name, no fingerprint asked for."""
-    Path("wound.yaml").write_text(f"extends: {BIGLIDE}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
-    done = compared(calibrated("one", table("a", 1)), calibrated("two", table("b", 2), machine="wound.yaml"))
+    Path("wound.yaml").write_text(f"extends: {PLAIN}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
+    one, two = (table(name, seed, machine=TWO_LEGS) for name, seed in (("a", 1), ("b", 2)))
+    done = compared(calibrated("one", one, machine=PLAIN), calibrated("two", two, machine="wound.yaml"))
     (effect,) = done.json["effects"]
     assert effect["name"] == "scale@q1.s" and effect["remark"] == "only in B" and effect["values"][0] is None
     assert {"name": "scale@q1.s", "files": ["two.yaml"]} in done.json["apart"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
@@ -31,7 +32,7 @@ from pkmcal_cli.report.parameters import ParameterRow
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
-from tests.drawn import collisions, figure_of, lines
+from tests.drawn import collisions, collisions_of, figure_of, lines
 from tests.test_pictures import shop
 
 MM = parse_unit("mm")
@@ -53,7 +54,11 @@ def places(before: float, after: float, sigma: float = 1e-6) -> Places:
 
 def quivers(picture: Picture) -> list[tuple[Quiver, object]]:
     with figure_of(picture) as (figure, _):
-        return [(c, ax) for ax in figure.axes for c in ax.collections if isinstance(c, Quiver)]
+        return _quivers(figure)
+
+
+def _quivers(figure: Figure) -> list[tuple[Quiver, object]]:
+    return [(c, ax) for ax in figure.axes for c in ax.collections if isinstance(c, Quiver)]
 
 
 # --- error maps ----------------------------------------------------------------------------
@@ -124,8 +129,9 @@ def test_odd_errors_are_drawn(at: np.ndarray, before: float, after: float, sigma
     errors = RNG.normal(size=at.shape)
     shown = Places("xz", at, (("before", before * errors), ("after", after * errors)), sigma)
     picture = error_map([shown, shown], TITLES, MM)
-    assert collisions(picture) == []
-    assert all(np.isfinite(q.U).all() for q, _ in quivers(picture))
+    with figure_of(picture) as (figure, texts):
+        assert collisions_of(figure, texts) == []
+        assert all(np.isfinite(q.U).all() for q, _ in _quivers(figure))
 
 
 @cache
@@ -177,7 +183,7 @@ def test_parameters_are_drawn_in_shares_of_their_ranges() -> None:
         assert lines(figure, "interval-0")[0][:, 0] == pytest.approx([0.5 - 0.196, 0.5 + 0.196])
         assert lines(figure, "value-1")[0][0] == pytest.approx([-3.0, 1])
         assert {"300.050(10) mm", "l$2_x$", "undetermined"} <= {t.text for t in texts}
-    assert collisions(picture) == []
+        assert collisions_of(figure, texts) == []
 
 
 NUMBERS: list[list[float]] = [[], [np.nan], [1.0], [1e-9, 1e9], [0.5, 0.5], list(np.geomspace(1e-3, 10, 80))]
@@ -191,8 +197,8 @@ def test_any_numbers_are_dots(values: list[float], logarithmic: bool) -> None:
     names = [f"a_very_long_name_of_something@somewhere.{k}" for k in range(len(values))]
     dots = [Dot(name=n, value=v, text=f"{v:g}") for n, v in zip(names, values, strict=True)]
     picture = composed("d", TITLES, "", [dot_part(dots, Scale(label="size", logarithmic=logarithmic, line=1.0))])
-    assert collisions(picture) == []
     with figure_of(picture) as (figure, texts):
+        assert collisions_of(figure, texts) == []
         for k, v in enumerate(values[:50]):
             found = lines(figure, f"dot-{k}")
             assert (found == []) if np.isnan(v) else found[0][0, 0] == pytest.approx(v)
