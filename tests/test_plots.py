@@ -24,7 +24,7 @@ from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
 from pkmcal_cli.pictures.error_map import Places, error_map, places_of
 from pkmcal_cli.pictures.parameter_picture import parameter_picture
 from pkmcal_cli.pictures.parts import composed, number, rounded, shown_unit, size_text
-from pkmcal_cli.pictures.picture import LOOKS, Picture
+from pkmcal_cli.pictures.picture import LOOKS
 from pkmcal_cli.pictures.residual_picture import residual_parts
 from pkmcal_cli.pictures.scatter import Cloud, scatter_part
 from pkmcal_cli.pictures.titles import plain, shortened, titles
@@ -52,12 +52,7 @@ def places(before: float, after: float, sigma: float = 1e-6) -> Places:
     return Places("xy", at, (("before", before * errors), ("after", after * errors[::-1])), sigma)
 
 
-def quivers(picture: Picture) -> list[tuple[Quiver, object]]:
-    with figure_of(picture) as (figure, _):
-        return _quivers(figure)
-
-
-def _quivers(figure: Figure) -> list[tuple[Quiver, object]]:
+def quivers(figure: Figure) -> list[tuple[Quiver, object]]:
     return [(c, ax) for ax in figure.axes for c in ax.collections if isinstance(c, Quiver)]
 
 
@@ -65,7 +60,8 @@ def _quivers(figure: Figure) -> list[tuple[Quiver, object]]:
 @pytest.mark.parametrize(("before", "after", "magnified"), [(1e-5, 9e-6, 1), (1e-5, 5e-7, 10), (1e-4, 1e-6, 100)])
 def test_arrows_are_errors_at_one_scale(before: float, after: float, magnified: int) -> None:
     shown = places(before, after)
-    found = quivers(error_map([shown], TITLES, MM))
+    with figure_of(error_map([shown], TITLES, MM)) as (figure, _):
+        found = quivers(figure)
     data = [q for q, _ in found if len(shown.at) == q.N]
     assert len(data) == (2 if magnified == 1 else 3)
     factors = []
@@ -130,8 +126,7 @@ def test_odd_errors_are_drawn(at: np.ndarray, before: float, after: float, sigma
     shown = Places("xz", at, (("before", before * errors), ("after", after * errors)), sigma)
     picture = error_map([shown, shown], TITLES, MM)
     with figure_of(picture) as (figure, texts):
-        assert collisions_of(figure, texts) == []
-        assert all(np.isfinite(q.U).all() for q, _ in _quivers(figure))
+        assert collisions_of(figure, texts) == [] and all(np.isfinite(q.U).all() for q, _ in quivers(figure))
 
 
 @cache
@@ -252,8 +247,7 @@ def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
 
 # --- commands ------------------------------------------------------------------------------
 QUICK = ("--holdout", "none", "--select", "l1,l2")
-PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
-GRIDDED = ("--grid", "x=300:600:4,y=200:350:3")
+PLAIN, GRIDDED = str(MACHINES / "triglide-nonredundant.yaml"), ("--grid", "x=300:600:4,y=200:350:3")
 COMMANDS = {
     "simulate": ("simulate", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
     "forces": ("simulate", SCISSORS, "--grid", "x=-100:100:3,y=-100:100:3", "--forces", "-o", "t.csv"),
