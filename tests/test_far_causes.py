@@ -55,7 +55,8 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
     case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
     few = tuple(h for h in case.candidates.hypotheses if h.effect in ("zero", "backlash"))
-    return Search(candidates=replace(case.candidates, hypotheses=few), problem=case.problem, declared=case.selected, fit=fit)
+    candidates = replace(case.candidates, hypotheses=few)
+    return Search(candidates=candidates, problem=case.problem, declared=case.selected, fit=fit)
 
 
 def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(search: Search) -> None:

@@ -139,15 +139,18 @@ def test_the_parameters_of_an_improved_machine_are_a_target_too() -> None:
     refused(done, "better.params.yaml", before)
 
 
-def test_a_file_that_comes_through_stdin() -> None:
-    before = files()
-    for command in (["simulate", "m.yaml", "-"], ["calibrate", "m.yaml", "-"], ["plan", "m.yaml", "-"]):
-        with Path("a.csv").open() as file:
-            done = subprocess.run(
-                [sys.executable, "-m", "pkmcal_cli", *command, "-o", "a.csv", "--force"],
-                stdin=file, capture_output=True, text=True, env=environment(), check=False,
-            )  # fmt: skip
-        refused(Done(done.returncode, done.stdout, done.stderr), "a.csv", before)
+def test_a_file_that_comes_through_stdin(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, target = files(), ("-o", "a.csv", "--force")
+    with Path("a.csv").open() as file:
+        done = subprocess.run(
+            [sys.executable, "-m", "pkmcal_cli", "simulate", "m.yaml", "-", *target],
+            stdin=file, capture_output=True, text=True, env=environment(), check=False,
+        )  # fmt: skip
+    refused(Done(done.returncode, done.stdout, done.stderr), "a.csv", before)
+    for command in ("calibrate", "plan"):
+        with Path("a.csv").open() as file, monkeypatch.context() as patch:
+            patch.setattr(sys, "stdin", file)
+            refused(run(command, "m.yaml", "-", *target), "a.csv", before)
 
 
 @pytest.mark.parametrize("name", ["-", "<stdin>"])
