@@ -13,7 +13,7 @@ import pytest
 
 from pkmcal_cli.base.errors import OutputError
 from pkmcal_cli.base.outputs import check_target
-from tests.command import SCISSORS, SHOPFLOOR, TRIGLIDE, Done, clean, environment, run
+from tests.command import MACHINES, TRIGLIDE, Done, clean, environment, run
 
 MACHINE = {"m.yaml", "mid.yaml", "root.yaml"}
 COMMANDS: dict[str, tuple[list[str], set[str]]] = {
@@ -192,9 +192,11 @@ def test_a_target_that_is_linked_meanwhile(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_pictures_replace_no_input() -> None:
     pytest.importorskip("matplotlib")
-    Path("variance.svg").write_bytes(Path(SHOPFLOOR).read_bytes())
+    plain = MACHINES / "triglide-nonredundant.yaml"
+    rows = plain.with_suffix(".csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    Path("variance.svg").write_text("".join(rows[:230:10]), encoding="utf-8")
     before = files()
-    done = clean(run("diagnose", SCISSORS, "variance.svg", "--plots", "."))
+    done = clean(run("diagnose", plain, "variance.svg", "--plots", "."))
     assert done.code == 4 and "variance.svg: error[output]: this file is an input of the command" in done.err
     assert files() == before, "not one picture is drawn"
 
