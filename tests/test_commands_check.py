@@ -258,8 +258,8 @@ def test_names_that_nothing_uses_are_told_once_and_by_check_alone() -> None:
     grid = ("--grid", "x=140:160:5,y=240:260:5")
     commands = [
         ("simulate", *grid, "--noise", "declared", "-o", "t.csv"), ("sensitivity", *grid), ("observability", *grid),
-        ("plan", *grid), ("calibrate", "t.csv"), ("diagnose", "t.csv"), ("improve", "t.csv", "-o", "i.yaml"),
-        ("effects",),
+        ("plan", *grid), ("calibrate", "t.csv"), ("diagnose", "t.csv"), ("effects",),
+        ("improve", "t.csv", "--only", "backlash@q1", "-o", "i.yaml"),
     ]  # fmt: skip
     for command, *arguments in commands:
         done = run(command, "m.yaml", *arguments)
