@@ -21,14 +21,16 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 SHARING = (
-    "test_commands_improve", "test_commands_diagnose", "test_docs", "test_pictures", "test_plots", "test_reference",
+    "test_commands_improve", "test_commands_diagnose", "test_commands_report", "test_docs", "test_pictures",
+    "test_plots", "test_reference",
 )  # fmt: skip
 """Files whose tests look at the same diagnoses (`computed_once`)."""
 LONGEST = (
     *SHARING, "test_diagnosis_cases", "test_commands_odd", "test_spoilt_tables", "test_gross_faults",
     "test_commands_process", "test_commands_json", "test_far_causes", "test_effects", "test_commands_plan",
-    "test_calibration_proof", "test_detection", "test_draw", "test_compare", "test_commands_report",
-    "test_instrument_effects", "test_gates", "test_improve_kept", "test_commands_check",
+    "test_calibration_proof", "test_detection", "test_draw", "test_compare",
+    "test_instrument_effects", "test_gates", "test_improve_kept", "test_commands_check", "test_hostile", "test_fuzz",
+    "test_one_wrong_cell", "test_next_points", "test_commands_calibrate",
 )  # fmt: skip
 """They begin, so that no process ends long after the others."""
 

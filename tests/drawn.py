@@ -55,11 +55,16 @@ def figure_of(picture: Picture) -> Iterator[tuple[Figure, list[Written]]]:
 def collisions(picture: Picture) -> list[tuple[str, str]]:
     """Texts that lie on others, or outside the picture (with "")."""
     with figure_of(picture) as (figure, texts):
-        width, height = figure.get_size_inches() * figure.dpi
-        over = [(a.text, b.text) for a, b in combinations(texts, 2) if a.on(b)]
-        page = Bbox([[-_TOUCH, -_TOUCH], [width + _TOUCH, height + _TOUCH]])
-        out = [(t.text, "") for t in texts if not (page.contains(*t.box.min) and page.contains(*t.box.max))]
-        return over + out
+        return collisions_of(figure, texts)
+
+
+def collisions_of(figure: Figure, texts: list[Written]) -> list[tuple[str, str]]:
+    """The same of a figure that was drawn."""
+    width, height = figure.get_size_inches() * figure.dpi
+    over = [(a.text, b.text) for a, b in combinations(texts, 2) if a.on(b)]
+    page = Bbox([[-_TOUCH, -_TOUCH], [width + _TOUCH, height + _TOUCH]])
+    out = [(t.text, "") for t in texts if not (page.contains(*t.box.min) and page.contains(*t.box.max))]
+    return over + out
 
 
 def lines(figure: Figure, gid: str) -> list[np.ndarray]:  # type: ignore[type-arg]

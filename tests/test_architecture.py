@@ -42,9 +42,15 @@ def tree_of(file: Path) -> ast.Module:
     return ast.parse(file.read_text(encoding="utf-8"))
 
 
+@cache
+def nodes_of(file: Path) -> tuple[ast.AST, ...]:
+    """All nodes of a module, walked once for all tests."""
+    return tuple(ast.walk(tree_of(file)))
+
+
 def statements(file: Path) -> Iterator[ast.Import | ast.ImportFrom]:
     """Import statements, also those inside functions and those for type checkers only."""
-    for node in ast.walk(tree_of(file)):
+    for node in nodes_of(file):
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield node
 
@@ -152,7 +158,7 @@ def test_files_and_functions_are_small(file: Path) -> None:
     most = MAX_DATA if "truth" in file.parts else MAX_FUNCTION  # descriptions of machines
     long = {
         node.name: size
-        for node in ast.walk(tree_of(file))
+        for node in nodes_of(file)
         if isinstance(node, ast.FunctionDef) and (size := (node.end_lineno or 0) - node.lineno + 1) > most
     }
     assert long == {}
@@ -184,11 +190,11 @@ def is_data(node: ast.AST) -> bool:
 def test_many_values_have_names() -> None:
     """Seven values in a row say nothing: wide dataclasses are made by keyword, and so are calls of seven."""
     files = [*MODULES, *TESTS, *(ROOT / "benchmarks").glob("*.py")]
-    wide = [n for f in files for n in ast.walk(tree_of(f)) if is_data(n)]
+    wide = [n for f in files for n in nodes_of(f) if is_data(n)]
     assert len(wide) > 50
     assert [n.name for n in wide if not any("kw_only=True" in ast.unparse(d) for d in n.decorator_list)] == []
-    functions = [n for f in files for n in ast.walk(tree_of(f)) if isinstance(n, ast.FunctionDef)]
+    functions = [n for f in files for n in nodes_of(f) if isinstance(n, ast.FunctionDef)]
     of_any_length = {n.name for n in functions if n.args.vararg} | {"one_of"}
-    calls = [(f.name, n) for f in files for n in ast.walk(tree_of(f)) if isinstance(n, ast.Call)]
+    calls = [(f.name, n) for f in files for n in nodes_of(f) if isinstance(n, ast.Call)]
     long = {(name, ast.unparse(n.func)) for name, n in calls if len(n.args) >= MANY}
     assert {(name, f) for name, f in long if f.split(".")[-1] not in of_any_length} == set()

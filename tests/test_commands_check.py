@@ -205,7 +205,7 @@ def test_wrong_drive_columns_are_named_before_the_rows_that_they_spoil(old: str,
     Path("m.csv").write_text(Path(TRIGLIDE_DATA).read_text().replace(old, new))
     done = run("check", TRIGLIDE, "m.csv", "-q")
     assert done.code == 1 and done.err.startswith(f"error[plausibility]: {told}")
-    fit = run("calibrate", TRIGLIDE, "m.csv")
+    fit = run("calibrate", TRIGLIDE, "m.csv", "--holdout", "none")
     assert fit.code == 3 and f"warning: {told}" in fit.err
 
 
@@ -224,9 +224,9 @@ def test_what_nobody_says_how_surely_it_was_read(tmp_path: Path) -> None:
     done = run("check", file, table, "--json")
     assert (done.json["actuators"], done.json["passive"], done.json["degree_of_redundancy"]) == (3, 1, 1)
     said = "`q3` not used in 80 rows: neither the machine file nor the table gives a sigma"
-    assert said in done.err and said in run("calibrate", file, table).err
+    assert said in done.err and said in run("calibrate", file, table, "--holdout", "none").err
     file.write_text(text.replace("passive", "passive, sigma: 1 um"), encoding="utf-8")
-    assert said not in run("calibrate", file, table).err
+    assert said not in run("calibrate", file, table, "--holdout", "none").err
 
 
 IDLE_POINTS = """
@@ -258,8 +258,8 @@ def test_names_that_nothing_uses_are_told_once_and_by_check_alone() -> None:
     grid = ("--grid", "x=140:160:5,y=240:260:5")
     commands = [
         ("simulate", *grid, "--noise", "declared", "-o", "t.csv"), ("sensitivity", *grid), ("observability", *grid),
-        ("plan", *grid), ("calibrate", "t.csv"), ("diagnose", "t.csv"), ("improve", "t.csv", "-o", "i.yaml"),
-        ("effects",),
+        ("plan", *grid), ("calibrate", "t.csv"), ("diagnose", "t.csv"), ("effects",),
+        ("improve", "t.csv", "--only", "backlash@q1", "-o", "i.yaml"),
     ]  # fmt: skip
     for command, *arguments in commands:
         done = run(command, "m.yaml", *arguments)

@@ -158,8 +158,9 @@ def test_commands_to_go_on_with_can_be_run() -> None:
     (line,) = (row for row in shown.splitlines() if "points that would show one: " in row)
     words = line.partition("pkmcal ")[2].replace("EFFECT", "clearance@rod5").split()
     assert clean(run(*words, "--points", "1")).code == 0
-    short = "".join(Path(SHOPFLOOR).read_text(encoding="utf-8").splitlines(keepends=True)[:30])
-    piped = run("diagnose", SCISSORS, "-", stdin=short).err
+    plain = MACHINES / "triglide-nonredundant.yaml"
+    short = "".join(plain.with_suffix(".csv").read_text(encoding="utf-8").splitlines(keepends=True)[:230:10])
+    piped = run("diagnose", plain, "-", stdin=short).err
     assert "MEAS.csv --aim EFFECT" in piped
 
 

@@ -179,6 +179,7 @@ def test_fails_on_what_is_asked_for(tmp_path: Path) -> None:
     lines = Path(CLEAN).read_text(encoding="utf-8").splitlines()
     head = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     column = [cell.split(" ")[0] for cell in lines[head].split(",")].index("x")
+    lines = [*lines[: head + 1], *lines[head + 1 :: 2]]
     for k in range(head + 1 + (len(lines) - head) // 2, len(lines)):
         cells = lines[k].split(",")
         cells[column] = f"{float(cells[column]) + 0.02:.6f}"

@@ -19,7 +19,6 @@ from tests.command import (
     SCISSORS,
     SHOPFLOOR,
     TRIGLIDE,
-    TRIGLIDE_DATA,
     run,
 )
 from tests.json_schemas import faults_of
@@ -28,6 +27,9 @@ from tests.test_far_causes import router
 from tests.test_plausible import MACHINE as SPOILT
 from tests.test_plausible import spoilt, turned
 from tests.test_slack_ropes import text, wound
+
+PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
+PLAIN_DATA = str(MACHINES / "triglide-nonredundant.csv")
 
 # maps whose keys are names, with the word that stands for them
 NAMED = {
@@ -117,25 +119,25 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def write_all(folder: Path) -> None:
     """Machines, tables and parameter files of these runs."""
     (folder / "free.yaml").write_text(FREE)
-    (folder / "blind.yaml").write_text(f"extends: {TRIGLIDE}\nsensors: {{tracker: null}}\n")
-    (folder / "one.csv").write_text("id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n")
+    (folder / "blind.yaml").write_text(f"extends: {PLAIN}\nsensors: {{tracker: null}}\n")
+    (folder / "one.csv").write_text("id,q1,q2,x,y\np1,116.33,603.67,360,275\n")
     (folder / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
-    (folder / "shims.yaml").write_text(f"extends: {TRIGLIDE}\nparameters: {{yb1r: {{adjustable: true}}}}\n")
+    (folder / "shims.yaml").write_text(f"extends: {PLAIN}\nparameters: {{yb1r: {{adjustable: true}}}}\n")
     (folder / "bad.yaml").write_text("space: planar\nnodes: {a: [0, 0, 0]}\n")
     write_gap(folder)
     spoilt(folder, turned)
-    head, *lines = Path(TRIGLIDE_DATA).read_text().splitlines()
+    head, *lines = Path(PLAIN_DATA).read_text().splitlines()
     (folder / "repeated.csv").write_text("\n".join([head, *lines, *(f"{line}1" for line in lines)]))
-    for name, table, column in (("lost", TRIGLIDE_DATA, 1), ("shop", SHOPFLOOR, 7)):
+    for name, table, column in (("lost", PLAIN_DATA, 1), ("shop", SHOPFLOOR, 7)):
         (folder / f"{name}.csv").write_text(one_lost(Path(table).read_text(), column))
-    for machine, table, name in ((TRIGLIDE, TRIGLIDE_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
+    for machine, table, name in ((PLAIN, PLAIN_DATA, "p.yaml"), (SCISSORS, SHOPFLOOR, "shop.params.yaml")):
         assert run("calibrate", machine, table, "-o", folder / name, "-q", "--force").code == 0
     write_ropes(folder)
-    (folder / "apart.yaml").write_text(f"extends: {TRIGLIDE}\nsensors: {{tracker: {{frame: fitted}}}}\n")
-    (folder / "scaled.yaml").write_text(f"extends: {TRIGLIDE}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
+    (folder / "apart.yaml").write_text(f"extends: {PLAIN}\nsensors: {{tracker: {{frame: fitted}}}}\n")
+    (folder / "scaled.yaml").write_text(f"extends: {PLAIN}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
     for name in ("apart", "scaled"):
         options = ("-o", folder / f"{name}.params.yaml", "-q", "--force", "--run", folder / "runs")
-        assert run("calibrate", folder / f"{name}.yaml", TRIGLIDE_DATA, *options).code == 0
+        assert run("calibrate", folder / f"{name}.yaml", PLAIN_DATA, *options).code == 0
 
 
 APART = "apart.params.yaml"
@@ -148,36 +150,36 @@ def commands() -> dict[str, list[list[str]]]:
     return {
         "check": [
             ["bad.yaml"], ["gap.yaml", "one.csv"], ["gap.yaml", "far.csv"], [str(pin)], ["free.yaml"], ["blind.yaml"],
-            [TRIGLIDE, "lost.csv", "-p", "p.yaml", "--tolerance", "20 um"], ["apart.yaml", TRIGLIDE_DATA, "-p", APART],
+            [PLAIN, "lost.csv", "-p", "p.yaml", "--tolerance", "20 um"], ["apart.yaml", PLAIN_DATA, "-p", APART],
         ],
         "simulate": [
-            [TRIGLIDE, "far.csv", "-o", "out.csv"],
-            [TRIGLIDE, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
-            ["ropes.yaml", "lengths.csv", "-o", "slack.csv"], [TRIGLIDE, "far.csv", "--method", "rigid", "-o", "1.csv"],
+            [PLAIN, "far.csv", "-o", "out.csv"],
+            [PLAIN, "--grid", "x=300:400:2", "-p", "p.yaml", "--uncertainty", "-o", "map.csv"],
+            ["ropes.yaml", "lengths.csv", "-o", "slack.csv"], [PLAIN, "far.csv", "--method", "rigid", "-o", "1.csv"],
         ],
-        "draw": [[TRIGLIDE, "far.csv"]], "new": [
+        "draw": [[PLAIN, "far.csv"]], "new": [
             ["--from", str(MACHINES / "printer.cfg"), "-o", "new.yaml"], ["delta", "-o", "delta.yaml"]],
         "correct": [
-            [TRIGLIDE, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],
+            [PLAIN, "far.csv", "-p", "p.yaml", "-o", "commands.csv"],
             ["ropes.yaml", "--grid", "x=-100:100:2", "--redundant", "preload", "-o", "taut.csv"],
             [SCISSORS, "--grid", "x=0:0:1,y=0:320:2", "-p", "shop.params.yaml", "-o", "shop.commands.csv"],
             ["shims.yaml", "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "adjust", "-o", "shims.txt"],
-            [TRIGLIDE, "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "linuxcnc", "-o", "t.comp"],
+            [PLAIN, "--grid", "x=300:400:3,y=200:300:2", "-p", "p.yaml", "--as", "linuxcnc", "-o", "t.comp"],
         ],
-        "sensitivity": [[TRIGLIDE, *partly], [TRIGLIDE, "--grid", GRID, "--channel", "x"]], "observability": [
-            [TRIGLIDE, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [TRIGLIDE, *partly]],
+        "sensitivity": [[PLAIN, *partly], [PLAIN, "--grid", GRID, "--channel", "x"]], "observability": [
+            [PLAIN, "one.csv"], [f"{belts}.yaml", f"{belts}.csv"], [PLAIN, *partly]],
         "calibrate": [
-            [TRIGLIDE, "one.csv", "--select", "l1,xb1r"], [TRIGLIDE, "repeated.csv"], [TRIGLIDE, "lost.csv"],
-            [TRIGLIDE, "one.csv", "--select", "l1", "--method", "linear"], accepted,
+            [PLAIN, "one.csv", "--select", "l1,xb1r"], [PLAIN, "repeated.csv"], [PLAIN, "lost.csv"],
+            [PLAIN, "one.csv", "--select", "l1", "--method", "linear"], accepted,
             [HANGPRINTER, HANGPRINTER_DATA, "--holdout", "5"], [f"{belts}.yaml", f"{belts}.csv", "--starts", "2"],
-            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [TRIGLIDE, TRIGLIDE_DATA, "--fail-above", "chi2 2"],
+            ["ropes.yaml", "ropes.csv", "--select", "x1,x2,x3"], [PLAIN, PLAIN_DATA, "--fail-above", "chi2 2"],
         ],
-        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [TRIGLIDE, "apart.yaml",
-            TRIGLIDE_DATA]],
-        "effects": [[], [TRIGLIDE], [TRIGLIDE, "one.csv", "--simulate"]], "study": STUDY, "plan": [
+        "compare": [["p.yaml", "scaled.params.yaml", "--fail-above", "change 1 m"], ["runs"], [PLAIN, "apart.yaml",
+            PLAIN_DATA]],
+        "effects": [[], [PLAIN], [PLAIN, "one.csv", "--simulate"]], "study": STUDY, "plan": [
             [SCISSORS, SHOPFLOOR, "--aim", "separate:backlash@q1,drift", "--points", "2"], [SCISSORS, SHOPFLOOR],
-            [TRIGLIDE, TRIGLIDE_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
-            [TRIGLIDE, "lost.csv"], [str(MACHINES / "triglide-nonredundant.yaml"), "--grid", "x=300:600:5,y=200:350:4",
+            [PLAIN, PLAIN_DATA, "--next", "--budget", "233", "--aim", "l1 10 um"],
+            [PLAIN, "lost.csv"], [PLAIN, "--grid", "x=300:600:5,y=200:350:4",
             "--aim", "scale@q1", "--points", "1", "--power", "1"]],
     }  # fmt: skip
 
@@ -195,7 +197,6 @@ def searches(folder: Path) -> dict[str, list[list[str]]]:
     }  # fmt: skip
 
 
-PLAIN = str(MACHINES / "triglide-nonredundant.yaml")
 STUDY = [[TRIGLIDE, PLAIN, "--within", "x=200:700,y=200:350", "--points", "8", "--repeat", "2"]]
 FREE = """
 units: {length: mm, force: N}

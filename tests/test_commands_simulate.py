@@ -113,7 +113,7 @@ def test_foreign_headers_and_their_units_are_kept() -> None:
     Path("m.yaml").write_text(text)
     assert run("simulate", "m.yaml", "poses.csv", "-o", "units.csv").code == 0
     assert column("units.csv", "X") == pytest.approx([200e3, 300e3, 400e3], abs=0.1)
-    assert run("calibrate", "m.yaml", "units.csv", "--select", "l1").code == 0
+    assert run("calibrate", "m.yaml", "units.csv", "--select", "l1", "--holdout", "none").code == 0
 
 
 def test_forces_of_a_table_stay_with_its_rows() -> None:

@@ -15,7 +15,8 @@ from tests.campaign_tables import MM, true_values, write_table
 from tests.command import MACHINES, Done, run
 from tests.compare_campaigns import SUBJECTS, changed_pair, null_pair
 
-BIGLIDE, SCISSORS = str(MACHINES / "biglide.yaml"), str(MACHINES / "scissors.yaml")
+TWO_LEGS = "triglide-nonredundant"
+BIGLIDE, SCISSORS, PLAIN = (str(MACHINES / f"{name}.yaml") for name in ("biglide", "scissors", TWO_LEGS))
 
 
 @pytest.fixture(autouse=True)
@@ -145,10 +146,10 @@ def test_selection_prior_and_what_is_held_do_not_matter() -> None:
 
 
 def test_an_unchanged_machine() -> None:
-    done = compared(calibrated("one", table("a", 1)), calibrated("two", table("b", 2)))
-    found = done.json
+    one, two = (table(name, seed, machine=TWO_LEGS) for name, seed in (("a", 1), ("b", 2)))
+    done = compared(calibrated("one", one, machine=PLAIN), calibrated("two", two, machine=PLAIN))
+    found, tool = done.json, done.json["tool_point"]
     assert done.code == 0 and found["verdict"] == "no change" and found["named"] == []
-    tool = found["tool_point"]
     assert tool["rms"] < 3 * tool["rms_by_chance"] and tool["over"] == "measured travel"
     assert "no change" in done.err and {f["file"] for f in found["files"]} == {"one.yaml", "two.yaml"}
 
@@ -193,8 +194,8 @@ def test_campaigns_of_changed_machines() -> None:
 
 
 def test_the_same_rows_twice_are_told() -> None:
-    rows = table("a", 1)
-    done = compared(calibrated("one", rows), calibrated("two", rows, "--select", "all"))
+    one = calibrated("one", table("a", 1, machine=TWO_LEGS), machine=PLAIN)
+    done = compared(one, calibrated("two", "a.csv", "--select", "all", machine=PLAIN))
     assert "share rows" in done.err and "the tests do not hold" in done.err
 
 
@@ -209,8 +210,7 @@ def test_a_trend() -> None:
     """A strut that grows by 30 um in ten days."""
     files = []
     for day in (0, 10, 20, 30):
-        rows = table(f"t{day}", day, machine="scissors", l4=3e-6 * day)
-        file = calibrated(f"p{day}", rows, machine=SCISSORS)
+        file = calibrated(f"p{day}", table(f"t{day}", day, machine="scissors", l4=3e-6 * day), machine=SCISSORS)
         files.append(dated(file, f"2026-05-{1 + day:02d}T08:00:00+00:00"))
     found = compared(*files).json
     (l4,) = (p for p in found["parameters"] if p["name"] == "l4")
@@ -227,8 +227,9 @@ def test_a_trend_needs_dates() -> None:
 
 def test_what_has_no_partner_is_listed() -> None:
     """A machine file that has since got an effect: parameters by name, no fingerprint asked for."""
-    Path("wound.yaml").write_text(f"extends: {BIGLIDE}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
-    done = compared(calibrated("one", table("a", 1)), calibrated("two", table("b", 2), machine="wound.yaml"))
+    Path("wound.yaml").write_text(f"extends: {PLAIN}\neffects: {{scale@q1: {{s: {{identify: true}}}}}}\n")
+    one, two = (table(name, seed, machine=TWO_LEGS) for name, seed in (("a", 1), ("b", 2)))
+    done = compared(calibrated("one", one, machine=PLAIN), calibrated("two", two, machine="wound.yaml"))
     (effect,) = done.json["effects"]
     assert effect["name"] == "scale@q1.s" and effect["remark"] == "only in B" and effect["values"][0] is None
     assert {"name": "scale@q1.s", "files": ["two.yaml"]} in done.json["apart"]
@@ -236,8 +237,8 @@ def test_what_has_no_partner_is_listed() -> None:
 
 
 def test_machines_that_have_nothing_in_common() -> None:
-    first = calibrated("one", table("a", 1))
-    done = compared(first, calibrated("two", table("b", 1, machine="scissors"), machine=SCISSORS))
+    other = calibrated("two", table("b", 1, machine="scissors"), machine=SCISSORS)
+    done = compared(calibrated("one", table("a", 1)), other)
     assert done.code == 1 and done.json["verdict"] == "nothing in common" and done.json["named"] == []
     assert {a["name"] for a in done.json["apart"]} >= {"x8", "ya1"}
 
@@ -247,9 +248,8 @@ def test_machine_files_on_the_same_rows() -> None:
     held = "x8: {nominal: 361, identify: false}, l3: {identify: false}"
     Path("short.yaml").write_text(f"extends: {BIGLIDE}\nparameters: {{{held}}}\n")
     done = compared(BIGLIDE, "short.yaml", table("a", 1, 60))
-    found = done.json
-    assert done.code == 0 and found["kind"] == "machines" and found["of"] == "position" and found["count"] == 60
-    assert found["better"] == BIGLIDE and found["change"]["low"] > 0
+    assert (found := done.json)["kind"] == "machines" and found["of"] == "position" and found["count"] == 60
+    assert done.code == 0 and found["better"] == BIGLIDE and found["change"]["low"] > 0
     same = compared(BIGLIDE, BIGLIDE, "a.csv").json
     assert same["better"] is None and same["change"]["value"] == 0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -58,9 +60,13 @@ def test_the_scale_is_not_seen_by_angles_alone(tmp_path: Path) -> None:
         FIVE_BAR.with_suffix(".yaml"),
         "sensors: {ballbar: null}\nground: {ball: null}\nparameters: {ballx: null, bally: null}\n",
     )
-    assert "the data do not fix the base (scale)" in refused(machine, FIVE_BAR.with_suffix(".csv"))
+    few, poses = tmp_path / "few.csv", tmp_path / "poses.csv"
+    head, *rows = FIVE_BAR.with_suffix(".csv").read_text(encoding="utf-8").splitlines()
+    poses.write_text("\n".join([head, *rows[::2], ""]), encoding="utf-8")
+    assert run("simulate", machine, poses, "--noise", "declared", "--seed", "1", "-o", few).code == 0
+    assert "the data do not fix the base (scale)" in refused(machine, few)
     machine.write_text(machine.read_text(encoding="utf-8") + "datum: [base]\n", encoding="utf-8")
-    found = calibrated(machine, FIVE_BAR.with_suffix(".csv"), "--starts", "1")
+    found = calibrated(machine, few, "--starts", "1")
     assert found["datum"] == ["base"] and found["gauge"] == ["scale"]
     assert all(p["std"] is not None for p in found["parameters"])
 
@@ -79,21 +85,17 @@ def test_distances_do_not_depend_on_the_datum(tmp_path: Path, datum: str) -> Non
     nominal = {"Ax": 0, "Az": -115, "Bz": -160, "Dx": 0, "Dy": 0, "Bx": 1300, "Cx": -1400, "Cy": 740}
     at = np.array([[place.get(f"{a}{c}", nominal.get(f"{a}{c}")) for c in "xyz"] for a in "ABCD"] + [[0.0] * 3], float)
     distance = np.linalg.norm(at[:, None] - at[None], axis=2)[np.triu_indices(5, 1)]
-    assert distance == pytest.approx(EXPECTED, abs=0.02), "mm, by the first datum"
+    assert distance == pytest.approx(expected(), abs=0.02), "mm, by the first datum"
 
 
-def _expected() -> Any:
-    import tempfile
-
+@cache
+def expected() -> Any:
     with tempfile.TemporaryDirectory() as folder:
         machine = overlaid(Path(folder), HANGPRINTER, f"sensors: {{camera: null}}\ndatum: [By, Dx, Cz]\n{WIDE}")
         place = {p["name"]: p["value"] for p in calibrated(machine, SECOND)["parameters"]}
     place |= {"By": 1230.0, "Dx": 0.0, "Cz": -150.0}
     at = np.array([[place[f"{a}{c}"] for c in "xyz"] for a in "ABCD"] + [[0.0] * 3])
     return np.linalg.norm(at[:, None] - at[None], axis=2)[np.triu_indices(5, 1)]
-
-
-EXPECTED = _expected()
 
 
 def test_with_a_camera_nothing_is_held(tmp_path: Path) -> None:

@@ -159,7 +159,7 @@ def test_nothing_is_corrected_where_nothing_can_be_said() -> None:
 @pytest.mark.parametrize(("rows", "size"), [(10, 0.01), pytest.param(16, 0.01, marks=pytest.mark.slow)])
 def test_a_huge_effect_in_few_rows_is_told_in_little_memory(tmp_path: Path, rows: int, size: float) -> None:
     """q1 reads 1 % too much: its noise is estimated with the effect in it, no size is ever detected by itself."""
-    head, *lines = (MACHINES / "triglide.csv").read_text(encoding="utf-8").splitlines()
+    head, *lines = (MACHINES / "triglide-nonredundant.csv").read_text(encoding="utf-8").splitlines()
     column = [h.split(" ")[0] for h in head.split(",")].index("q1")
     chosen = np.random.default_rng(1).choice(len(lines), rows, replace=False)
     cells = [lines[k].split(",") for k in chosen]
@@ -167,7 +167,7 @@ def test_a_huge_effect_in_few_rows_is_told_in_little_memory(tmp_path: Path, rows
         row[column] = f"{float(row[column]) * (1 + size):.6f}"
     table = tmp_path / "few.csv"
     table.write_text("\n".join([head, *(",".join(row) for row in cells), ""]), encoding="utf-8")
-    done = run("diagnose", MACHINES / "triglide.yaml", table, "--json")
+    done = run("diagnose", MACHINES / "triglide-nonredundant.yaml", table, "--json")
     assert done.code == 1 and done.json["verdict"] != "clean", done.err
     chosen_ones = [e["selection"] for e in done.json["effects"] if e["selection"] is not None]
     assert all(0 < c["low"] < c["factor"] < c["high"] for c in chosen_ones)

@@ -52,11 +52,11 @@ def test_effects_do_what_they_do_in_the_independent_simulator(machine: str) -> N
         model, rows = over_the_day(here.problem.model, still.conditions.air.length), here.problem.rows
         values = model.nominal
         values[[model.names.index(n) for n in moved.parameters]] = list(moved.parameters.values())
-        null = predict(model, values, rows).values
+        null = predict(model, values, rows)
         for name, value in planted.values.items():
             if name != "period":
                 values[model.names.index(f"{keyword}@{at}.{name}")] = value
-        change = predict(model, values, rows).values - null
+        change = predict(model, values, rows, start=null.start).values - null.values
         true = moved.true_readings - still.true_readings
         tolerance = max(EXACT, SHAPED.get(keyword, 0.0), SMOOTHED.get(keyword, 0.0))
         assert np.abs(change - true).max() < tolerance * np.abs(true).max(), f"{keyword}@{at}"

@@ -10,11 +10,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.command import MACHINES, ROOT
+from tests.command import MACHINES, ROOT, TRIGLIDE, Done
 
 EFFECT = '''"""Thermal growth that is not proportional."""
 
@@ -171,65 +170,84 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def ran(place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+ALL = """
+import contextlib, io, json, sys
+from pkmcal_cli import app
+
+done = []
+for words in json.load(sys.stdin):
+    out, err, sys.argv = io.StringIO(), io.StringIO(), ["pkmcal", *words]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = app.run(words)
+    done.append((code, out.getvalue(), err.getvalue()))
+json.dump(done, sys.stdout)
+"""
+
+
+def ran(place: Path, *commands: str) -> list[Done]:
+    """Commands one after the other, in a process that has the copy for its package."""
+    words = json.dumps([command.split() for command in commands])
     done = subprocess.run(
-        [sys.executable, "-m", "pkmcal_cli", *arguments],
-        cwd=place, env=os.environ | {"PYTHONPATH": str(place)}, capture_output=True, text=True, check=False,
+        [sys.executable, "-c", ALL], input=words, cwd=place, env=os.environ | {"PYTHONPATH": str(place)},
+        capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done
+    found = [Done(*each) for each in json.loads(done.stdout)]
+    assert not any(each.code for each in found), found
+    return found
 
 
 def test_a_subcommand_is_two_files(place: Path) -> None:
-    assert "How many parameters" in ran(place, "--help").stdout
-    plain = ran(place, "count", str(MACHINES / "triglide.yaml")).stderr
-    assert int(ran(place, "count", "machine.yaml").stderr.split()[0]) == int(plain.split()[0]) + 1
+    helped, plain, more = ran(place, "--help", f"count {TRIGLIDE}", "count machine.yaml")
+    assert "How many parameters" in helped.out
+    assert int(more.err.split()[0]) == int(plain.err.split()[0]) + 1
 
 
 def test_an_effect_and_a_kind_of_sensor_are_one_file_each(place: Path) -> None:
     """They are declared, simulated and identified."""
-    found: dict[str, Any] = json.loads(ran(place, "check", "machine.yaml", "--json").stdout)
-    assert "gauge" in found["channels"]
-    assert "only_in_a_test" in {e["effect"] for e in json.loads(ran(place, "effects", "--json").stdout)["effects"]}
-    grid = "x=200:700:6,y=160:390:6"
-    ran(place, "simulate", str(MACHINES / "triglide.yaml"), "--grid", grid, "-o", "poses.csv")
+    check, effects, _ = ran(
+        place, "check machine.yaml --json", "effects --json",
+        f"simulate {TRIGLIDE} --grid x=200:700:6,y=160:390:6 -o poses.csv",
+    )  # fmt: skip
+    assert "gauge" in check.json["channels"]
+    assert "only_in_a_test" in {e["effect"] for e in effects.json["effects"]}
     lines = [n for n in (place / "poses.csv").read_text(encoding="utf-8").splitlines() if not n.startswith("#")]
     warm = [f"{line},{'T [degC]' if k == 0 else 20 + k % 7}" for k, line in enumerate(lines)]
     (place / "warm.csv").write_text("\n".join([*warm, ""]), encoding="utf-8")
-    ran(place, "simulate", "machine.yaml", "warm.csv", "--noise", "declared", "--seed", "3", "-o", "measured.csv")
     (place / "unknown.yaml").write_text(OVERLAY.replace("b: 4 um", "b: 0 um"), encoding="utf-8")
-    names = "only_in_a_test@rod1.b"
-    fit = json.loads(ran(place, "calibrate", "unknown.yaml", "measured.csv", "--select", names, "--json").stdout)
-    (b,) = (p for p in fit["parameters"] if p["name"] == names)
+    name = "only_in_a_test@rod1.b"
+    _, fit, _ = ran(
+        place, "simulate machine.yaml warm.csv --noise declared --seed 3 -o measured.csv --plot readings.svg",
+        f"calibrate unknown.yaml measured.csv --select {name} --holdout none --json",
+        "draw machine.yaml warm.csv --row 4 -o machine.svg",
+    )  # fmt: skip
+    (b,) = (p for p in fit.json["parameters"] if p["name"] == name)
     assert abs(b["value"] - 4) < 4 * b["std_by_data"] < 2
-    ran(place, "draw", "machine.yaml", "warm.csv", "--row", "4", "-o", "machine.svg")
-    ran(place, "simulate", "machine.yaml", "warm.csv", "-o", "again.csv", "--plot", "readings.svg")
     assert "gauge" in (place / "readings.svg").read_text(encoding="utf-8")
 
 
 def test_a_form_that_a_control_takes_is_one_file(place: Path) -> None:
-    grid = ("--grid", "x=300:400:3,y=200:300:2")
-    done = ran(place, "correct", str(MACHINES / "triglide.yaml"), *grid, "--as", "plain")
-    assert len(done.stdout.splitlines()) == 6 and "with `plain`" in done.stderr
+    (done,) = ran(place, f"correct {TRIGLIDE} --grid x=300:400:3,y=200:300:2 --as plain")
+    assert len(done.out.splitlines()) == 6 and "with `plain`" in done.err
 
 
 def test_an_element_is_one_file_and_three_edits(place: Path) -> None:
     """A tie is declared, takes part in the equilibrium (the poses move), and its stiffness is identified."""
     assert len({file for file, _, _ in EDITS}) == 3
-    check = json.loads(ran(place, "check", "tied.yaml", "--json").stdout)
-    assert (check["degrees_of_freedom"], check["degree_of_redundancy"]) == (2, 1)
-    grid = "x=300:600:5,y=200:350:5"  # poses of a rod of 600 mm: one of 601 mm strains the machine
-    ran(place, "simulate", str(MACHINES / "triglide.yaml"), "--grid", grid, "-o", "untied.csv")
-    ran(place, "simulate", "tied.yaml", "untied.csv", "--noise", "declared", "--seed", "5", "-o", "tied.csv")
     (place / "unknown_tie.yaml").write_text(TIED.replace("nominal: 40000", "nominal: 30000"), encoding="utf-8")
-    fit = json.loads(ran(place, "calibrate", "unknown_tie.yaml", "tied.csv", "--select", "k3", "--json").stdout)
-    (k3,) = (p for p in fit["parameters"] if p["name"] == "k3")
+    check, _, _, fit, schema, _ = ran(
+        place, "check tied.yaml --json",
+        # poses of a rod of 600 mm: one of 601 mm strains the machine
+        f"simulate {TRIGLIDE} --grid x=300:600:5,y=200:350:5 -o untied.csv",
+        "simulate tied.yaml untied.csv --noise declared --seed 5 -o tied.csv",
+        "calibrate unknown_tie.yaml tied.csv --select k3 --holdout none --json --plot fit.svg",
+        "schema", "draw tied.yaml untied.csv --forces -o tied.svg",
+    )  # fmt: skip
+    assert (check.json["degrees_of_freedom"], check.json["degree_of_redundancy"]) == (2, 1)
+    (k3,) = (p for p in fit.json["parameters"] if p["name"] == "k3")
     assert abs(k3["value"] - 40_000) < 4 * k3["std_by_data"] < 8_000
-    assert "ties" in json.loads(ran(place, "schema").stdout)["properties"]
-    ran(place, "draw", "tied.yaml", "untied.csv", "--forces", "-o", "tied.svg")
+    assert "ties" in schema.json["properties"]
     drawn = (place / "tied.svg").read_text(encoding="utf-8")
     assert 'id="member-tie"' in drawn and ">tie</text>" in drawn
-    ran(place, "calibrate", "unknown_tie.yaml", "tied.csv", "--select", "k3", "--plot", "fit.svg", "-q")
     assert "k3" in (place / "fit.svg").read_text(encoding="utf-8")
 
 

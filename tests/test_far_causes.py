@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,11 +50,13 @@ def test_a_length_forgotten_in_every_belt_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Search:
-    """The router's search before anything is found."""
+    """The router's search before anything is found, with the lengths of belts and two held parameters."""
     machine, table = router(tmp_path_factory.mktemp("router"), 0)
     case = prepare(CaseRequest(machine=str(machine), measurements=(str(table),)), Reporter(quiet=True))
     fit = identify(case.problem, case.selected)
-    return Search(candidates=case.candidates, problem=case.problem, declared=case.selected, fit=fit)
+    zeros, held = ([h for h in case.candidates.hypotheses if h.effect == e] for e in ("zero", "release"))
+    candidates = replace(case.candidates, hypotheses=(*zeros, *held[:2]))
+    return Search(candidates=candidates, problem=case.problem, declared=case.selected, fit=fit)
 
 
 def test_a_far_cause_is_free_in_size_and_later_fits_begin_with_it(search: Search) -> None:

@@ -35,7 +35,7 @@ def parameters(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     for machine, more in ((TRIGLIDE, ""), (folder / "effect.yaml", ",backlash@q3.b")):
         out = folder / "p.yaml"
         options = ["--select", f"l1,l2{more}", "--holdout", "none", "-o", out, "--force"]
-        assert clean(run("calibrate", machine, TRIGLIDE_DATA, *options)).code == 0
+        assert clean(run("calibrate", machine, TRIGLIDE_DATA, *options, "--holdout", "none")).code == 0
         texts.append(out.read_text(encoding="utf-8"))
     return texts[0], texts[1]
 
@@ -128,7 +128,7 @@ def test_names_of_machines_are_shown_as_they_are() -> None:
     for name in ("a b: #.yaml", "\u6a5f \U0001f600.yaml", "line\u2028break.yaml", 'quo"te.yaml', "t\udcff.yaml"):
         Path(name).write_text(Path(TRIGLIDE).read_text(encoding="utf-8"))
         options = ["--select", "l1", "--holdout", "none", "-o", "p.yaml", "--force"]
-        assert run("calibrate", name, TRIGLIDE_DATA, *options).code == 0
+        assert run("calibrate", name, TRIGLIDE_DATA, *options, "--holdout", "none").code == 0
         shown = yaml.safe_load(Path("p.yaml").read_text(encoding="utf-8"))["fingerprint"]["of"]
         assert shown == name.replace("\udcff", "?").replace("\u2028", "?")
         assert run("sensitivity", name, "-p", "p.yaml", "--grid", GRID).code == 0

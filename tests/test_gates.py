@@ -12,11 +12,12 @@ import yaml
 from pkmcal_cli.base import errors
 from pkmcal_cli.base.annotations import annotation
 from pkmcal_cli.commands._group import names
-from tests.command import GRID, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
+from tests.command import GRID, MACHINES, ROOT, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, clean, run
 from tests.csv_tables import read_table
 
 PAGE = (ROOT / "docs" / "pipelines.md").read_text(encoding="utf-8")
-QUICK = (TRIGLIDE, TRIGLIDE_DATA, "-q", "--json")
+PLAIN, PLAIN_DATA = (str(MACHINES / f"triglide-nonredundant.{end}") for end in ("yaml", "csv"))
+QUICK = (PLAIN, PLAIN_DATA, "-q", "--json")
 
 
 def judged(*limits: str, arguments: tuple[str, ...] = QUICK) -> tuple[int, list[dict[str, object]], str]:
@@ -38,17 +39,17 @@ def test_limits_are_held_against_what_the_result_says() -> None:
     assert code == 0 and [k["value"] for k in kept] == pytest.approx([v for v, _ in figures.values()], rel=1e-12)
     code, missed, told = judged(*(f"{name} {value * 0.999:.9g}{unit}" for name, (value, unit) in figures.items()))
     assert code == 1 and not any(m["kept"] for m in missed)
-    assert re.findall(r"^(\S+?)(?::\d+:\d+)?: error\[above\]", told, re.MULTILINE) == [TRIGLIDE_DATA] * 3 + [TRIGLIDE]
+    assert re.findall(r"^(\S+?)(?::\d+:\d+)?: error\[above\]", told, re.MULTILINE) == [PLAIN_DATA] * 3 + [TRIGLIDE]
 
 
 def test_the_change_is_that_of_the_tool_point_at_the_same_set_values(tmp_path: Path) -> None:
     """Against tables simulated with the parameters before and after."""
     files = {name: tmp_path / f"{name}.csv" for name in ("before", "after")}
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-q", "-o", tmp_path / "p.yaml").code == 0
+    assert run("calibrate", PLAIN, PLAIN_DATA, "-q", "-o", tmp_path / "p.yaml").code == 0
     drives = tmp_path / "drives.csv"
-    drives.write_text("\n".join(",".join(line.split(",")[:4]) for line in Path(TRIGLIDE_DATA).read_text().splitlines()))
-    assert run("simulate", TRIGLIDE, drives, "-q", "-o", files["before"]).code == 0
-    assert run("simulate", TRIGLIDE, drives, "-q", "-p", tmp_path / "p.yaml", "-o", files["after"]).code == 0
+    drives.write_text("\n".join(",".join(line.split(",")[:3]) for line in Path(PLAIN_DATA).read_text().splitlines()))
+    assert run("simulate", PLAIN, drives, "-q", "-o", files["before"]).code == 0
+    assert run("simulate", PLAIN, drives, "-q", "-p", tmp_path / "p.yaml", "-o", files["after"]).code == 0
     one, other = (read_table(file) for file in files.values())
     apart = max((other.numbers["x"] - one.numbers["x"]) ** 2 + (other.numbers["y"] - one.numbers["y"]) ** 2) ** 0.5
     (change,) = judged("change 1 m")[1]
@@ -69,8 +70,8 @@ def test_a_missed_limit_is_told_in_its_own_unit(limit: str, told: str) -> None:
 def test_a_limit_that_cannot_be_judged_is_missed() -> None:
     code, (gate,), told = judged("heldout 1 m", arguments=(*QUICK, "--holdout", "none"))
     assert code == 1 and gate["value"] is None and not gate["kept"] and "heldout (not requested)" in told
-    code, (gate,), told = judged("std:l3 1 m", arguments=(*QUICK, "--select", "l1,l2"))
-    assert code == 1 and gate["value"] is None and "standard uncertainty of l3: unknown" in told, "not identified"
+    code, (gate,), told = judged("std:yb2r 1 m", arguments=(*QUICK, "--select", "l1,l2"))
+    assert code == 1 and gate["value"] is None and "standard uncertainty of yb2r: unknown" in told, "not identified"
     one = "id,q1,q2,q3,x,y\np1,116.33,603.67,946.83,360,275\n"
     done = run("calibrate", TRIGLIDE, "-", "--select", "l1,xb1r", "--fail-above", "std:l1 1 m", "-q", stdin=one)
     assert done.code == 1 and "standard uncertainty of l1: unknown" in done.err, "undetermined"
@@ -171,7 +172,7 @@ def test_the_workflow_of_the_page_calls_commands_with_their_options(monkeypatch:
 def test_points_of_grids_and_rows_of_tables_end_as_the_table_says(tmp_path: Path) -> None:
     (tmp_path / "far.csv").write_text("id,x,y\np1,360,275\np2,9999,275\n")
     for command in ("simulate", "correct"):
-        assert run(command, TRIGLIDE, tmp_path / "far.csv", "-o", tmp_path / "o.csv", "--force").code == 1
-        assert run(command, TRIGLIDE, "--grid", f"{GRID}", "-o", tmp_path / "o.csv", "--force").code == 0
-    one = ("observability", TRIGLIDE, "--grid", "x=400:400:1,y=250:250:1", "--select")
-    assert [run(*one, names).code for names in ("auto", "l1,l2,l3,xb1r")] == [0, 1]
+        assert run(command, PLAIN, tmp_path / "far.csv", "-o", tmp_path / "o.csv", "--force").code == 1
+        assert run(command, PLAIN, "--grid", f"{GRID}", "-o", tmp_path / "o.csv", "--force").code == 0
+    one = ("observability", PLAIN, "--grid", "x=400:400:1,y=250:250:1", "--select")
+    assert [run(*one, names).code for names in ("auto", "l1,l2,xb1r")] == [0, 1]

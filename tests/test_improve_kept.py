@@ -42,10 +42,12 @@ def test_a_shift_of_the_frame_that_the_base_takes_up_is_held(tmp_path: Path, mon
     Path("base.yaml").write_text(BASE, encoding="utf-8")
     Path("moved.yaml").write_text(MOVED, encoding="utf-8")
     head, *rows = (MACHINES / "triglide.csv").read_text(encoding="utf-8").splitlines()
-    Path("poses.csv").write_text("\n".join([head, *rows[::3], ""]), encoding="utf-8")
-    simulated = run("simulate", "moved.yaml", "poses.csv", "--noise", "declared", "--seed", "3", "-o", "m.csv")
-    assert simulated.code == 0, simulated.err
-    done = clean(run("improve", "base.yaml", "m.csv", *ONLY, "-o", "better.yaml", "--json"))
+    for k, table in ((0, "m.csv"), (1, "apart.csv")):
+        Path("poses.csv").write_text("\n".join([head, *rows[k::4], ""]), encoding="utf-8")
+        simulated = run("simulate", "moved.yaml", "poses.csv", "--noise", "declared", "--seed", 3 + k, "-o", table)
+        assert simulated.code == 0, simulated.err
+    apart = ("--validation", "apart.csv")
+    done = clean(run("improve", "base.yaml", "m.csv", *apart, *ONLY, "-o", "better.yaml", "--json"))
     assert done.code == 0 and [s["effect"] for s in done.json["steps"] if s["accepted"]] == ["frame"]
     assert "frame@tracker.ty held at 0 um (the data cannot separate it from other parameters)" in done.err
     written = yaml.safe_load(Path("better.yaml").read_text(encoding="utf-8"))["effects"]["frame@tracker"]
@@ -55,7 +57,7 @@ def test_a_shift_of_the_frame_that_the_base_takes_up_is_held(tmp_path: Path, mon
     truth = {"h": 0.1, "frame@tracker.tx": 300, "frame@tracker.rz": 400}
     for name, true in truth.items():
         assert abs(entries[name]["value"] - true) < 4 * entries[name]["std"], name
-    again = clean(run("calibrate", "better.yaml", "m.csv", "--json"))
+    again = clean(run("calibrate", "better.yaml", "m.csv", "--json", "--holdout", "none"))
     found = {p["name"]: p for p in again.json["parameters"]}
     assert again.code == 0 and found["h"]["identified"] and abs(found["h"]["value"] - 0.1) < 4 * found["h"]["std"]
 
@@ -88,11 +90,15 @@ def test_steps_done_are_kept_when_a_later_one_breaks_off(
         return plain(turn, hypothesis, whole)
 
     monkeypatch.setattr(loop, "_with", breaking)
-    target = tmp_path / "better.yaml"
-    done = run("improve", SCISSORS, SHOPFLOOR, "--only", "backlash@q3,thermal_strut@all", "-o", target)
+    target, use, apart = (tmp_path / name for name in ("better.yaml", "use.csv", "apart.csv"))
+    head, *rows = Path(SHOPFLOOR).read_text(encoding="utf-8").splitlines()
+    for k, file in enumerate((use, apart)):
+        file.write_text("\n".join([head, *rows[k::2], ""]), encoding="utf-8")
+    only = ("--only", "backlash@q3,thermal_strut@all")
+    done = run("improve", SCISSORS, use, "--validation", apart, *only, "-o", target)
     assert "added: thermal_strut@all.a" in done.err and "improved by thermal_strut@all\n" in done.err
     assert "thermal_strut@all" in target.read_text(encoding="utf-8")
-    assert run("check", target, SHOPFLOOR).code == 0
+    assert run("check", target, use).code == 0
     if error is IndexError:
         assert done.code == 70 and done.err.index("improved by") < done.err.index("internal error: IndexError")
         assert "stopped: the next step failed; the earlier steps are kept" in done.err

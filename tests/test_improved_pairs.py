@@ -16,7 +16,10 @@ from pkmcal_cli.workflow import improve as workflow
 from tests.command import TRIGLIDE, clean, environment, run
 
 MACHINE, VALUES = "better.yaml", "better.params.yaml"
-IMPROVE = ["improve", "base.yaml", "meas.csv", "--only", "backlash@q1,backlash@q2", "-o", MACHINE, "--force", "-q"]
+IMPROVE = [
+    "improve", "base.yaml", "meas.csv", "--validation", "apart.csv", "--only", "backlash@q1,backlash@q2", "-o", MACHINE,
+    "--force", "-q",
+]  # fmt: skip
 Pair = tuple[str, str]
 
 
@@ -47,9 +50,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
         Path("base.yaml").write_text(Path(TRIGLIDE).read_text(encoding="utf-8"), encoding="utf-8")
         Path("true.yaml").write_text("extends: base.yaml\neffects: {backlash@q1: {}}\n")
         Path("true.params.yaml").write_text("parameters: {backlash@q1.b: 300 um}\n")
-        grid = ["--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "--seed", "1"]
-        assert clean(run("simulate", "true.yaml", *grid, "-p", "true.params.yaml", "-o", "meas.csv")).code == 0
-        base = {name: Path(name).read_text(encoding="utf-8") for name in ("base.yaml", "meas.csv")}
+        grid = ["--grid", "x=200:700:6,y=200:350:5", "--noise", "declared", "-p", "true.params.yaml"]
+        for seed, table in ((1, "meas.csv"), (2, "apart.csv")):
+            assert clean(run("simulate", "true.yaml", *grid, "--seed", seed, "-o", table)).code == 0
+        base = {name: Path(name).read_text(encoding="utf-8") for name in ("base.yaml", "meas.csv", "apart.csv")}
         Path(MACHINE).write_text("extends: base.yaml\neffects: {zero@q2: {}}\n")
         select = ["--select", "l1,l2,zero@q2.o", "--holdout", "none", "-o", VALUES]
         assert clean(run("calibrate", MACHINE, "meas.csv", *select)).code == 0

@@ -13,7 +13,7 @@ import pytest
 
 from pkmcal_cli.base.errors import OutputError
 from pkmcal_cli.base.outputs import check_target
-from tests.command import SCISSORS, SHOPFLOOR, TRIGLIDE, Done, clean, environment, run
+from tests.command import MACHINES, TRIGLIDE, Done, clean, environment, run
 
 MACHINE = {"m.yaml", "mid.yaml", "root.yaml"}
 COMMANDS: dict[str, tuple[list[str], set[str]]] = {
@@ -139,15 +139,18 @@ def test_the_parameters_of_an_improved_machine_are_a_target_too() -> None:
     refused(done, "better.params.yaml", before)
 
 
-def test_a_file_that_comes_through_stdin() -> None:
-    before = files()
-    for command in (["simulate", "m.yaml", "-"], ["calibrate", "m.yaml", "-"], ["plan", "m.yaml", "-"]):
-        with Path("a.csv").open() as file:
-            done = subprocess.run(
-                [sys.executable, "-m", "pkmcal_cli", *command, "-o", "a.csv", "--force"],
-                stdin=file, capture_output=True, text=True, env=environment(), check=False,
-            )  # fmt: skip
-        refused(Done(done.returncode, done.stdout, done.stderr), "a.csv", before)
+def test_a_file_that_comes_through_stdin(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, target = files(), ("-o", "a.csv", "--force")
+    with Path("a.csv").open() as file:
+        done = subprocess.run(
+            [sys.executable, "-m", "pkmcal_cli", "simulate", "m.yaml", "-", *target],
+            stdin=file, capture_output=True, text=True, env=environment(), check=False,
+        )  # fmt: skip
+    refused(Done(done.returncode, done.stdout, done.stderr), "a.csv", before)
+    for command in ("calibrate", "plan"):
+        with Path("a.csv").open() as file, monkeypatch.context() as patch:
+            patch.setattr(sys, "stdin", file)
+            refused(run(command, "m.yaml", "-", *target), "a.csv", before)
 
 
 @pytest.mark.parametrize("name", ["-", "<stdin>"])
@@ -189,9 +192,11 @@ def test_a_target_that_is_linked_meanwhile(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_pictures_replace_no_input() -> None:
     pytest.importorskip("matplotlib")
-    Path("variance.svg").write_bytes(Path(SHOPFLOOR).read_bytes())
+    plain = MACHINES / "triglide-nonredundant.yaml"
+    rows = plain.with_suffix(".csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    Path("variance.svg").write_text("".join(rows[:230:10]), encoding="utf-8")
     before = files()
-    done = clean(run("diagnose", SCISSORS, "variance.svg", "--plots", "."))
+    done = clean(run("diagnose", plain, "variance.svg", "--plots", "."))
     assert done.code == 4 and "variance.svg: error[output]: this file is an input of the command" in done.err
     assert files() == before, "not one picture is drawn"
 

@@ -183,7 +183,8 @@ def identified(name: str, way: str, folder: Path) -> tuple[Array, Array]:
     """Values and standard uncertainties in SI, in plain order."""
     machine, w = folder / "m.yaml", written(name, way)
     machine.write_text(MACHINES[name][1](w), encoding="utf-8")
-    done = clean(run("calibrate", machine, table(name, way, folder), "--select", "all", "--json", "-q"))
+    options = ("--select", "all", "--holdout", "none", "--json", "-q")
+    done = clean(run("calibrate", machine, table(name, way, folder), *options))
     assert done.code == 0, done.err
     rows = {p["name"]: p for p in done.json["parameters"]}
     mine = [rows[w.name(n)] for n in FREE]

@@ -57,7 +57,7 @@ def warnings_of(text: str) -> set[str]:
 def refused(header: str, wrong: str, meant: str) -> None:
     """The table is refused at the one column that is wrong, and the right name is told."""
     name = table("t.csv", header)
-    done = run("calibrate", "two.yaml", name, "-o", "out.yaml")
+    done = run("calibrate", "two.yaml", name, "-o", "out.yaml", "--holdout", "none")
     assert done.code == 3, done.err
     assert done.err.count("error[") == 1, done.err
     lines = done.err.splitlines()
@@ -79,7 +79,7 @@ def test_all_is_there() -> None:
 @pytest.mark.parametrize("plain", ["x,y", "X [mm],Y [mm]", "x_mm,y_mm", "x (mm),y (mm)", "x mm,y mm"])
 def test_columns_that_may_be_those_of_a_silent_sensor(plain: str) -> None:
     name = table("t.csv", f"{plain},probe1")
-    done = run("calibrate", "two.yaml", name)
+    done = run("calibrate", "two.yaml", name, "--holdout", "none")
     assert done.code == 3
     assert done.err.count("error[csv-missing]") == 2
     assert "t.csv:1:26: error[csv-missing]" in done.err
@@ -92,7 +92,7 @@ def test_columns_that_may_be_those_of_a_silent_sensor(plain: str) -> None:
 def test_columns_of_a_silent_sensor_that_has_headers_of_its_own(plain: str) -> None:
     """The reading of the force-controlled drive is there, the camera's are under other names."""
     Path("t.csv").write_text(Path(HANGPRINTER_DATA).read_text().replace("x_mm,y_mm,z_mm", plain))
-    done = run("calibrate", HANGPRINTER, "t.csv")
+    done = run("calibrate", HANGPRINTER, "t.csv", "--holdout", "none")
     assert done.code == 3
     assert done.err.count("error[csv-missing]") == 3
     assert "sensor `camera` has no reading" in done.err
@@ -228,7 +228,7 @@ def test_a_cell_more_or_less_moves_no_numbers(cell: int, ends: str) -> None:
     cells = rows[7].split(",")
     for odd in ([*cells[:cell], "0", *cells[cell:]], [*cells[:cell], *cells[cell + 1 :]]):
         Path("t.csv").write_text("\n".join([header, *rows[:7], ",".join(odd), *rows[8:]]))
-        done = run("calibrate", HANGPRINTER, "t.csv")
+        done = run("calibrate", HANGPRINTER, "t.csv", "--holdout", "none")
         assert done.code == 3
         assert done.err.startswith(f"t.csv:9:1: error[csv-width]: the row has {len(odd)} cells")
         assert done.err.count("error[") == 1

@@ -94,7 +94,7 @@ def test_check_has_nothing_to_say(name: str) -> None:
 
 @cache
 def calibrated(name: str) -> dict[str, Any]:
-    done = run("calibrate", MACHINES / f"{name}.yaml", MACHINES / f"{name}.csv", "--json", "-q")
+    done = run("calibrate", MACHINES / f"{name}.yaml", MACHINES / f"{name}.csv", "--json", "-q", "--holdout", "none")
     assert done.code == 0, done.err
     return dict(done.json)
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.calibration import identify as identify_module
+from pkmcal_cli.workflow import calibration as calibration_module
 from tests.command import MACHINES, clean, run
 from tests.in_ci import in_ci
 
@@ -66,7 +68,7 @@ def test_a_robust_loss_does_without_it(name: str, tmp_path: Path) -> None:
         assert abs(robust[n]["value"] - known["value"]) < 4.0 * (known["std"] or 0.05), n
 
 
-@pytest.mark.parametrize("name", in_ci(["delta4", "triglide"], list(CASES)))
+@pytest.mark.parametrize("name", in_ci(["delta4"], list(CASES)))
 def test_a_diagnosis_names_it(name: str, tmp_path: Path) -> None:
     found = clean(run("diagnose", MACHINES / f"{name}.yaml", spoilt(name, tmp_path), "--json")).json
     assert found["verdict"] == "measurement_fault"
@@ -100,8 +102,18 @@ def test_a_session_with_zeros_of_its_own_is_no_mistake(wrong: bool, tmp_path: Pa
 
 
 @pytest.mark.parametrize(("off", "rows"), [(0.5, (9, 10, 11)), (0.5, (2, 7, 11)), (40.0, (9, 10, 11))])
-def test_rows_that_follow_one_another_have_one_cause(off: float, rows: tuple[int, ...], tmp_path: Path) -> None:
-    """An instrument that was knocked before the last three of twelve rows, against three wrong cells anywhere."""
+def test_rows_that_follow_one_another_have_one_cause(
+    off: float, rows: tuple[int, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An instrument that was knocked before the last three of twelve rows, against three wrong cells anywhere.
+
+    Told before the fit, which is none of this test.
+    """
+
+    def ended(*_: object, **__: object) -> None:
+        raise BadInput.single("no fit here", Location("m.csv"))
+
+    monkeypatch.setattr(calibration_module, "_fit", ended)
     head, *lines = [line for line in (MACHINES / "triglide.csv").read_text().splitlines() if not line.startswith("#")]
     cells = [line.split(",") for line in lines[:: len(lines) // 12][:12]]
     k = head.split(",").index("x [mm]")
@@ -110,5 +122,5 @@ def test_rows_that_follow_one_another_have_one_cause(off: float, rows: tuple[int
     file = tmp_path / "m.csv"
     file.write_text("\n".join([head, *(",".join(c) for c in cells), ""]))
     told = run("calibrate", MACHINES / "triglide.yaml", file, "--holdout", "none").err
-    assert "3 rows are far off" in told
+    assert "3 rows are far off" in told and "no fit here" in told
     assert ("they follow one another" in told) is (rows == (9, 10, 11))

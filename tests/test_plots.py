@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
@@ -23,7 +24,7 @@ from pkmcal_cli.pictures.dot_list import Dot, Scale, dot_part
 from pkmcal_cli.pictures.error_map import PlaneErrors, error_map, places_of
 from pkmcal_cli.pictures.parameter_picture import parameter_picture
 from pkmcal_cli.pictures.parts import composed, number, rounded, shown_unit, size_text
-from pkmcal_cli.pictures.picture import LOOKS, Picture
+from pkmcal_cli.pictures.picture import LOOKS
 from pkmcal_cli.pictures.residual_picture import residual_parts
 from pkmcal_cli.pictures.scatter import Cloud, scatter_part
 from pkmcal_cli.pictures.titles import plain, shortened, titles
@@ -31,7 +32,7 @@ from pkmcal_cli.report.parameters import ParameterRow
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.unit_text import parse_unit
 from tests.command import MACHINES, SCISSORS, SHOPFLOOR, TRIGLIDE, TRIGLIDE_DATA, run
-from tests.drawn import collisions, figure_of, lines
+from tests.drawn import collisions, collisions_of, figure_of, lines
 from tests.test_pictures import shop
 
 MM = parse_unit("mm")
@@ -51,16 +52,16 @@ def places(before: float, after: float, sigma: float = 1e-6) -> PlaneErrors:
     return PlaneErrors("xy", at, (("before", before * errors), ("after", after * errors[::-1])), sigma)
 
 
-def quivers(picture: Picture) -> list[tuple[Quiver, object]]:
-    with figure_of(picture) as (figure, _):
-        return [(c, ax) for ax in figure.axes for c in ax.collections if isinstance(c, Quiver)]
+def quivers(figure: Figure) -> list[tuple[Quiver, object]]:
+    return [(c, ax) for ax in figure.axes for c in ax.collections if isinstance(c, Quiver)]
 
 
 # --- error maps ----------------------------------------------------------------------------
 @pytest.mark.parametrize(("before", "after", "magnified"), [(1e-5, 9e-6, 1), (1e-5, 5e-7, 10), (1e-4, 1e-6, 100)])
 def test_arrows_are_errors_at_one_scale(before: float, after: float, magnified: int) -> None:
     shown = places(before, after)
-    found = quivers(error_map([shown], TITLES, MM))
+    with figure_of(error_map([shown], TITLES, MM)) as (figure, _):
+        found = quivers(figure)
     data = [q for q, _ in found if len(shown.at) == q.N]
     assert len(data) == (2 if magnified == 1 else 3)
     factors = []
@@ -124,8 +125,8 @@ def test_odd_errors_are_drawn(at: np.ndarray, before: float, after: float, sigma
     errors = RNG.normal(size=at.shape)
     shown = PlaneErrors("xz", at, (("before", before * errors), ("after", after * errors)), sigma)
     picture = error_map([shown, shown], TITLES, MM)
-    assert collisions(picture) == []
-    assert all(np.isfinite(q.U).all() for q, _ in quivers(picture))
+    with figure_of(picture) as (figure, texts):
+        assert collisions_of(figure, texts) == [] and all(np.isfinite(q.U).all() for q, _ in quivers(figure))
 
 
 @cache
@@ -177,7 +178,7 @@ def test_parameters_are_drawn_in_shares_of_their_ranges() -> None:
         assert lines(figure, "interval-0")[0][:, 0] == pytest.approx([0.5 - 0.196, 0.5 + 0.196])
         assert lines(figure, "value-1")[0][0] == pytest.approx([-3.0, 1])
         assert {"300.050(10) mm", "l$2_x$", "undetermined"} <= {t.text for t in texts}
-    assert collisions(picture) == []
+        assert collisions_of(figure, texts) == []
 
 
 NUMBERS: list[list[float]] = [[], [np.nan], [1.0], [1e-9, 1e9], [0.5, 0.5], list(np.geomspace(1e-3, 10, 80))]
@@ -191,8 +192,8 @@ def test_any_numbers_are_dots(values: list[float], logarithmic: bool) -> None:
     names = [f"a_very_long_name_of_something@somewhere.{k}" for k in range(len(values))]
     dots = [Dot(name=n, value=v, text=f"{v:g}") for n, v in zip(names, values, strict=True)]
     picture = composed("d", TITLES, "", [dot_part(dots, Scale(label="size", logarithmic=logarithmic, line=1.0))])
-    assert collisions(picture) == []
     with figure_of(picture) as (figure, texts):
+        assert collisions_of(figure, texts) == []
         for k, v in enumerate(values[:50]):
             found = lines(figure, f"dot-{k}")
             assert (found == []) if np.isnan(v) else found[0][0, 0] == pytest.approx(v)
@@ -246,17 +247,17 @@ def test_no_text_of_a_diagnosis_lies_on_another(whole: bool) -> None:
 
 # --- commands ------------------------------------------------------------------------------
 QUICK = ("--holdout", "none", "--select", "l1,l2")
-GRIDDED = ("--grid", "x=300:600:4,y=200:350:3")
+PLAIN, GRIDDED = str(MACHINES / "triglide-nonredundant.yaml"), ("--grid", "x=300:600:4,y=200:350:3")
 COMMANDS = {
     "simulate": ("simulate", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
     "forces": ("simulate", SCISSORS, "--grid", "x=-100:100:3,y=-100:100:3", "--forces", "-o", "t.csv"),
     "sensitivity": ("sensitivity", TRIGLIDE, *GRIDDED),
     "along": ("sensitivity", TRIGLIDE, *GRIDDED, "--channel", "x"),
     "observability": ("observability", TRIGLIDE, *GRIDDED),
-    "plan": ("plan", str(MACHINES / "triglide-nonredundant.yaml"), *GRIDDED, "--aim", "uncertainty", "--points", "2"),
+    "plan": ("plan", PLAIN, *GRIDDED, "--aim", "uncertainty", "--points", "2"),
     "calibrate": ("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK),
     "correct": ("correct", TRIGLIDE, *GRIDDED, "-o", "t.csv"),
-    "compare": ("compare", TRIGLIDE, str(MACHINES / "triglide-nonredundant.yaml"), TRIGLIDE_DATA),
+    "compare": ("compare", TRIGLIDE, PLAIN, TRIGLIDE_DATA),
 }
 
 
@@ -289,8 +290,8 @@ def test_a_picture_replaces_no_input_and_no_other_result(tmp_path: Path, monkeyp
 
 def test_a_map_of_uncertainties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, *QUICK, "-o", "p.yaml", "-q").code == 0
-    done = run("simulate", TRIGLIDE, *GRIDDED, "-p", "p.yaml", "--uncertainty", "-o", "t.csv", "--plot", "u.svg")
+    assert run("calibrate", PLAIN, PLAIN.replace(".yaml", ".csv"), *QUICK, "-o", "p.yaml", "-q").code == 0
+    done = run("simulate", PLAIN, *GRIDDED, "-p", "p.yaml", "--uncertainty", "-o", "t.csv", "--plot", "u.svg")
     drawn = Path("u.svg").read_text(encoding="utf-8")
     assert done.code == 0 and "standard uncertainty<" in drawn and "of the position [um]<" in drawn
     compared = run("compare", "p.yaml", "p.yaml", "--plot", "c.svg")

@@ -49,10 +49,10 @@ def test_six_points_after_a_repair_are_enough(folder: Path) -> None:
     six = write_table(folder / "six.csv", "biglide", true, 5, 6)
     full = write_table(folder / "full.csv", "biglide", true, 6, 60)
     assert run("calibrate", BIGLIDE, full, "-o", "full.yaml", "-q", "--holdout", "none").code == 0
-    done = run("calibrate", BIGLIDE, six, "--prior", "old.yaml", "--loosen", "l1", "-o", "new.yaml")
+    done = run("calibrate", BIGLIDE, six, "--prior", "old.yaml", "--loosen", "l1", "-o", "new.yaml", "--holdout=none")
     assert done.code == 0, done.err
     assert "loosened): l1" in done.err and "known by old.yaml" in done.err
-    run("calibrate", BIGLIDE, six, "--prior", "ranges", "-o", "alone.yaml", "-q")
+    run("calibrate", BIGLIDE, six, "--prior", "ranges", "-o", "alone.yaml", "-q", "--holdout", "none")
     new, fully, alone, old = (tool_error(folder / f"{n}.yaml", true) for n in ("new", "full", "alone", "old"))
     assert new < 2.5 * fully and new < 8e-6 < 0.5 * alone and old > 50e-6, (new, fully, alone, old)
     verified = run("check", BIGLIDE, full, "-p", "new.yaml", "-q")
@@ -63,7 +63,7 @@ def test_the_prior_counts_as_it_says(folder: Path) -> None:
     """The posterior of a linear problem: the sum of the informations, whatever unit parameters are in."""
     true = true_values("biglide", 3)
     six = write_table(folder / "six.csv", "biglide", true, 5, 6)
-    assert run("calibrate", BIGLIDE, six, "--prior", "old.yaml", "-o", "new.yaml", "-q").code == 0
+    assert run("calibrate", BIGLIDE, six, "--prior", "old.yaml", "-o", "new.yaml", "-q", "--holdout", "none").code == 0
     old, new = (yaml.safe_load((folder / n).read_text()) for n in ("old.yaml", "new.yaml"))
     sections = [dict(zip(s["names"], s["std"], strict=True)) for s in (old["correlations"], new["correlations"])]
     assert sections[0].keys() == sections[1].keys()  # what was held is identified now, by what is known of it
@@ -78,7 +78,7 @@ def test_names_without_partner_are_listed(folder: Path) -> None:
         f"extends: {BIGLIDE}\nparameters: {{l3: null, leg: 300}}\nactuators: {{q3: {{offset: leg}}}}\n"
     )
     six = write_table(folder / "six.csv", "biglide", true_values("biglide", 3), 5, 6)
-    done = run("calibrate", "other.yaml", six, "--prior", "old.yaml")
+    done = run("calibrate", "other.yaml", six, "--prior", "old.yaml", "--holdout", "none")
     assert "without partner in old.yaml, known to their ranges: leg" in done.err
     assert "not in this machine, left out: l3" in done.err
 
@@ -99,7 +99,7 @@ def test_odd_priors(folder: Path, arguments: list[str], code: int, told: str) ->
     (folder / "plain.yaml").write_text("parameters: {l1: {value: 300, unit: mm}}\n")
     spoilt = (folder / "old.yaml").read_text().replace("    - [1, ", "    - [-1, ", 1)
     (folder / "spoilt.yaml").write_text(spoilt)  # what has a negative variance is no covariance
-    done = run("calibrate", BIGLIDE, str(MACHINES / "biglide.csv"), *arguments)
+    done = run("calibrate", BIGLIDE, str(MACHINES / "biglide.csv"), *arguments, "--holdout", "none")
     assert done.code == code and told in done.err, done.err
 
 

@@ -15,7 +15,8 @@ from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.selection import select
 from pkmcal_cli.diagnosis import refits, search
-from tests.benchmark.setting import diagnosed
+from pkmcal_cli.diagnosis.run_diagnosis import diagnose
+from tests.benchmark.setting import ALPHA, diagnosed, ready
 from tests.command import MACHINES, clean, run
 from tests.hangprinter_cases import measured
 from tests.truth.campaigns import campaign, unit
@@ -79,7 +80,9 @@ def test_a_refit_that_leaves_rows_out_does_not_count(monkeypatch: pytest.MonkeyP
         return replace(fit, failed={3: "out of reach"}) if any("@" in n for n in selected) else fit
 
     monkeypatch.setattr(refits, "identify", leaving)
-    d = diagnosed(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4), 4)
+    case = ready(campaign("scissors", [unit("scissors", "backlash", "q3", 4).scaled(0.6)], 4))
+    few = replace(case.candidates, hypotheses=tuple(h for h in case.candidates.hypotheses if h.effect == "backlash"))
+    d = diagnose(few, case.problem, case.selected, ALPHA, 4)
     assert d.findings == () and d.verdict == "unknown"
 
 

@@ -70,7 +70,7 @@ def test_a_run_can_be_run_again(folder: Path) -> None:
 
 def test_the_history_of_runs(folder: Path) -> None:
     for options in (["--holdout", "none"], ["--holdout", "none", "--max-rms", "1 nm"]):
-        run("calibrate", "mine.yaml", "rows.csv", "--run", "runs", "-q", *options)
+        run("calibrate", "mine.yaml", "rows.csv", "--run", "runs", "-q", *options, "--holdout", "none")
     run("correct", "mine.yaml", "--grid", "x=300:400:2,y=250:300:2", "-o", "c.csv", "--run", "runs", "-q")
     found = run("compare", "runs", "--json")
     listed = found.json["runs"]

@@ -182,7 +182,7 @@ def test_a_diagnosis_from_a_calibrated_file_gives_the_same_names(tmp_path: Path)
     """What the data hardly see is held by its range about nominal, wherever fits begin: so the fit is the same."""
     params = tmp_path / "p.yaml"
     table = str(MACHINES / "scissors-shopfloor.csv")
-    run("calibrate", SCISSORS, table, "-o", params, "-q")
+    run("calibrate", SCISSORS, table, "-o", params, "-q", "--holdout", "none")
     plain = clean(run("diagnose", SCISSORS, table, "--json")).json
     done = clean(run("diagnose", SCISSORS, table, "-p", params, "--json")).json
     assert [(e["effect"], e["at"]) for e in done["effects"]] == [(e["effect"], e["at"]) for e in plain["effects"]]
@@ -197,7 +197,7 @@ def test_a_diagnosis_from_a_calibrated_file_gives_the_same_names(tmp_path: Path)
 @pytest.mark.parametrize("command", ["diagnose", "improve"])
 def test_wrong_files_and_words_are_the_errors_of_calibrate(command: str, tmp_path: Path) -> None:
     params = tmp_path / "p.yaml"
-    assert run("calibrate", SCISSORS, MACHINES / "scissors.csv", "-o", params, "-q").code == 0
+    assert run("calibrate", SCISSORS, MACHINES / "scissors.csv", "-o", params, "-q", "--holdout", "none").code == 0
     for wrong in (["-p", str(params)], ["--loss", "hube"], ["--prior", "range"], ["-p", "none.yaml"]):
         here, there = (run(c, TRIGLIDE, TRIGLIDE_DATA, *wrong) for c in (command, "calibrate"))
         assert here.code == there.code in (2, 3) and here.err == there.err and here.out == ""

@@ -194,7 +194,7 @@ def test_faults_of_tables(name: str, new: str, row: int | None, what: str, tmp_p
     table = changed(simulated(file, "m.csv"), name, new, row)
     if (name, row) == ("id", 3):
         table = changed(table, "to", "p7", 10)
-    done = clean(run("calibrate", file, table))
+    done = clean(run("calibrate", file, table, "--holdout", "none"))
     assert done.code == 3 and what in done.err and "help:" in done.err
     assert "m.csv:" in done.err
 
@@ -228,7 +228,7 @@ def test_every_kind_there_and_back(tmp_path: Path) -> None:
     for p in found["parameters"]:
         if p["std"] is not None and "frame@" not in p["name"]:
             assert abs(p["value"] - p["nominal"]) < 4 * p["std"], p
-    again = clean(run("calibrate", file, table, "--json", "-q", "-p", tmp_path / "p.yaml")).json
+    again = clean(run("calibrate", file, table, "--json", "-q", "-p", tmp_path / "p.yaml", "--holdout", "none")).json
     assert again["chi2"] == pytest.approx(found["chi2"], rel=1e-6)
 
 

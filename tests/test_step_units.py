@@ -51,7 +51,7 @@ def test_a_table_in_steps_gives_the_same_calibration(header: str, tmp_path: Path
     )
     results = []
     for name, changes, table in (("mm", sigma, TABLE), ("steps", steps, in_steps(header))):
-        done = clean(run("calibrate", *written(tmp_path, name, *changes, table=table), "--json"))
+        done = clean(run("calibrate", *written(tmp_path, name, *changes, table=table), "--json", "--holdout", "none"))
         assert done.code == 0, done.err
         results.append(done.json)
     plain, counted = results
@@ -152,7 +152,7 @@ def test_steps_in_headers_repetitions_and_pictures(tmp_path: Path) -> None:
     assert repeated.code == 0, repeated.err
     assert {r["channel"]: r["unit"] for r in repeated.json["replicates"]}["wire"] == "pulse"
     table.write_text("\n".join([lines[0].replace("wire [pulse]", "wire_pulse"), *lines[1:]]))
-    assert "did you mean `wire [pulse]`?" in clean(run("calibrate", machine, table)).err
+    assert "did you mean `wire [pulse]`?" in clean(run("calibrate", machine, table, "--holdout", "none")).err
 
 
 WRONG = {
@@ -186,7 +186,7 @@ def test_wrong_steps_are_told_once(law: str, tmp_path: Path) -> None:
 def test_a_column_in_steps_of_another_machine(tmp_path: Path) -> None:
     """A unit of its own is known to its own column only."""
     machine, table = written(tmp_path, "m", table=in_steps("id,q1 [step],q2 [mm],q3 [mm],x [mm],y [mm]"))
-    done = clean(run("calibrate", machine, table))
+    done = clean(run("calibrate", machine, table, "--holdout", "none"))
     assert done.code == 3 and "unknown unit `step` in column `q1 [step]`" in done.err
 
 

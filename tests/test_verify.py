@@ -24,7 +24,7 @@ def calibration(tmp_path: Path) -> str:
     """Parameters of a Biglide."""
     table = write_table(tmp_path / "before.csv", "biglide", true_values("biglide", 1), 1, 60)
     params = str(tmp_path / "params.yaml")
-    assert run("calibrate", BIGLIDE, table, "-o", params, "-q").code == 0
+    assert run("calibrate", BIGLIDE, table, "-o", params, "-q", "--holdout", "none").code == 0
     return params
 
 
@@ -72,7 +72,7 @@ def test_an_instrument_may_stand_elsewhere(tmp_path: Path) -> None:
     machine = tmp_path / "anywhere.yaml"
     machine.write_text(f"extends: {BIGLIDE}\nsensors: {{tracker: {{frame: fitted}}}}\ndatum: [x8, y8, yb1r]\n")
     before = write_table(tmp_path / "before.csv", "biglide", true_values("biglide", 1), 1, 60, turn=0.3)
-    assert run("calibrate", machine, before, "-o", tmp_path / "p.yaml", "-q").code == 0
+    assert run("calibrate", machine, before, "-o", tmp_path / "p.yaml", "-q", "--holdout", "none").code == 0
     after = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30, turn=-2.0)
     done = run("check", machine, after, "-p", tmp_path / "p.yaml", "--json", "-q")
     found = done.json["verification"]
@@ -145,7 +145,7 @@ def test_a_machine_far_from_its_drawing(tmp_path: Path) -> None:
     drawn = "l1: {nominal: 330, range: 50}, x8: {nominal: 380, range: 40}"
     far.write_text(f"extends: {BIGLIDE}\nparameters: {{{drawn}}}\n")
     before = write_table(tmp_path / "before.csv", "biglide", true_values("biglide", 1), 1, 60)
-    assert run("calibrate", far, before, "-o", tmp_path / "p.yaml", "-q", "--accept").code == 0
+    assert run("calibrate", far, before, "-o", tmp_path / "p.yaml", "-q", "--accept", "--holdout", "none").code == 0
     after = write_table(tmp_path / "after.csv", "biglide", true_values("biglide", 1), 2, 30)
     done = run("check", far, after, "-p", tmp_path / "p.yaml", "-q")
     assert done.code == 0, done.err

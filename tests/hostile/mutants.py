@@ -6,12 +6,14 @@ whose test cannot run at all are told, and the exit code is 1.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from tests.hostile.engine_mutants import ENGINE
@@ -19,8 +21,25 @@ from tests.hostile.inference_mutants import INFERENCE
 from tests.hostile.mutant_kinds import Mutant
 from tests.hostile.reader_mutants import READER
 
+Runner = Callable[[Sequence[str]], int]
 ROOT = Path(__file__).resolve().parents[2]
 MUTANTS: tuple[Mutant, ...] = (*ENGINE, *INFERENCE, *READER)
+_RUNNER = """
+import json, os, sys
+import hypothesis, numpy, pydantic, pytest, rich, scipy.linalg, scipy.special, yaml
+
+for line in sys.stdin:
+    sys.stdout.flush()
+    child = os.fork()
+    if not child:
+        said = os.open("said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(said, 1), os.dup2(said, 2)
+        code = pytest.main(json.loads(line))
+        sys.stdout.flush()
+        os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+"""Imports what no mutant changes, and forks for every line, a list of pytest's arguments: its exit code is printed."""
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "reference", "*.svg")
 
 
@@ -38,32 +57,46 @@ def changed(mutant: Mutant, text: str) -> str:
     return text.replace(mutant.old, mutant.new)
 
 
-def _outcome(mutant: Mutant, folder: Path, number: int) -> str:
+@contextmanager
+def _runner(folder: Path) -> Iterator[Runner]:
+    """A process that runs tests of the copy in `folder`."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    command, pipe = [sys.executable, "-c", _RUNNER], subprocess.PIPE
+    with subprocess.Popen(command, cwd=folder, env=environment, stdin=pipe, stdout=pipe, text=True) as running:
+        assert running.stdin is not None and running.stdout is not None
+        asked, told = running.stdin, running.stdout
+
+        def run(tests: Sequence[str]) -> int:
+            print(json.dumps(["-x", "-q", "-p", "no:cacheprovider", *tests]), file=asked, flush=True)
+            return int(told.readline())
+
+        yield run
+
+
+def _outcome(mutant: Mutant, folder: Path, number: int, run: Runner) -> str:
     """`killed`, or what else became of it."""
     file = folder / "pkmcal_cli" / mutant.file
     whole, status = file.read_text(encoding="utf-8"), file.stat()
     try:
         file.write_text(changed(mutant, whole), encoding="utf-8")
         os.utime(file, (status.st_atime, status.st_mtime + 10 * (number + 1)))  # else compiled code is taken for it
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *mutant.test.split()]
-        environment = os.environ | {"PYTHONPATH": str(folder)}
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        code = run(mutant.test.split())
     except ValueError as error:
         return f"does not apply: {error}"
     finally:
         file.write_text(whole, encoding="utf-8")
         os.utime(file, (status.st_atime, status.st_mtime))
-    last = done.stdout.strip().rsplit("\n", 1)[-1]
-    return {0: "SURVIVED", 1: "killed"}.get(done.returncode, f"test does not run: {last}")
+    last = (folder / "said").read_text(encoding="utf-8").strip().rsplit("\n", 1)[-1]
+    return {0: "SURVIVED", 1: "killed"}.get(code, f"test does not run: {last}")
 
 
 def outcomes(mutants: Sequence[Mutant]) -> list[tuple[Mutant, str]]:
     """Every mutant with what became of it."""
     out = []
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, _runner(Path(name)) as run:
         copied(Path(name))
         for number, mutant in enumerate(mutants):
-            out.append((mutant, _outcome(mutant, Path(name), number)))
+            out.append((mutant, _outcome(mutant, Path(name), number, run)))
             print(f"{out[-1][1]}: {mutant.file}: {mutant.new!r} by {mutant.test}", flush=True)
     return out
 
