@@ -6,7 +6,7 @@ import pytest
 
 from tests.hostile.fuzz import KINDS, fuzzed
 
-COUNTS = {"tables": 1000, "machine files": 200, "commands": 25}
+COUNTS = {"tables": 2000, "machine files": 300, "commands": 40}
 
 
 @pytest.mark.parametrize("kind", KINDS)

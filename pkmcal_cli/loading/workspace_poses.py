@@ -16,11 +16,11 @@ from pkmcal_cli.loading.nearby_poses import rows_before
 from pkmcal_cli.loading.poses import Poses, RowOrigin
 from pkmcal_cli.loading.tool_coordinates import kept_note, tool_motion
 from pkmcal_cli.model.model import Model
-from pkmcal_cli.model.tool_channels import tcp_model
 from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.model.workspace import Workspace
-from pkmcal_cli.prediction import Request, Rows, predict
+from pkmcal_cli.prediction import Rows
 from pkmcal_cli.prediction.inverse_kinematics import DrivePositions, drive_positions
+from pkmcal_cli.prediction.rigid_pose import placed_tool_poses
 
 _ROUNDS = 8
 _TRIED = 8  # drawn in each round, for each that is wanted
@@ -80,14 +80,10 @@ def _by_drives(loaded: LoadedMachine, workspace: Workspace, count: int) -> Itera
         message = "the workspace limits neither coordinates of the tool point nor all drives that are not redundant"
         hint = "add a `box` or a `cylinder`, or `limits` to the actuators"
         raise BadInput([loaded.machine.source.fault("workspace", message, ("workspace",), hint, at_key=True)])
-    bare = tcp_model(model).with_options(())
     for share in _shares(len(placing), count):
         readings = np.tile(model.reference_readings, (len(share), 1))
         readings[:, placing] = low + share * (high - low)
-        prediction = predict(bare, model.nominal, Rows.at(readings), Request("rigid"))
-        poses = np.zeros((int(prediction.solved.sum()), len(DIRECTIONS)))
-        poses[:, [DIRECTIONS.index(c.name) for c in bare.channels]] = prediction.values[prediction.solved]
-        yield drive_positions(model, poses)
+        yield drive_positions(model, placed_tool_poses(model, readings))
 
 
 def _shares(width: int, count: int) -> Iterator[Array]:

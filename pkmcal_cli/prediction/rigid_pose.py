@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array, log
 from pkmcal_cli.equilibrium.branch import regularity
-from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, reference_state, without_stress
+from pkmcal_cli.equilibrium.kinematics import State, place_prescribed, point_poses, reference_state, without_stress
 from pkmcal_cli.equilibrium.newton import Effort, NewtonOptions, follow, newton
 from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.strains import all_strains
@@ -22,6 +22,8 @@ from pkmcal_cli.mechanism.topology import Drive, DriveKind
 from pkmcal_cli.model.model import LEAST_MISFIT, Model
 from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
+from pkmcal_cli.prediction.rows import Rows
+from pkmcal_cli.prediction.stages import BaseCoefficients, commanded_coefficients
 
 _CLOSED, _REGULAR = 1e-9, 0.1  # sizes of the machine, and det J over that of the reference configuration
 REACH = 0.01  # a rigid pose whose gaps exceed this share of the machine's size does not close
@@ -74,6 +76,19 @@ def rigid_pose(
         status[failed] = _failure(model, coefficients[failed])
     _check_reach(model, numbers, state, status)
     return state, status
+
+
+def placed_tool_poses(model: Model, readings: Array) -> Array:
+    """Poses (n, 6) of the tool point at which the drives that are not redundant hold it alone, at nominal parameters.
+
+    readings (N, A): n of them have such a pose. What redundant drives read takes no part.
+    """
+    rows = Rows.at(readings)
+    coefficients = commanded_coefficients(model, BaseCoefficients.of(model, model.nominal), rows)
+    state, status = rigid_pose(model, coefficients, _RIGID, Effort())
+    solved = np.nonzero(status == RowStatus.SOLVED)[0]
+    tool = model.tool
+    return point_poses(model.topology, coefficients[solved], state.take(solved), tool.point, tool.rotation)
 
 
 def _check_reach(model: Model, numbers: SystemNumbers, state: State, status: NDArray[np.int_]) -> None:
