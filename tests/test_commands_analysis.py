@@ -122,7 +122,7 @@ def test_a_table_of_measurements_serves_as_poses() -> None:
 
 
 def test_rows_out_of_reach_are_named() -> None:
-    Path("far.csv").write_text("id,x,y\na,300,250\nb,9000,250\n")
+    Path("far.csv").write_text("id,x,y\na,300,250\nb,300,9000\n")
     for command in ("sensitivity", "observability"):
         done = run(command, TRIGLIDE, "far.csv")
         assert done.code == 3 and "far.csv:3: error[row]: row `b`: out of reach" in done.err

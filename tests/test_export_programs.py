@@ -151,6 +151,6 @@ def test_an_adjusted_parameter_has_one_value() -> None:
     text = STACKED.replace("sy: {nominal: 1}", entry)
     Path("m.yaml").write_text(text.replace("moves: ram, scale: sy}", "moves: ram, scale: sy, zero: z0}"))
     done = run("check", "m.yaml")
-    assert done.code == 1 and "not one per session" in done.err
+    assert done.code == 1 and "is the same in all sessions" in done.err
     Path("m.yaml").write_text(STACKED.replace("sy: {nominal: 1}", "sy: {nominal: 1, adjustable: [1]}"))
     assert run("check", "m.yaml").code == 1

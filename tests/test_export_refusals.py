@@ -99,7 +99,7 @@ def test_an_input_is_never_replaced() -> None:
 
 
 def test_without_targets_nothing_is_written() -> None:
-    Path("far.csv").write_text("x,y\n9000,275\n")
+    Path("far.csv").write_text("x,y\n500,9000\n")
     done = run("correct", BIGLIDE, "far.csv", "--as", "csv", "-o", "t.csv")
     assert done.code == 1 and not Path("t.csv").exists()
 

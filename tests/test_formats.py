@@ -87,7 +87,7 @@ def test_a_state_of_another_form_or_release_is_refused(tmp_path: Path) -> None:
     assert state["form"] == "pkmcal/state/1"
     file.write_text(json.dumps(state | {"form": "pkmcal/state/2"}))
     done = run(*study)
-    assert done.code == 3 and "pkmcal/state/2" in done.err and "knows `pkmcal/state/1`" in done.err
+    assert done.code == 3 and "pkmcal/state/2" in done.err and "reads `pkmcal/state/1`" in done.err
     file.write_text(json.dumps(state | {"asked": state["asked"] | {"version": "99.0"}}))
     done = run(*study)
     assert done.code == 3 and "version was 99.0" in done.err

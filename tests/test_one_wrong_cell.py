@@ -46,7 +46,7 @@ def test_it_is_the_reason_and_the_only_one(name: str, tmp_path: Path, monkeypatc
     monkeypatch.setattr(identify_module, "_identified", lambda *a, **k: fits.append(1) or once(*a, **k))
     done = run("calibrate", MACHINES / f"{name}.yaml", spoilt(name, tmp_path), "--holdout", "none")
     assert done.code == 1
-    told = [line for line in done.err.splitlines() if line.startswith("warning: 1 row is far off what")]
+    told = [line for line in done.err.splitlines() if line.startswith("warning: 1 row is far from what")]
     assert len(told) == 1 and f":{WRONG + 2} ({WRONG + 1})" in told[0]
     assert "column `" not in done.err and "starts follow" not in done.err
     assert len(fits) <= 6
@@ -98,7 +98,7 @@ def test_a_session_with_zeros_of_its_own_is_no_mistake(wrong: bool, tmp_path: Pa
     for name, part in (("a", cells[:-3]), ("b", cells[-3:])):
         (tmp_path / f"{name}.csv").write_text("\n".join([head, *(",".join(c) for c in part), ""]))
     done = run("calibrate", machine, tmp_path / "a.csv", tmp_path / "b.csv", "--holdout", "none")
-    assert ("far off what" in done.err) is wrong
+    assert ("far from what the other rows" in done.err) is wrong
 
 
 @pytest.mark.parametrize(("off", "rows"), [(0.5, (9, 10, 11)), (0.5, (2, 7, 11)), (40.0, (9, 10, 11))])
@@ -122,5 +122,5 @@ def test_rows_that_follow_one_another_have_one_cause(
     file = tmp_path / "m.csv"
     file.write_text("\n".join([head, *(",".join(c) for c in cells), ""]))
     told = run("calibrate", MACHINES / "triglide.yaml", file, "--holdout", "none").err
-    assert "3 rows are far off" in told and "no fit here" in told
+    assert "3 rows are far from" in told and "no fit here" in told
     assert ("they follow one another" in told) is (rows == (9, 10, 11))

@@ -229,12 +229,12 @@ def test_a_session_that_is_off_as_a_whole_is_no_wrong_row(monkeypatch: pytest.Mo
     Path("wed.csv").write_text("\n".join([kept[0], *(_moved(line, 0, -10.0) for line in kept[1:])]) + "\n")
     files = [f"{name}.csv" for name in ZEROS]
     done = run("calibrate", "m.yaml", *files, "--select", "z*", "--holdout", "none")
-    assert "far off what the others say" not in done.err and "z1[wed]" in done.err
+    assert "far from what the other rows predict" not in done.err and "z1[wed]" in done.err
     lines = Path("mon.csv").read_text().splitlines()
     lines[4] = _moved(lines[4], 3, 30.0)
     Path("mon.csv").write_text("\n".join(lines) + "\n")
     done = run("calibrate", "m.yaml", *files, "--select", "z*", "--holdout", "none")
-    assert done.code == 1 and "1 row is far off what the others say: mon.csv:5, `x` by up to" in done.err
+    assert done.code == 1 and "1 row is far from what the other rows predict: mon.csv:5, `x` by up to" in done.err
 
 
 def test_further_rows_belong_to_the_last_session(tmp_path: Path) -> None:

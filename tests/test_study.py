@@ -97,7 +97,7 @@ def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jo
             time.sleep(0.05)
         os.killpg(process.pid, how) if how is signal.SIGINT else process.send_signal(how)
         told = process.communicate()[1]
-    assert process.returncode == 130 and "of 5000 are done; the same command goes on" in told, told
+    assert process.returncode == 130 and "of 5000 are done; run the same command again" in told, told
     assert "Traceback" not in told
     done = len(json.loads(state.read_text())["results"])
     assert 1 <= done < 5000
@@ -110,13 +110,13 @@ def test_stopped_it_goes_on_without_loss(tmp_path: Path, how: signal.Signals, jo
     ("arguments", "told"),
     [
         ((SCISSORS, "--points", "2"), "2 points give 4 values, but scissors has"),
-        ((SCISSORS, "--points", "10,ten"), "no list of different numbers"),
-        ((SCISSORS, "--points", "10,10"), "no list of different numbers"),
-        ((SCISSORS, "--noise", "-1 um"), "no noise of a channel"),
-        ((SCISSORS, "--noise", "0 um"), "no noise of a channel"),
+        ((SCISSORS, "--points", "10,ten"), "is not a list of distinct numbers"),
+        ((SCISSORS, "--points", "10,10"), "is not a list of distinct numbers"),
+        ((SCISSORS, "--noise", "-1 um"), "is not a noise of a channel"),
+        ((SCISSORS, "--noise", "0 um"), "is not a noise of a channel"),
         ((SCISSORS, "--noise", "1 kg"), "1 kg"),
         ((SCISSORS, SCISSORS), "given twice"),
-        ((SCISSORS, "--within", "x=5"), "no side of a box"),
+        ((SCISSORS, "--within", "x=5"), "is not a side of a box"),
         ((SCISSORS, "--within", "x=5:1"), "has no room"),
         ((SCISSORS, "--within", "u=1:5"), "--within: `u` is not a coordinate"),
         ((TRIGLIDE,), "no workspace to draw points from"),
@@ -143,7 +143,7 @@ def test_a_state_of_another_study_is_refused(tmp_path: Path) -> None:
     for text in ("", "{}", "[1]", '{"form": "pkmcal/state/1", "asked": 3, "results": {}}'):
         state.write_text(text)
         done = run(*asked)
-        assert done.code == 3 and "no state of a work" in done.err, text
+        assert done.code == 3 and "this is not a state file" in done.err, text
 
 
 @pytest.mark.slow

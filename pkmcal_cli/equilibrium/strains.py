@@ -54,9 +54,9 @@ def all_strains(system: System, coefficients: Array | SystemNumbers, state: Stat
     """Compute the strains (N, E, m) of every group at a state, and nothing else."""
     numbers, out = system_numbers(system, coefficients), []
     stacked = geometries(system, state, rotated_offset_vectors(system.topology, numbers.bodies, state))
-    for index, (group, given) in enumerate(zip(system.groups, numbers.groups, strict=True)):
-        own = given.at(state.translation)
-        out.append(group_strains(group.group, group_geometry(system, index, stacked).links(own.sizes), own.rest)[0])
+    for index, (group, of_group) in enumerate(zip(system.groups, numbers.groups, strict=True)):
+        here = of_group.at(state.translation)
+        out.append(group_strains(group.group, group_geometry(system, index, stacked).links(here.sizes), here.rest)[0])
     return tuple(out)
 
 

@@ -183,14 +183,15 @@ def _from_earlier(
     near = np.nonzero(start.status == RowStatus.SOLVED)[0]
     if len(near):
         every = len(near) == len(start.status)
-        some, own, state = coefficients, numbers, start.state
+        some, some_numbers, state = coefficients, numbers, start.state
         if not every:
-            some, own, state = coefficients[near], numbers.take(near), state.take(near)
+            some, some_numbers, state = coefficients[near], numbers.take(near), state.take(near)
         placed = place_prescribed(model.topology, some, state, free=system.free)
-        state, status = newton(system, own, placed, model.length, _ELASTIC, effort)
+        state, status = newton(system, some_numbers, placed, model.length, _ELASTIC, effort)
         swung = np.nonzero(status != RowStatus.SOLVED)[0] if system.ropes else near[:0]
         if len(swung):  # a small tension is less than what the start lacks: ropes seem slack that carry
-            again, status[swung] = newton(system, own.take(swung), placed.take(swung), model.length, _TAUT, effort)
+            slackened = some_numbers.take(swung), placed.take(swung)
+            again, status[swung] = newton(system, *slackened, model.length, _TAUT, effort)
             state = state.put(swung, again)
         solved = WarmStart(state, status, start.misfit[near])
         rows = solved if every else rows.put(near, solved)
@@ -210,8 +211,8 @@ def _from_reference(model: Model, coefficients: Array, numbers: SystemNumbers, e
     every = len(good) == len(status)
     if not every:
         coefficients, numbers, state = coefficients[good], numbers.take(good), state.take(good)
-    found = _relaxed_equilibrium(model, coefficients, numbers, state, model.redundant_drives, effort)
-    solved = WarmStart(*found, rows.misfit[good])
+    relaxed = _relaxed_equilibrium(model, coefficients, numbers, state, model.redundant_drives, effort)
+    solved = WarmStart(*relaxed, rows.misfit[good])
     return solved if every else rows.put(good, solved)
 
 

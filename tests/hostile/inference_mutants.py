@@ -55,8 +55,8 @@ INFERENCE = (
     ),
     Mutant(
         "calibration/error_budget.py",
-        "by_held=gain @ whole[:p, p:] * own",
-        "by_held=0 * gain @ whole[:p, p:] * own",
+        "by_held=gain @ whole[:p, p:] * scale",
+        "by_held=0 * gain @ whole[:p, p:] * scale",
         "tests/test_error_budget.py",
     ),
     Mutant(
