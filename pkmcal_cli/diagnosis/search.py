@@ -29,6 +29,7 @@ MOST_EFFECTS = 5
 _ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
 BETTER = 0.5  # log evidence by which another set of effects must be better
 _BRANCHES = 4  # ends of a search that are followed
+_DIGITS = 3  # of a log evidence; the rest is rounding
 _UNDECIDED, _SAME = 1.0, 0.999  # log evidence between two that are both followed; cosine of those that are the same
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
@@ -108,7 +109,7 @@ def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
         trials.append((float(shape[k] + log_evidence(gain, np.array(scored.scores[k].count))), k, after))
     if not trials:
         return [search]
-    trials.sort(key=lambda trial: -trial[0])
+    trials.sort(key=lambda trial: (-round(trial[0], _DIGITS), trial[1]))  # of equals the first of the catalogue
     near = [k for gain, k, _ in trials if gain > trials[0][0] - _UNDECIDED]
     alike = cosines(scored.linear, scored.hypotheses, scored.scores, near[0], near)
     kept = [trial for trial, c in zip(trials, alike, strict=False) if trial[1] == near[0] or c < _SAME]

@@ -19,6 +19,7 @@ from pkmcal_cli.effects import Column, catalogue
 from pkmcal_cli.prediction import Prediction, Request, fixed_smoothing, predict
 from pkmcal_cli.units.measurands import Measurand
 
+_EQUAL = 1e-9  # relative: sizes that differ by rounding
 _NOTHING = 1e-9  # of the machine's size, rad, and of the largest force: what rounding moves
 _LAST = 1e12
 _RELAXED = 1e-10  # J: strain energy of a machine in which nothing is strained
@@ -59,9 +60,9 @@ class SimulatedEffect:
 
     @cached_property
     def leading(self) -> tuple[Movement, int]:
-        """The parameter that moves a reading most, and the number of this reading."""
-        sizes = np.array([m.rms / self.scale for m in self.movements])
-        k, c = np.unravel_index(np.argmax(np.nan_to_num(sizes, nan=-1.0)), sizes.shape)
+        """The parameter that moves a reading most, and the number of this reading; of equals the first."""
+        sizes = np.nan_to_num([m.rms / self.scale for m in self.movements], nan=-1.0)
+        k, c = np.unravel_index(np.argmax(sizes >= sizes.max() * (1 - _EQUAL)), sizes.shape)
         return self.movements[int(k)], int(c)
 
     @property
