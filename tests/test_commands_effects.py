@@ -75,7 +75,8 @@ def test_it_moves_what_it_moves_where_it_is_declared(tmp_path: Path, name: str) 
             assert reading["rms"] == pytest.approx(np.sqrt((change**2).mean()), abs=1e-9)
     assert not any(p["name"].endswith(".n0") for p in found["parameters"]), "where the line lies is no error"
     most = max(r["rms"] for p in found["parameters"] for r in p["readings"])
-    assert found["rms"] == pytest.approx(most, rel=2e-9) and found["parameter"] in {p["name"] for p in found["parameters"]}
+    assert found["rms"] == pytest.approx(most, rel=2e-9), "of equals the first"
+    assert found["parameter"] in {p["name"] for p in found["parameters"]}
 
 
 @pytest.mark.parametrize("machine", [SCISSORS, TRIGLIDE, HANGPRINTER])
