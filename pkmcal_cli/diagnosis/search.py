@@ -29,7 +29,7 @@ MOST_EFFECTS = 5
 _ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
 BETTER = 0.5  # log evidence by which another set of effects must be better
 _BRANCHES = 4  # ends of a search that are followed
-_DIGITS = 3  # of a log evidence; the rest is rounding
+_DIGITS = 6  # of a log evidence; the rest is rounding
 _UNDECIDED, _SAME = 1.0, 0.999  # log evidence between two that are both followed; cosine of those that are the same
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
