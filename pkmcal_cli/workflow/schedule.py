@@ -62,7 +62,7 @@ def write_schedule(
         dwell=options.dwell, feed=options.feed, origin=options.origin,
     )  # fmt: skip
     write_form(options.form, schedule, target, inputs, options.force)
-    return _correlation_lines(target, order, together)
+    return _summary(target, order, together)
 
 
 def _ways(model: Model, there: Array, begin: Array, held: list[int]) -> list[Array]:
@@ -78,7 +78,7 @@ def _readings(loaded: LoadedMachine) -> list[tuple[str, str | None]]:
     return [(split_header(known[c.name, "channel"].header).name, known[c.name, "channel"].unit) for c in read]
 
 
-def _correlation_lines(target: str, order: list[tuple[int, bool]], together: float) -> list[str]:
+def _summary(target: str, order: list[tuple[int, bool]], together: float) -> list[str]:
     """Length, duration and order of a schedule in words."""
     visits = sum(datum for _, datum in order)
     minutes = max(1, round(len(order) * PACE / 60))
