@@ -11,7 +11,10 @@ import pytest
 from scipy.optimize import fsolve
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.model.workspace import Cylinder
+from pkmcal_cli.loading.load_machine import load_machine
+from pkmcal_cli.loading.workspace_poses import workspace_poses
+from pkmcal_cli.model.workspace import Cylinder, Workspace
+from pkmcal_cli.prediction import rigid_pose
 from tests.command import MACHINES, Done, run, timeless
 from tests.support import SHIPPED, compiled, model, truth
 from tests.tool_machines import CRANK, HEAD, head_poses
@@ -239,3 +242,15 @@ def test_the_substructure_is_looked_at_in_the_workspace(box: str, lost: bool) ->
     assert done.code == 0 and (place is not None) is lost
     if place is not None:
         assert 300 <= float(place[1]) <= 420 and 60 <= float(place[2]) < 105  # from where it is hardly held
+
+
+def test_poses_spread_over_drives_are_on_the_branch_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed form of the independent simulator; redundant drives follow from the pose, and are not asked before."""
+    monkeypatch.setattr(rigid_pose, "common_pose", lambda *_: pytest.fail("what redundant drives read plays no part"))
+    loaded, whole = load_machine(str(MACHINES / "triglide.yaml")), np.full(6, np.inf)
+    travel = np.array([[-0.3, 0.5], [0.3, 1.1], [0.6, 1.4]])
+    poses, _ = workspace_poses(loaded, Workspace(-whole, whole, None, travel), 40)
+    readings = poses.rows.readings
+    place = truth("triglide").forward(readings).tcp[:, :2]
+    assert len(readings) == 40 and np.ptp(readings[:, :2], axis=0).min() > 0.5
+    assert np.allclose(truth("triglide").inverse(place), readings, atol=1e-9)
