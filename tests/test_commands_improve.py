@@ -10,7 +10,9 @@ import yaml
 
 from pkmcal_cli.diagnosis.closed_loop import improve
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.report_rows import OuterFold
+from pkmcal_cli.diagnosis.report_rows import Interval, OuterFold
+from pkmcal_cli.report.improvement import rms_change
+from pkmcal_cli.units.unit_text import parse_unit
 from tests.benchmark.setting import ready
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, SHOPFLOOR, Done, clean, run, timeless
 from tests.computed_once import run_once
@@ -246,3 +248,10 @@ def test_report_rows_see_only_what_their_own_rotation_chose(monkeypatch: pytest.
     assert [s.chosen for s in most.steps] == [4] and [s.chosen for s in every.steps] == [5]
     assert most.before == every.before
     assert every.after.report["position"].rms < most.after.report["position"].rms < every.before.report["position"].rms
+
+
+def test_an_error_that_grows_is_said_to_rise() -> None:
+    """With the ends of its interval in the order of numbers; nothing falls by less than nothing."""
+    um = parse_unit("um")
+    assert rms_change(Interval(8e-6, 6e-6, 9e-6), um) == "falls by 8 um, 95 % interval: 6 um to 9 um"
+    assert rms_change(Interval(-8e-6, -9e-6, 2e-6), um) == "rises by 8 um, 95 % interval: -2 um to 9 um"

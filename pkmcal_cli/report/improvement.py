@@ -8,7 +8,7 @@ from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures
 from pkmcal_cli.diagnosis.closed_loop import Step
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
-from pkmcal_cli.diagnosis.report_rows import Errors
+from pkmcal_cli.diagnosis.report_rows import Errors, Interval
 from pkmcal_cli.diagnosis.search import MOST_EFFECTS
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
@@ -16,6 +16,7 @@ from pkmcal_cli.report.improved_files import ImprovedFiles
 from pkmcal_cli.report.number_format import finite, readable
 from pkmcal_cli.report.sentences import listed
 from pkmcal_cli.report.shape_text import ShapeText
+from pkmcal_cli.units.unit_text import Unit
 
 _NOTHING = {
     "clean": "the residuals agree with the stated noise",
@@ -176,11 +177,8 @@ class ImprovementReport(ImprovedFiles):
         improvement = self.improvement
         if improvement.whole.verdict in _NOTHING:
             return f"nothing to improve: {_NOTHING[improvement.whole.verdict]}"
-        gain, unit = improvement.rms_gain, self.diagnosis.error_unit
-        most = max(abs(gain.low), abs(gain.high))
-        value, low, high = (readable(x, unit, like=most) for x in (gain.value, gain.low, gain.high))
         positions = "position " if "position" in improvement.before.report else ""
-        interval = f"{positions}rms falls by {value}, 95 % interval: {low} to {high}"
+        interval = f"{positions}rms {rms_change(improvement.rms_gain, self.diagnosis.error_unit)}"
         if not improvement.confirmed:
             why = f"\n{interval}" if improvement.accepted else ""
             return f"NOT IMPROVED: no effect is confirmed by rows used neither for fitting nor for selection{why}"
@@ -196,3 +194,12 @@ def _parts(errors: Errors) -> tuple[dict[str, ErrorFigures], ...]:
 
 def _added(step: Step) -> str:
     return "added" if step.accepted else "not added"
+
+
+def rms_change(gain: Interval, unit: Unit) -> str:
+    """Whether an rms falls or rises, by how much, and the interval of that; gain: by what it falls, SI."""
+    most = max(abs(gain.low), abs(gain.high))
+    falls = gain.value >= 0
+    ends = (gain.value, gain.low, gain.high) if falls else (-gain.value, -gain.high, -gain.low)
+    value, low, high = (readable(x, unit, like=most) for x in ends)
+    return f"{'falls' if falls else 'rises'} by {value}, 95 % interval: {low} to {high}"
