@@ -285,7 +285,7 @@ def _added(
     request: PlanRequest,
 ) -> tuple[Added, Approaches]:
     """Points to add, out of reachable ones within and a little around the plan, and how they are approached."""
-    problem, most = plan.problem, request.points or goal.usual_points
+    problem, most = plan.problem, request.points or goal.most_points
     pool, ways = candidate_points(loaded, problem, values, max(_POOL, 2 * most), request.seed)
     both = with_rows(problem, pool)
     others = [n for group in goal.aim.parameters for n in group if n not in selected]

@@ -32,7 +32,7 @@ class RequestedAim:
     limit: float | None = None
 
     @property
-    def usual_points(self) -> int:
+    def most_points(self) -> int:
         """How many points are added, at most, where none is stated."""
         return _FEW if self.limit is None else _MANY
 
