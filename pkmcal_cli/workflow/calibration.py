@@ -263,7 +263,7 @@ def _fit(
             gross=gross,
         )
     except RowsFailed as failure:
-        raise unsolved(s.loaded, s.measured, s.problem, failure.evaluation) from None
+        raise unsolved(s.measured, failure.evaluation.prediction) from None
     if calibration.agreement is not None:
         to.say(calibration.agreement.text)
     return calibration

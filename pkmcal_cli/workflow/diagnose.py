@@ -119,4 +119,4 @@ def diagnosed(case: Case, alpha: float, seed: int, to: Listener) -> Diagnosis:
         with to.stages() as observe:
             return diagnose(candidates, problem, selected, alpha, seed, loss=case.loss, observe=observe)
     except RowsFailed as failure:
-        raise unsolved(case.loaded, case.measured, case.problem, failure.evaluation) from None
+        raise unsolved(case.measured, failure.evaluation.prediction) from None

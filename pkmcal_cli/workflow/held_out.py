@@ -59,7 +59,7 @@ def validated(loaded: LoadedMachine, problem: Problem, fit: Fit, other: Measurem
     try:
         return validate(apart, problem.model, fit, f"rows of {other.files[0]}")
     except RowsFailed as failure:
-        raise unsolved(loaded, other, apart, failure.evaluation) from None
+        raise unsolved(other, failure.evaluation.prediction) from None
 
 
 def holdout_file(scheme: str | None) -> str | None:

@@ -193,7 +193,7 @@ def _improved(case: Case, validation: Problem | None, request: ImproveRequest, t
                 workers=Workers.of(request.jobs),
             )
     except RowsFailed as failure:
-        raise unsolved(case.loaded, case.measured, case.problem, failure.evaluation) from None
+        raise unsolved(case.measured, failure.evaluation.prediction) from None
 
 
 def _named(candidates: Candidates, names: str) -> Candidates:

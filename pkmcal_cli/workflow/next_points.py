@@ -135,7 +135,7 @@ def next_points(
         with to.stages() as observe:
             fit = calibrated(problem, selected, start.values, FitOptions(), session, observe=observe)
     except RowsFailed as failure:
-        raise unsolved(loaded, measured, problem, failure.evaluation) from None
+        raise unsolved(measured, failure.evaluation.prediction) from None
     done = np.nonzero(problem.measured.any(axis=1))[0]
     campaign = _Campaign(
         problem=problem.take(done),

@@ -46,7 +46,7 @@ def verify(
     try:
         verification = verified(problem, start.values, Known(*start.covariance, left))
     except RowsFailed as failure:
-        raise unsolved(loaded, measured, problem, failure.evaluation) from None
+        raise unsolved(measured, failure.evaluation.prediction) from None
     limit, unit = tolerance or (None, None)
     by_limit = None if limit is None else judged(verification, limit)
     report = VerificationReport(verification, by_limit, unit, partial(place_of, measured))
