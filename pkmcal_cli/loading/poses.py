@@ -18,7 +18,7 @@ from pkmcal_cli.prediction import Rows, joined_rows
 from pkmcal_cli.tables.measurement_set import Measurements
 
 OUT_OF_REACH = "out of reach: no actuator positions for this pose of the tool point"
-_SHOWN = 50  # failed rows told one by one
+_SHOWN = 20  # failed rows told one by one
 
 
 @dataclass(frozen=True)
