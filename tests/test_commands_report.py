@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import html
 import re
-import shlex
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -245,20 +243,6 @@ def test_a_second_table_is_judged_and_its_circle_measured(tmp_path: Path) -> Non
     assert ring["radius"] == pytest.approx(50, abs=0.05) and 0 <= ring["circular"] < 40
     page = (tmp_path / "s.html").read_text(encoding="utf-8")
     assert "ISO 230-4, radius" in page and "feed 1000 mm/min" in page and "Measured after correction" in page
-
-
-def test_commands_of_a_judged_sheet_run_as_they_are_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the options of the fit; after correction no set values are proposed again, but how to see changes later."""
-    monkeypatch.chdir(tmp_path)
-    for name, text in (("m.csv", perfect(1)), ("after.csv", circle(50.0)), ("LATER.csv", perfect(2))):
-        Path(name).write_text(text, encoding="utf-8")
-    files = ("triglide-nonredundant", "m.csv", "--after", "after.csv", "--select", "l1")
-    clean(run("report", *files, "-o", "s.html", "-q"))
-    page = Path("s.html").read_text(encoding="utf-8")
-    printed = [html.unescape(line) for line in re.findall(r"pkmcal (?:calibrate|correct|check|plan) [^<]*", page)]
-    assert [line.split()[1] for line in printed] == ["calibrate", "check"] and "--select l1" in printed[0]
-    for line in printed:
-        assert run(*shlex.split(line)[1:]).code == 0
 
 
 def test_rows_that_were_calibrated_judge_nothing(tmp_path: Path) -> None:

@@ -69,9 +69,9 @@ class ReportRequest:
     @property
     def fit_words(self) -> tuple[str, ...]:
         """Options of the fit, as words of a command line."""
-        usual = {"select": "auto", "loss": "squares", "prior": "none"}
-        stated = ((name, str(getattr(self, name))) for name, default in usual.items() if getattr(self, name) != default)
-        return tuple(word for name, value in stated for word in (f"--{name}", value))
+        defaults = {"select": "auto", "loss": "squares", "prior": "none"}
+        stated = [name for name, default in defaults.items() if getattr(self, name) != default]
+        return tuple(word for name in stated for word in (f"--{name}", getattr(self, name)))
 
 
 def run_report(request: ReportRequest) -> int:
