@@ -71,8 +71,9 @@ def validated(source: SourceMap, faults: FaultList) -> tuple[WrittenMachine | No
     Adds a fault for everything that does not fit; no machine where nothing can be said further.
     """
     data = source.root.plain()
-    for section in [name for name, value in data.items() if value is None and name in Machine.model_fields]:
-        del data[section]  # a heading with nothing below it
+    for name, stated in Machine.model_fields.items():
+        if name in data and data[name] is None and not stated.is_required():
+            del data[name]  # a heading with nothing below it
     quarantined = Quarantine()
     space = data.get("space")
     context = {"space": space if isinstance(space, str) else None}  # what it should be is told by its own field
