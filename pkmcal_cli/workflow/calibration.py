@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.base.errors import BadInput, Fault, Location, UsageError
+from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum
-from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
@@ -38,6 +37,7 @@ from pkmcal_cli.report.provenance import provenance
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import by_method, checked_method, selection
 from pkmcal_cli.workflow.computed_readings import computed_readings
+from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
 from pkmcal_cli.workflow.prior_file import earlier_calibration
@@ -222,9 +222,7 @@ def _after(
 
 def _determined(s: CalibrationSetting, states: WarmStart, to: Listener) -> CalibrationSetting:
     """The setting without the parameters that are held as datum. Raises BadInput for data that determine too little."""
-    asked = determinacy(s.problem, s.start.values, s.selected, states)
-    if asked.refusal:
-        raise BadInput([Fault("under-determined", asked.refusal, Location(s.loaded.model.name), asked.remedy)])
+    asked = determined(s.loaded.model.name, s.problem, s.start.values, s.selected, states)
     for line in asked.notes:
         to.say(line)
     return replace(s, selected=asked.selected, datum=asked.datum)

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.errors import BadInput, Fault, Location
+from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.determinacy import determinacy
 from pkmcal_cli.calibration.errors_before_after import kinds_of
 from pkmcal_cli.calibration.holdout import fold_labels, replicate_groups
 from pkmcal_cli.calibration.measured_problem import problem_of
@@ -24,6 +23,7 @@ from pkmcal_cli.report.number_format import finite, readable
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.units.unit_text import Unit
 from pkmcal_cli.workflow.arguments import selection
+from pkmcal_cli.workflow.determined import determined
 
 _FOLDS = 5
 
@@ -81,9 +81,7 @@ def compare_machines(first: str, second: str, tables: tuple[str, ...], to: Repor
     squares = []
     for name, p, columns in zip((first, second), problems, (k[kind] for k in kinds), strict=True):
         selected = selection(p.model, "auto")
-        asked = determinacy(p, p.model.nominal, selected)
-        if asked.refusal:
-            raise BadInput([Fault("under-determined", asked.refusal, Location(p.model.name), asked.remedy)])
+        asked = determined(p.model.name, p, p.model.nominal, selected)
         with to.step(f"{name} on held-out rows"):
             squares.append(held_out_squares(p, asked.selected, p.model.nominal, labels, columns))
     errors = paired(squares[0], squares[1], replicate_groups(problems[0]))

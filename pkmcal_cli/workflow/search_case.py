@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, Location
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.complete_fit import FitOptions, with_prior
 from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.measured_problem import problem_of
@@ -23,6 +24,7 @@ from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, 
 from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import one_stdin, selection
+from pkmcal_cli.workflow.determined import determined
 
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
 
@@ -58,7 +60,7 @@ class Case:
     measured: Measurements
     candidates: Candidates
     problem: Problem  # of the candidates' model
-    selected: tuple[str, ...]
+    selected: tuple[str, ...]  # without what is held as datum
     start: Start  # values that fits begin with, and where they come from
     loss: Loss
     hints: tuple[str, ...] = ()  # at gross mistakes
@@ -67,6 +69,11 @@ class Case:
     def inputs(self) -> dict[str, str]:
         """sha256 by name of all that was read."""
         return self.loaded.inputs | self.start.inputs | self.measured.inputs
+
+    @property
+    def begin(self) -> Array:
+        """Values (P,) of all parameters of the problem's model that fits begin with, SI."""
+        return replace(self.candidates, model=self.problem.model).begin()
 
     @property
     def record(self) -> dict[str, str]:
@@ -105,7 +112,11 @@ def prepare(
         start=start,
         loss=loss,
     )
-    return replace(case, hints=_hints(case, to))
+    case = replace(case, hints=_hints(case, to))
+    asked = determined(model.name, problem, case.begin, selected)
+    for line in asked.notes:
+        to.say(line)
+    return replace(case, selected=asked.selected)
 
 
 def _hints(case: Case, to: Listener) -> tuple[str, ...]:
@@ -118,8 +129,7 @@ def _hints(case: Case, to: Listener) -> tuple[str, ...]:
         to.warn(finding)
     for text in case.start.warnings:
         to.warn(text)
-    begin = replace(case.candidates, model=problem.model).begin()
-    hints = measurement_hints(case.loaded, problem, begin, measured)
+    hints = measurement_hints(case.loaded, problem, case.begin, measured)
     for hint in (*hints, *copied_rows(problem, measured)):
         to.warn(f"warning: {hint}")
     if derived := derived_directions(measured, [a.name for a in case.loaded.model.actuators]):
