@@ -10,6 +10,12 @@ import numpy as np
 import pytest
 import yaml
 
+from pkmcal_cli.calibration.condensed import condensed
+from pkmcal_cli.calibration.datum import gauge_of
+from pkmcal_cli.calibration.identifiability import directions
+from pkmcal_cli.calibration.measured_problem import problem_of
+from pkmcal_cli.calibration.residual import evaluate
+from pkmcal_cli.loading.load_machine import load_machine, load_measurements
 from tests.command import run
 from tests.support import compiled
 
@@ -161,16 +167,23 @@ def test_a_place_along_a_rail_and_the_zero_of_its_drive_are_no_gauge(tmp_path: P
     assert "cannot be separated from" in told["h1"] and "z1" in told["h1"]
 
 
-def test_a_turn_of_frames_and_rails_is_found() -> None:
-    """Places in frames that turn: their derivatives by finite differences of the places themselves."""
-    text = HEAD.replace('turn: [0, 0, "{a}"]', 'at: ["u{i}", 0, 10], turn: [0.1, "t{i}", "{a}"]', 1).replace(
-        "along: z", 'along: ["s{i}", 0, 1]'
-    )
-    more = "".join(
+TURNED = HEAD.replace('turn: [0, 0, "{a}"]', 'at: ["u{i}", 0, 10], turn: [0.1, "t{i}", "{a}"]', 1).replace(
+    "along: z", 'along: ["s{i}", 0, 1]'
+).replace(
+    "frames:",
+    "".join(
         f'  "{name}{{i}}": {{each: {{i: [1, 2, 3]}}, nominal: {nominal}, range: 1}}\n'
         for name, nominal in (("u", 3), ("t", "2 deg"), ("s", 0.1))
     )
-    model = compiled(text.replace("frames:", more + "frames:", 1)).model
+    + "frames:",
+    1,
+)
+
+
+@pytest.mark.parametrize("text", [TURNED, "triglide", "scissors", "delta4", "gantry"])
+def test_places_move_as_their_derivatives_say(text: str) -> None:
+    """In frames that turn, along rails that tilt, in the plane: by finite differences of the places themselves."""
+    model = compiled(text).model
     coefficients, rng = model.topology.coefficients, np.random.default_rng(0)
     values = dict(model.by_name(model.nominal))
     values |= {n: v + rng.normal(scale=1e-3) for n, v in values.items()}
@@ -187,3 +200,49 @@ def places(model: Any, values: Mapping[str, float]) -> Any:
 
 def values(result: Mapping[str, Any]) -> dict[str, float]:
     return {p["name"]: p["value"] for p in result["parameters"]}
+
+
+def test_only_bench_measurements_that_tell_of_others_are_proposed(table: Path) -> None:
+    machine = table.with_name("planned.yaml")
+    machine.write_text(f"{HEAD}datum: [br1, bt1, z1]\n")
+    proposals = run("plan", machine, table, "--json").json["bench"]
+    assert proposals
+    for proposal in proposals:
+        assert len(proposal["std"]) > 1
+        for known in proposal["std"]:
+            assert known["after"] is not None and (known["before"] is None or known["after"] < known["before"])
+
+
+def test_one_line_says_what_to_do_about_all_that_is_weak(table: Path) -> None:
+    """With the option that it names, fewer combinations are weak, and what was undetermined is not any more."""
+    machine = table.with_name("weak.yaml")
+    machine.write_text(f"{HEAD}datum: [br1, bt1, z1]\n")
+    lines = run("observability", machine, table).err.splitlines()
+    weak = [line for line in lines if line.startswith("weak: ")]
+    (option,) = [line.split("`")[1] for line in lines if line.startswith("help: their ranges hold them")]
+    assert len(weak) > 2 and sum(line.startswith("help:") for line in lines) <= 2
+    null = [n for line in lines if line.startswith("help: fix") for n in line.split("`")[1].split(",")[1:]]
+    seen = run("observability", machine, table, "--select", ",".join([option.removeprefix("--select "), *null]))
+    assert seen.code == 0 and "undetermined" not in seen.err
+    assert sum(line.startswith("weak: ") for line in seen.err.splitlines()) < len(weak)
+
+
+def test_what_is_free_moves_all_rails_alike(table: Path) -> None:
+    """Each freedom is a shift of all places, and of the zeros of the drives where it is along them; no frame turns."""
+    loaded = load_machine(table.with_name("head.yaml"))
+    problem = problem_of(loaded.model, load_measurements(loaded, [table]))
+    model, start = problem.model, problem.model.nominal
+    selected = tuple(p.name for p in model.parameters)
+    rows = evaluate(problem, start, selected)
+    spectrum = directions(condensed(problem, rows).jacobian, selected, model.ranges)
+    gauge = gauge_of(problem, start, spectrum)
+    assert gauge.motions == ("shift along x", "shift along y", "shift along z")
+    numbers = model.by_name(start)
+    chain = model.topology.coefficients.jacobian(numbers, selected)
+    motion = model.base.motion(model.topology.coefficients.values(numbers), chain * model.ranges)
+    shifts = (motion @ gauge.directions.T).reshape(-1, 3, 3)  # (places and frames, xyz, freedoms)
+    assert np.linalg.matrix_rank(shifts[0], tol=1e-6) == 3
+    size = np.abs(shifts[0]).max()
+    for place in shifts[1:3]:
+        assert place == pytest.approx(shifts[0], abs=1e-4 * size)
+    assert np.abs(shifts[3:]).max() <= 1e-4 * size

@@ -77,6 +77,13 @@ def test_an_instrument_may_stand_elsewhere(tmp_path: Path) -> None:
     done = run("check", machine, after, "-p", tmp_path / "p.yaml", "--json", "-q")
     found = done.json["verification"]
     assert done.code == 0 and found["degrees_of_freedom"] == 57 and len(found["fitted"]) == 3
+    aligned = write_table(tmp_path / "aligned.csv", "biglide", true_values("biglide", 1), 2, 30)
+    for file, told in ((machine, True), (BIGLIDE, False)):  # what then cannot be judged is said beside the verdict
+        parameters = tmp_path / f"{told}.yaml"
+        assert run("calibrate", file, before if told else aligned, "-o", parameters, "-q").code == 0
+        shown = run("check", file, after if told else aligned, "-p", parameters).err
+        assert ("where the machine as a whole is cannot be judged" in shown) == told
+        assert "Actuators in the reference configuration" not in shown
 
 
 def test_iso_14253() -> None:

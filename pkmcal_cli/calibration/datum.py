@@ -29,8 +29,8 @@ _SPATIAL = (
 )
 _PLANAR = ("scale", "rotation about z", "shift along x", "shift along y")
 _SAME = 1e-4  # of the largest singular value: fields agree
-_MOVED = 1e-3  # of what the ranges do to the base: what moves it less, as what is nearly null may, does not move it
-_FELT = 1e-3  # of a motion by one: generators that have less part in it have none
+_MOVED = 1e-3  # of what the ranges do to the base: a null direction that moves it less does not (most are nearly null)
+_FELT = 1e-3  # of a motion: shifts, rotations and a scale that have less part in it have none
 _CLEARLY, _HARDLY = 0.3, 1e-3  # share of what holding a parameter fixes that others do not
 _SHARE = 0.05  # a motion is named by the generators that have more than this share of it
 

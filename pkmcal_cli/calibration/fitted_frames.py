@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.effects.instrument import FRAME
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
@@ -15,3 +18,10 @@ def fitted_frames(model: Model) -> list[PlacedEffect]:
 def frame_parameters(model: Model) -> frozenset[str]:
     """Names of their parameters."""
     return frozenset(n for e in fitted_frames(model) for n in e.parameters)
+
+
+def stands_anywhere(problem: Problem) -> bool:
+    """Whether no instrument that measured positions is aligned to the machine."""
+    model, measured = problem.model, np.asarray(problem.measured.any(axis=0))  # (C,)
+    reading = {s.name for s in model.sensors if any(measured[k] for k, _ in s.places)}
+    return bool(reading) and reading <= model.fitted_frames

@@ -55,7 +55,7 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     spectrum = directions(rows, fit.selected, ranges)
     moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
     known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)
-    unranged = np.array([n in frame_parameters(model) for n in fit.selected], dtype=bool)
+    unranged = np.isin(fit.selected, list(frame_parameters(model)))
     known = null_space(known[:, unranged].T).T @ known if unranged.any() and known.size else known
     half, p = ranges / 2.0, len(ranges)
     transfer = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has

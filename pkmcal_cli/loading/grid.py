@@ -65,13 +65,13 @@ class Grid:
         return (kept_note(kept),) if kept else ()
 
 
-def spread_count(text: str, option: str = "--grid") -> int | None:
+def spread_count(text: str) -> int | None:
     """How many poses a plain number asks for, spread over the workspace; None for axes. Raises UsageError."""
     if not re.fullmatch(r"\s*[+-]?\d+\s*", text, re.ASCII):
         return None
     number = int(text) if len(text) < 16 else _MOST_SPREAD + 1
     if not 0 < number <= _MOST_SPREAD:
-        raise UsageError(f"{option}: `{text.strip()}` is not a number of poses", hint=f"give 1 to {_MOST_SPREAD}")
+        raise UsageError(f"--grid: `{text.strip()}` is not a number of poses", hint=f"give 1 to {_MOST_SPREAD}")
     return number
 
 

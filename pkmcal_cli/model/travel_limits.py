@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.model.limits import limit_excess
@@ -21,7 +19,7 @@ class TravelLimits:
     model: Model
     rows: int = 0
     outside: dict[int, int] = field(default_factory=dict)  # by number of the drive: positions outside
-    worst: dict[int, tuple[float, str]] = field(default_factory=dict)  # the reading, and where it is
+    worst: dict[int, tuple[float, float, str]] = field(default_factory=dict)  # how far outside, reading, where it is
 
     def add(self, readings: Array, place: Callable[[int], object]) -> None:
         """Count positions (N, A), of which `place` tells where they come from; unknown ones (nan) are inside."""
@@ -31,9 +29,8 @@ class TravelLimits:
             if (excess > 0).any():
                 self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
                 row = int(excess.argmax())
-                before = limit_excess(np.array([self.worst.get(k, (np.nan, ""))[0]]), actuator.limits)
-                if excess[row] > before[0]:
-                    self.worst[k] = float(readings[row, k]), str(place(row))
+                if k not in self.worst or excess[row] > self.worst[k][0]:
+                    self.worst[k] = float(excess[row]), float(readings[row, k]), str(place(row))
 
     def warnings(self) -> list[str]:
         """One line for every drive that would leave its limits."""
@@ -42,7 +39,7 @@ class TravelLimits:
     def _text(self, k: int, outside: int) -> str:
         actuator = self.model.actuators[k]
         unit = parse_unit(actuator.unit)
-        reading, where = self.worst[k]
+        _, reading, where = self.worst[k]
         low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, reading))
         rows = f"{outside} of {count(self.rows, 'pose')}"
         return f"warning: `{actuator.name}` exceeds its limits ({low} to {high}) at {rows}; worst: {worst} at {where}"

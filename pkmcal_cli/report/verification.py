@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.fitted_frames import stands_anywhere
 from pkmcal_cli.calibration.point_errors import Judged, K
 from pkmcal_cli.calibration.verification import Verification
 from pkmcal_cli.loading.poses import RowOrigin
@@ -58,7 +59,7 @@ class VerificationReport:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
         if v.refitted:
             to.notes([f"fitted to these rows: {', '.join(v.refitted)}"])
-        if v.problem.model.fitted_frames:
+        if stands_anywhere(v.problem):
             to.say(STANDS_ANYWHERE)
         rows = []
         for c in self._channels():

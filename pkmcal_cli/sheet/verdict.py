@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.plural import count
+from pkmcal_cli.calibration.fitted_frames import stands_anywhere
 from pkmcal_cli.calibration.point_errors import Judged
 from pkmcal_cli.report.sentences import STANDS_ANYWHERE, listed
 from pkmcal_cli.sheet.content import Verdict, Word
@@ -125,7 +126,7 @@ def _lines(results: Results) -> list[str]:
     """What makes the verdict provisional."""
     lines = []
     report = results.diagnosis
-    if results.calibrated.problem.model.fitted_frames:
+    if stands_anywhere(results.calibrated.problem):
         lines.append(STANDS_ANYWHERE)
     if results.not_searched:
         lines.append(f"Causes were not searched: {results.not_searched}.")

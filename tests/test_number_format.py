@@ -1,0 +1,27 @@
+"""Numbers as they are shown."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from pkmcal_cli.report.number_format import unknown
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "unit", "shown"),
+    [
+        (250.00144938, 0.1, "mm", "250.001(?) mm"),
+        (-0.000622755, 0.1, "mm", "-0.001(?) mm"),
+        (0.1373, 0.5, "mm", "0.137(?) mm"),
+        (12345.678, 500.0, "um", "12346(?) um"),
+        (1.00004, 1e-3, "1", "1.00004(?)"),
+        (3.25, math.inf, "N", "3.25(?) N"),
+        (3.25, 0.0, "N", "3.25(?) N"),
+    ],
+)
+def test_what_nothing_determines_is_shown_to_a_hundredth_of_its_range(
+    value: float, spread: float, unit: str, shown: str
+) -> None:
+    assert unknown(value, spread, unit) == shown
