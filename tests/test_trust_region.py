@@ -39,10 +39,21 @@ def test_what_readings_no_longer_feel_moves_no_further_than_before() -> None:
 
 
 def test_a_step_that_keeps_its_promise_widens_and_one_that_is_refused_narrows() -> None:
-    region = Region().at(np.eye(2))
+    region = Region().at(np.eye(2)).narrowed()
     step = np.array([region.radius, 0.0])
     assert region.taken(step, 1.0).radius > region.radius > region.taken(step, 0.1).radius > 0.0
     assert region.taken(step, 0.5).radius == region.radius
     refused = region.refused(step)
     assert refused.radius < region.radius and refused.damping == 1.0
     assert refused.taken(0.1 * step, 0.9).damping == 0.0
+
+
+def test_steps_are_free_until_a_far_one_keeps_little() -> None:
+    """Such a step is taken back, and those that follow are confined; one that fails is only damped."""
+    region = Region().at(np.eye(2))
+    far, near = np.array([1e6, 0.0]), np.array([1.0, 0.0])
+    assert region.radius == np.inf and region.doubts(far, 0.5)
+    assert not region.doubts(far, 0.9) and not region.doubts(near, 0.1)
+    assert not region.narrowed().doubts(far, 0.1) and region.narrowed().radius < region.length(far)
+    failed = region.refused(far)
+    assert failed.radius == np.inf and failed.damping == 1.0 and not failed.doubts(far, 0.1)

@@ -1,7 +1,7 @@
 """One accepted step of a fit, in range units: Levenberg-Marquardt within the directions that the data determine.
 
-Confined to a trust region, and kept within bounds by an active set; the drives' errors follow (Ecorchard 2010, eq. 24,
-with weights).
+Confined to a trust region once a step kept little of its promise, and kept within bounds by an active set; the
+drives' errors follow (Ecorchard 2010, eq. 24, with weights).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ _STEP = 1e-8  # converged: the next step would be shorter than this share of the
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
 _MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
+_LIGHT = 1e-9  # of damping for parameters, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 
@@ -85,7 +86,11 @@ def advance(
             gained = near.chi2 - chi_square(problem, trial)
             if gained >= -blur:
                 promised = near.chi2 - damped.expected(step * scale.ranges)
-                return trial, region.taken(step, gained / promised if promised > 0.0 else 0.0), ""
+                kept = gained / promised if promised > 0.0 else 0.0
+                if not region.doubts(step, kept):
+                    return trial, region.taken(step, kept), ""
+                region = region.narrowed()
+                continue
         region = region.refused(step)
         if near.chi2 > hopeless and region.damping > _MUCH:
             return evaluation, region, "no_descent"
@@ -142,6 +147,7 @@ def _moved(
 
 def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, region: Region | None = None) -> Array:
     """Minimum-norm step (p,) in range units within bounds, the directions that `near` determines, and the region."""
+    light = 0.0 if region is None else region.damping * _LIGHT * float(np.square(region.size).max(initial=0.0))
     p, r, jacobian = len(values), damped.residual, damped.jacobian * scale.ranges
     step = np.zeros(p)
     if not p:
@@ -153,7 +159,7 @@ def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, re
         residual = r - jacobian[:, ~free] @ step[~free]
         spectrum = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
         vectors = spectrum.vectors[~spectrum.held]
-        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual)
+        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual, light)
         if region is not None and region.length(np.where(free, step, 0.0)) > region.radius:
             size = (vectors * np.asarray(region.size)[free]).T
             step[free] = vectors.T @ confined(jacobian[:, free] @ vectors.T, residual, size, region.radius)
@@ -165,9 +171,13 @@ def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, re
     return step
 
 
-def _least_squares(matrix: Array, right: Array) -> Array:
-    """Minimum (k,) of |matrix z - right|, columns being independent."""
-    if not matrix.shape[1]:  # which not every LAPACK takes
+def _least_squares(matrix: Array, right: Array, damping: float) -> Array:
+    """Minimum (k,) of |matrix z - right|^2 + damping |z|^2, columns being independent."""
+    k = matrix.shape[1]
+    if not k:  # which not every LAPACK takes
         return np.zeros(0)
+    if damping > 0.0:
+        matrix = np.vstack([matrix, np.sqrt(damping) * np.eye(k)])
+        right = np.concatenate([right, np.zeros(k)])
     q, upper = np.linalg.qr(matrix)
     return np.asarray(solve_triangular(upper, q.T @ right))

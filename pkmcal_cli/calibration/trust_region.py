@@ -1,7 +1,8 @@
-"""How far a step of a fit may go: a trust region whose shape follows the iterate (Moré 1978).
+"""How far a step of a fit may go: anywhere, until a far one keeps little of its promise; then within a trust region.
 
-Steps are measured by how far each parameter alone moves the readings, in standard uncertainties, where it moved them
-most so far. So a parameter that the readings hardly feel where a step would lead, but did before, does not run away.
+Its shape follows the iterate (Moré 1978): steps are measured by how far each parameter alone moves the readings, in
+standard uncertainties, where it moved them most so far. So a parameter that the readings hardly feel where a step would
+lead, but did before, does not run away.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from scipy.optimize import brentq
 
 from pkmcal_cli.base.rotation import Array
 
-_FIRST = 3.0  # ranges of all parameters, to which the first step is confined
+_FIRST = 3.0  # ranges of all parameters, to which a step is confined that is taken back
 _POOR, _HALF, _GOOD = 0.25, 0.5, 0.75  # of the gain in chi-square that the linear problem promises
 _NARROWER, _WIDER = 0.25, 2.0
 _TIGHT = 0.01  # share of the radius by which a confined step may be shorter
@@ -25,25 +26,39 @@ _FARTHEST = 1e-16  # of the largest squared singular value: the least damping th
 class Region:
     """Radius, and what a range of each parameter (p,) moves the readings, both in standard uncertainties.
 
-    Zero before the first step; damping: weight that holds the drives' errors where they are.
+    damping: weight that holds the drives' errors where they are, and in a small share the parameters.
     """
 
     size: Array | float = 0.0
-    radius: float = 0.0
+    radius: float = np.inf
     damping: float = 0.0
 
     def at(self, jacobian: Array) -> Region:
         """Where readings, whitened, have these derivatives (m, p) by parameters in ranges."""
-        size = np.maximum(self.size, np.linalg.norm(jacobian, axis=0))
-        return replace(self, size=size, radius=self.radius or _FIRST * float(np.linalg.norm(size)))
+        return replace(self, size=np.maximum(self.size, np.linalg.norm(jacobian, axis=0)))
 
     def length(self, step: Array) -> float:
         """Of a step (p,) in ranges."""
         return float(np.linalg.norm(self.size * step))
 
+    def doubts(self, step: Array, kept: float) -> bool:
+        """Whether to take back a step (p,) that kept this share of its promise: the first far one that kept little."""
+        free = self.radius == np.inf and not self.damping
+        return free and kept < _GOOD and self.length(step) > self._first
+
+    def narrowed(self) -> Region:
+        """After a step that was taken back."""
+        return replace(self, radius=self._first)
+
+    @property
+    def _first(self) -> float:
+        return _FIRST * float(np.linalg.norm(self.size))
+
     def refused(self, step: Array) -> Region:
-        """After a step (p,) that leads nowhere."""
-        return replace(self, radius=_NARROWER * self.length(step), damping=max(10.0 * self.damping, 1.0))
+        """After a step (p,) that leads nowhere. Without a radius, damping alone shortens steps: a machine cannot be
+        predicted everywhere, and where it can be again may be far."""
+        narrower = np.inf if self.radius == np.inf else _NARROWER * self.length(step)
+        return replace(self, radius=narrower, damping=max(10.0 * self.damping, 1.0))
 
     def taken(self, step: Array, kept: float) -> Region:
         """After a step (p,) that kept this share of what it promised."""
