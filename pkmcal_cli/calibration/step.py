@@ -74,19 +74,16 @@ def advance(
         last = _moved(problem, scale, evaluation, near, full, compare)
         return (last if last.solved else evaluation), region, end
     while True:
-        damped, step = near, full
-        if region.damping > 0.0:
-            damped = condensed(problem, evaluation, region.damping)
-        if region.damping > 0.0 or region.length(full) > region.radius:
-            step = _step(scale, evaluation.values[scale.index], near, damped, region)
+        damped = condensed(problem, evaluation, region.damping) if region.damping > 0.0 else near
+        free = region.damping == 0.0 and region.length(full) <= region.radius
+        step = full if free else _step(scale, evaluation.values[scale.index], near, damped, region)
         if np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY:
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
         if trial.solved:
             gained = near.chi2 - chi_square(problem, trial)
             if gained >= -blur:
-                promised = near.chi2 - damped.expected(step * scale.ranges)
-                kept = gained / promised if promised > 0.0 else 0.0
+                kept = _share(gained, near.chi2 - damped.expected(step * scale.ranges))
                 if not region.doubts(step, kept):
                     return trial, region.taken(step, kept), ""
                 region = region.narrowed()
@@ -94,6 +91,11 @@ def advance(
         region = region.refused(step)
         if near.chi2 > hopeless and region.damping > _MUCH:
             return evaluation, region, "no_descent"
+
+
+def _share(gained: float, promised: float) -> float:
+    """Of what a step promised, what it gained; none where it promised nothing."""
+    return gained / promised if promised > 0.0 else 0.0
 
 
 def _end(step: Array, hoped: float, chi2: float, blur: float) -> str:
