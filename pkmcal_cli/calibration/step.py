@@ -61,10 +61,10 @@ def advance(
 ) -> tuple[Evaluation, Region, str]:
     """One accepted step; returns the new evaluation, the region for the next and why to stop, "" to go on.
 
-    region: `Region()` at the start of a fit; compare: whether rows in doubt are compared with other assemblies; else
-    chi-square is continuous along the step. "step": it would be shorter than matters; "rounding", "gradient": it could
-    lower chi-square by no more than rounding does, or by a negligible share; "no_descent": no step of any length lowers
-    it, as the prediction fails there, or none that needs little damping where chi-square is above `hopeless`.
+    region: `Region()` at first; compare: rows in doubt with other assemblies; else chi-square is continuous along the
+    step. "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than
+    rounding does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails
+    there, or none that needs little damping where chi-square is above `hopeless`.
     """
     region = region.at(near.jacobian * scale.ranges)
     full = _step(scale, evaluation.values[scale.index], near, near)
@@ -81,8 +81,7 @@ def advance(
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
         if trial.solved:
-            gained = near.chi2 - chi_square(problem, trial)
-            if gained >= -blur:
+            if (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
                 kept = _share(gained, near.chi2 - damped.expected(step * scale.ranges))
                 if not region.doubts(step, kept):
                     return trial, region.taken(step, kept), ""
