@@ -80,13 +80,12 @@ def advance(
         if np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY:
             return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
-        if trial.solved:
-            if (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
-                kept = _share(gained, near.chi2 - damped.expected(step * scale.ranges))
-                if not region.doubts(step, kept):
-                    return trial, region.taken(step, kept), ""
-                region = region.narrowed()
-                continue
+        if trial.solved and (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
+            kept = _share(gained, near.chi2 - damped.expected(step * scale.ranges))
+            if not region.doubts(step, kept):
+                return trial, region.taken(step, kept), ""
+            region = region.narrowed()
+            continue
         region = region.refused(step)
         if near.chi2 > hopeless and region.damping > _MUCH:
             return evaluation, region, "no_descent"
