@@ -30,7 +30,7 @@ LONGEST = (
     "test_commands_process", "test_commands_json", "test_far_causes", "test_effects", "test_commands_plan",
     "test_calibration_proof", "test_detection", "test_draw", "test_compare",
     "test_instrument_effects", "test_gates", "test_improve_kept", "test_commands_check", "test_hostile", "test_fuzz",
-    "test_one_wrong_cell", "test_next_points", "test_commands_calibrate",
+    "test_command_fuzz", "test_one_wrong_cell", "test_next_points", "test_commands_calibrate",
 )  # fmt: skip
 """They begin, so that no process ends long after the others."""
 

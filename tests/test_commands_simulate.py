@@ -292,7 +292,7 @@ def test_drives_that_would_leave_their_limits_are_told(tmp_path: Path) -> None:
     machine = tmp_path / "m.yaml"
     machine.write_text(f"extends: {TRIGLIDE}\nactuators: {{q1: {{limits: [0, 300]}}, q2: {{limits: [0, 2000]}}}}\n")
     grid = ("--grid", "x=200:500:4,y=300:300:1")
-    told = "warning: `q1` exceeds its limits (0 mm to 300 mm) at 1 of 4 poses; worst: -23.6068 mm\n"
+    told = "warning: `q1` exceeds its limits (0 mm to 300 mm) at 1 of 4 poses; worst: -23.6068 mm at --grid point 1\n"
     made = run("simulate", machine, *grid, "-o", tmp_path / "t.csv")
     assert made.code == 0 and told in made.err
     assert told in run("observability", machine, *grid).err and told in run("sensitivity", machine, *grid).err

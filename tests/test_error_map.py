@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,3 +76,13 @@ def test_without_a_calibration_there_is_no_map(tmp_path: Path, monkeypatch: pyte
     Path("bare.yaml").write_text("parameters: {l1: 300.01}\n")
     done = run("simulate", TRIGLIDE, "--grid", GRID, "--uncertainty", "-p", "bare.yaml")
     assert done.code == 3 and "correlations" in done.err
+
+
+def test_where_no_row_has_a_solution_the_map_is_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("calibrate", TRIGLIDE, TRIGLIDE_DATA, "-o", "p.yaml", "--holdout", "none", "-q").code == 0
+    short = re.sub(r"(?m)^( +l1: .*?)3\d\d\.", r"\g<1>1.", Path("p.yaml").read_text())
+    Path("p.yaml").write_text(short)
+    done = run("simulate", TRIGLIDE, TRIGLIDE_DATA, "-p", "p.yaml", "--uncertainty", "-o", "map.csv")
+    assert done.code == 1 and "uncertainty of the TCP position: not available" in done.err, done.err
+    assert not written(tmp_path / "map.csv")[1].size

@@ -1,22 +1,26 @@
-"""Mutated tables, machine files and parameter files, judged by a second reader: `python -m tests.hostile.fuzz N`."""
+"""Mutated tables and machine files through the readers, judged by a second one: `python -m tests.hostile.fuzz N`."""
 
 from __future__ import annotations
 
 import pytest
 
-from tests.hostile.fuzz import KINDS, fuzzed
+from tests.hostile.fuzz import fuzzed
 
-COUNTS = {"tables": 2000, "machine files": 300, "commands": 40}
+PARTS = {"tables": (4, 5000), "machine files": (4, 1750)}
+"""How many parts, and how many inputs in each: 27,000 in all."""
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_traceback_and_no_silent_shift(kind: str) -> None:
-    figures = fuzzed(kind, COUNTS[kind])
+@pytest.mark.parametrize(
+    ("kind", "part"), [(kind, part) for kind, (parts, _) in PARTS.items() for part in range(parts)]
+)
+def test_no_traceback_and_no_silent_shift(kind: str, part: int) -> None:
+    count = PARTS[kind][1]
+    figures = fuzzed(kind, count, part * count)
     assert not figures.faults, figures.faults[:3]
-    assert figures.outcomes["agreed"] + figures.outcomes["done"] > 0.2 * COUNTS[kind]  # not all is refused
+    assert figures.outcomes["agreed"] > 0.2 * count  # not all is refused
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "count"), [("tables", 600_000), ("machine files", 300_000), ("commands", 100_000)])
-def test_no_traceback_in_a_million(kind: str, count: int) -> None:
-    assert not fuzzed(kind, count, first=10_000).faults
+@pytest.mark.parametrize(("kind", "count"), [("tables", 600_000), ("machine files", 300_000)])
+def test_nor_in_nine_hundred_thousand(kind: str, count: int) -> None:
+    assert not fuzzed(kind, count, first=100_000).faults

@@ -185,6 +185,12 @@ def test_drives_and_their_units(tmp_path: Path) -> None:
     assert needs == ["18:35 missing-key: a reading in deg needs `scale`, the travel per deg"]
 
 
+@pytest.mark.parametrize("space", ["{a: 1}", "[planar]", "true", "2", "~"])
+def test_a_space_that_is_none_is_told_whatever_else_there_is(tmp_path: Path, space: str) -> None:
+    text = f"space: {space}\nground: {{o: [0, 0]}}\nnodes: {{n: [9, 0]}}\n"
+    assert any(each.startswith("1:") for each in faults(tmp_path, text))
+
+
 def test_a_fault_does_not_hide_others(tmp_path: Path) -> None:
     text = TRIGLIDE.replace("length: l1, k: k1", "lenght: l1, k: k9").replace("reads: [x, y]", "reads: [x, yy]")
     text = text.replace("guide: rail, at: 600", "guide: rial, at: six")

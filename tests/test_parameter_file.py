@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -160,3 +161,14 @@ def test_values_outside_the_bounds_are_told(tmp_path: Path) -> None:
         file.write_text(f"parameters: {{l1: {value}, l2: 300.2}}", encoding="utf-8")
         done = run("sensitivity", machine, "-p", file)
         assert done.code == 0 and ("outside the bounds of the machine file: l1\n" in done.err) == outside
+
+
+def test_correlations_of_no_names_are_as_good_as_none(tmp_path: Path) -> None:
+    file = tmp_path / "p.yaml"
+    text = dump_parameters(
+        [ParameterEntry("f", 2.0, 0.1, "1", True)], Correlations(["f"], [0.1], [[1.0]]), {}, Fingerprint()
+    )
+    for names, whole in (("[f]", True), ("3", False), ("{f: 1}", False)):
+        file.write_text(re.sub(r"names: .*", f"names: {names}", text), encoding="utf-8")
+        found = read_parameters(str(file), [parameter("f", "1")], Fingerprint())
+        assert (found.covariance is not None) == whole

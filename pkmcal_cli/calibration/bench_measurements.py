@@ -10,6 +10,7 @@ import numpy as np
 from pkmcal_cli.calibration.identifiability import Directions, combinations, directions
 from pkmcal_cli.model.model import Model
 
+_BETTER = 0.95  # of an uncertainty: what falls less is not worth a word
 _SHARE = 5.0  # a part of its range to which a length can be measured by hand
 
 
@@ -17,7 +18,7 @@ _SHARE = 5.0  # a part of its range to which a length can be measured by hand
 class BenchProposal:
     """Measure `name` with standard uncertainty sigma: those of the parameters before and after, SI, inf where not seen.
 
-    gains: (name, before, after) by the data alone, of all that hang together, the measured one first.
+    gains: (name, before, after) by the data alone, of those that become better known, the measured one first.
     """
 
     name: str
@@ -26,11 +27,12 @@ class BenchProposal:
 
 
 def bench_proposals(model: Model, directions: Directions) -> tuple[BenchProposal, ...]:
-    """One for each weak or null combination: the length of it that brings most."""
+    """One for each weak or null combination: the length of it that brings most, if it brings more than itself."""
     out: dict[str, BenchProposal] = {}
     for combination in combinations(directions):
         tried = (_proposal(model, directions, name, combination.names) for name in combination.names)
-        if made := [p for p in tried if p is not None]:
+        alone = len(combination.names) == 1
+        if made := [p for p in tried if p is not None and (alone or len(p.gains) > 1)]:
             best = max(made, key=lambda p: _gain(model, p))
             out.setdefault(best.name, best)
     return tuple(out.values())
@@ -54,8 +56,8 @@ def _proposal(model: Model, spectrum: Directions, name: str, others: tuple[str, 
     after = directions(np.vstack([jacobian, row]), spectrum.names, spectrum.ranges).std_of_data()
     ordered = [name, *(n for n in others if n != name)]
     index = [spectrum.names.index(n) for n in ordered]
-    gains = tuple((n, _finite(before[i]), _finite(after[i])) for n, i in zip(ordered, index, strict=True))
-    return BenchProposal(name, sigma, gains)
+    gains = [(n, _finite(before[i]), _finite(after[i])) for n, i in zip(ordered, index, strict=True)]
+    return BenchProposal(name, sigma, (gains[0], *(g for g in gains[1:] if g[2] < _BETTER * g[1])))
 
 
 def _finite(value: float) -> float:

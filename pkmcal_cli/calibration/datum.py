@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pkmcal_cli.base.rotation import Array, log_jacobian, skew
+from pkmcal_cli.base.rotation import Array, skew
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.model.base import Base
@@ -29,7 +29,8 @@ _SPATIAL = (
 )
 _PLANAR = ("scale", "rotation about z", "shift along x", "shift along y")
 _SAME = 1e-4  # of the largest singular value: fields agree
-_FELT = 1e-3  # of what the ranges do to the base: what moves it less does not move it
+_MOVED = 1e-3  # of what the ranges do to the base: what moves it less, as what is nearly null may, does not move it
+_FELT = 1e-3  # of a motion by one: generators that have less part in it have none
 _CLEARLY, _HARDLY = 0.3, 1e-3  # share of what holding a parameter fixes that others do not
 _SHARE = 0.05  # a motion is named by the generators that have more than this share of it
 
@@ -57,27 +58,26 @@ def gauge_of(problem: Problem, values: Array, directions: Directions) -> Gauge:
         return nothing
     null = directions.vectors[directions.null]  # (k, p) in ranges
     motion = _base_motion(model, base, values, directions.names) * directions.ranges  # (f, p)
-    moved = motion @ null.T  # (f, k)
-    names, fields = _fields(model, base, values, scales=not _lengths_read(problem))
-    size = float(np.abs(motion).max())
+    size = float(np.abs(motion).max(initial=0.0))
     if size == 0.0:
         return nothing
-    both = np.hstack([moved / size, -fields])
-    _, s, vt = np.linalg.svd(both, full_matrices=True)
+    moved, much, parts = np.linalg.svd(motion @ null.T / size, full_matrices=False)
+    felt = much > _MOVED
+    moved, parts = moved[:, felt], parts[felt] / much[felt, None]  # (f, m), (m, k): each moves it by one
+    names, fields = _fields(model, base, values, scales=not _lengths_read(problem))
+    _, s, vt = np.linalg.svd(np.hstack([moved, -fields]), full_matrices=True)
     rank = int((s > _SAME * s[0]).sum())
-    kernel = vt[rank:]  # (n, k + generators)
-    if not len(kernel):
-        return nothing
-    echelon = _echelon(kernel[:, null.shape[0] :])
-    freedoms = int(np.linalg.matrix_rank(kernel[:, null.shape[0] :], tol=_FELT))
+    kernel = vt[rank:]  # (n, m + generators)
+    rigid = kernel[:, moved.shape[1] :]
+    freedoms = int(np.linalg.matrix_rank(rigid, tol=_FELT)) if len(kernel) else 0
     if not freedoms:
         return nothing
-    basis = _range_of(kernel, null.shape[0])
-    return Gauge(tuple(_words(names, row) for row in echelon[:freedoms]), basis @ null / size)
+    words = tuple(_words(names, row) for row in _echelon(rigid)[:freedoms])
+    return Gauge(words, _range_of(kernel, moved.shape[1]) @ parts @ null / size)
 
 
 def _range_of(kernel: Array, count: int) -> Array:
-    """Combinations (g, k) of null directions that move the base, one for each independent motion."""
+    """Combinations (g, m) of motions of the base that are rigid, one for each independent one."""
     _, s, vt = np.linalg.svd(kernel[:, count:].T, full_matrices=False)
     return np.asarray(vt[s > _FELT] @ kernel[:, :count])
 
@@ -93,19 +93,13 @@ def _base_motion(model: Model, base: Base, values: Array, names: tuple[str, ...]
     """Displacement (f, p) of the base by parameters, SI: of its places, then of the orientations of its frames."""
     numbers = model.by_name(values)
     chain = model.topology.coefficients.jacobian(numbers, names)
-    coefficients = model.topology.coefficients.values(numbers)
-    places = chain[base.places].reshape(-1, len(names))
-    chained = [places]
-    for where in base.rotations:
-        vector = coefficients[where]
-        chained.append(np.linalg.inv(log_jacobian(vector[None])[0]) @ chain[where])
-    return np.vstack(chained)
+    return base.motion(model.topology.coefficients.values(numbers), chain)
 
 
 def _fields(model: Model, base: Base, values: Array, scales: bool) -> tuple[tuple[str, ...], Array]:
     """Names of the generators, and what each does to the base (f, generators), lengths in sizes of the machine."""
     coefficients = model.topology.coefficients.values(model.by_name(values))
-    places, length = coefficients[base.places], model.length
+    places, length = base.positions(coefficients), model.length
     columns = [np.concatenate([(places / length).ravel(), np.zeros(3 * len(base.rotations))])]
     planar = model.topology.planar
     for k in [2] if planar else range(3):

@@ -47,9 +47,9 @@ def determinacy(
     if datum is not None and datum.missing:
         left = ", ".join(datum.gauge.motions)
         message = f"the data do not fix the base ({left}); {_counts(problem, directions_, datum)}"
-        return Determinacy(
-            kept, datum, message, f"declare what defines the base: `datum: [{', '.join(datum.proposed)}]`"
-        )
+        proposed = f"`datum: [{', '.join(datum.proposed)}]`"
+        remedy = f"declare what defines the base: {proposed}; any such choice describes the same machine"
+        return Determinacy(kept, datum, message, remedy)
     known = 0 if problem.prior is None else len(problem.prior.rows)
     if problem.count + known < len(kept) and whole:  # else the fit tells which rows cannot be predicted
         message = f"too few equations: {_counts(problem, directions_, datum)}; undetermined: {_listed(directions_)}"

@@ -18,6 +18,7 @@ from scipy.special import ndtr
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.identifiability import Directions
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_scales import Evidence, Scales, drawn_scales
@@ -184,16 +185,17 @@ def _evidence(
     parts = [(jacobian[r], residual[r]) for r in rows]
     parameters = [problem.model.parameters[k] for k in index]
     offsets = 2.0 * (fit.values - problem.model.nominal)[index] / problem.model.ranges[index]
-    estimated = np.arange(len(index)) < len(fit.selected)
+    identified = np.arange(len(index)) < len(fit.selected)
+    unranged = frame_parameters(problem.model)
     return Evidence(
         information=np.array([j.T @ j for j, _ in parts]),
         score=np.array([j.T @ r for j, r in parts]),
         squares=np.array([r @ r for _, r in parts]),
         counts=groups.counts,
         freedom=groups.freedom,
-        centre=np.where(estimated, offsets, 0.0),
+        centre=np.where(identified, offsets, 0.0),
         kinds=tuple(p.kind or p.dimension for p in parameters),
-        estimated=estimated,
+        estimated=identified & [p.name not in unranged for p in parameters],
     )
 
 

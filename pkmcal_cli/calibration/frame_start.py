@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array, best_rotation, log
+from pkmcal_cli.calibration.fitted_frames import fitted_frames
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.observed import PlacedSensor
 from pkmcal_cli.prediction import Rows, predict
 
-FRAME = "frame"
 _FEWEST = 3  # points that fix a pose
 
 
@@ -23,8 +23,9 @@ def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
     Sensors of which no three rows give all coordinates stay where they are.
     """
     nominal, known = model.nominal, model.by_name(model.nominal)
-    fitted = [e for e in model.effects if e.effect.keyword == FRAME and e.at in model.fitted_frames]
-    fitted = [e for e in fitted if not any(known[n] for n in e.parameters)]  # the machine file says where others stand
+    fitted = [
+        e for e in fitted_frames(model) if not any(known[n] for n in e.parameters)
+    ]  # the machine file says where others stand
     if not fitted:
         return model
     predicted = predict(model, nominal, rows).values

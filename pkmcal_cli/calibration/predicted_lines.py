@@ -15,6 +15,7 @@ from pkmcal_cli.prediction.inverse_kinematics import drive_positions
 
 _TARGETS = 21
 _FEWEST = 5
+_ROUNDING = 1e-12  # of the machine's size: less than that is not a deviation
 _INSIDE = 0.05, 0.95  # quantiles of the measured coordinate between which a line lies
 
 
@@ -80,6 +81,7 @@ def _line(problem: Problem, values: Array, at_rest: Rows, poses: Array, name: st
         columns |= {f"dir.{a.name}": side * ways[:, k] for k, a in enumerate(model.actuators)}
         rows = Rows(readings, np.repeat(at_rest.forces, len(targets), axis=0), columns)
         attained.append(predict(model, values, rows).values[:, channel])
-    deviations = np.column_stack(attained) - targets[:, None]
+    least = _ROUNDING * model.length
+    deviations = np.round((np.column_stack(attained) - targets[:, None]) / least) * least
     known = np.isfinite(deviations).all(axis=1)
     return (targets[known], deviations[known]) if known.sum() >= _FEWEST else None

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.special import chdtr, chdtrc
 
 from pkmcal_cli.calibration.condensed import condensed
 from pkmcal_cli.calibration.error_budget import ErrorBudget
 from pkmcal_cli.calibration.fit import Fit
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.identifiability import Directions, directions
 from pkmcal_cli.calibration.problem import Problem
 
@@ -53,6 +55,8 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     spectrum = directions(rows, fit.selected, ranges)
     moved = fit.directions.vectors[~fit.directions.held] * fit.directions.ranges / ranges  # what is held tells nothing
     known = np.linalg.qr(moved.T)[0].T if moved.size else moved  # (k, p)
+    unranged = np.array([n in frame_parameters(model) for n in fit.selected], dtype=bool)
+    known = null_space(known[:, unranged].T).T @ known if unranged.any() and known.size else known
     half, p = ranges / 2.0, len(ranges)
     transfer = np.eye(p) + budget.by_own / half[:, None]  # what of an offset the estimate has
     expected = transfer @ transfer.T + budget.noise_covariance / np.outer(half, half)
@@ -68,5 +72,6 @@ def range_check(problem: Problem, fit: Fit, budget: ErrorBudget) -> RangeCheck:
     named = dict(zip(fit.selected, offsets.tolist(), strict=True))
     lost = spectrum.undetermined()
     seen = {n: z for (n, z), gone in zip(named.items(), lost, strict=True) if not gone}
-    kinds = frozenset(model.parameters[k].kind or model.parameters[k].dimension for k in index)
+    judged = (model.parameters[k] for k, skipped in zip(index, unranged, strict=True) if not skipped)
+    kinds = frozenset(p.kind or p.dimension for p in judged)
     return RangeCheck(chance if np.isnan(chance) else min(chance, 1.0), factors, seen, kinds, spectrum)

@@ -17,7 +17,7 @@ from scipy.special import chdtrc
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.errors_before_after import kinds_of
-from pkmcal_cli.calibration.frame_start import FRAME
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.calibration.point_errors import Judged, K, point_errors
 from pkmcal_cli.calibration.problem import Problem
@@ -77,8 +77,7 @@ class Known:
 
 def own_of(model: Model) -> tuple[str, ...]:
     """Parameters that rows of a new set-up have for themselves: frames of instruments that stand anywhere, sessions."""
-    frames = [e for e in model.effects if e.effect.keyword == FRAME and e.at in model.fitted_frames]
-    names = {n for e in frames for n in e.parameters}
+    names = frame_parameters(model)
     free = (p for p in model.parameters if p.identify and not p.fixed)
     return tuple(p.name for p in free if p.name in names or p.session or p.per_session)
 

@@ -49,7 +49,10 @@ MeasuredFiles = Annotated[
 Grid = Annotated[
     str | None,
     typer.Option(
-        "--grid", metavar="SPEC", help='Instead of a file: "x=0:950:3,y=160:390:77" (start:stop:count, ends included).'
+        "--grid",
+        metavar="SPEC",
+        help='Instead of a file: "x=0:950:3,y=160:390:77" (start:stop:count, ends included); or 40: so many poses over '
+        "the workspace.",
     ),
 ]
 Parameters = Annotated[

@@ -99,7 +99,7 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
     topology = replace(topology, parked=held)
     mobility = asm.mobility(topology, length, held_names, loud_names)
     model = _model(machine, made, topology, length)
-    base = base_of(made.structure, made.supports, machine)
+    base = base_of(made.structure, topology.drives, made.supports, machine)
     model = replace(model, base=base, datum=machine.datum, fingerprint=fingerprint_of(machine))
     if receptive:
         sites = effect_sites_of(

@@ -60,6 +60,12 @@ class Element(ABC):
         m = len(self.strains)
         return np.eye(m)[:, :, None] * np.eye(m)[:, None, :]
 
+    @cached_property
+    def energy_terms(self) -> tuple[tuple[int, int, int, float], ...]:
+        """Energies 1/2 e^T pattern e per unit of number p of the stiffness: sums of terms (p, k, l, factor)."""
+        places = zip(*np.nonzero(np.triu(self.patterns)), strict=True)
+        return tuple((p, k, l, float(self.patterns[p, k, l]) * (0.5 if k == l else 1.0)) for p, k, l in places)
+
     @property
     def inputs(self) -> int:
         """Length of the gradient's input: 3 (delta), 9 (delta, theta_i, theta_j) or 10 (natural length)."""

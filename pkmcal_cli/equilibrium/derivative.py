@@ -22,7 +22,7 @@ from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import GroupNumbers, SystemNumbers, natural_lengths, system_numbers
 from pkmcal_cli.mechanism.topology import GROUND, Group
 
-_TOGETHER = 6e4  # numbers of a gradient that are computed at once: more no longer fit into the cache
+_TOGETHER = 4e4  # numbers of a gradient that are computed at once: more no longer fit into the cache
 _STEP = 1e-30
 
 
@@ -129,11 +129,9 @@ def _sizes(sums: _Sums, spec: Group, links: LinkGeometry, stress: Array) -> None
 
 
 def _energies(element: Element, e: Array) -> Array:
-    """Energies 1/2 e^T pattern e of strains (N, E, m) per unit of each stiffness number, (N, E, P)."""
-    patterns = element.patterns
-    out = np.zeros((*e.shape[:2], len(patterns)), dtype=e.dtype, order="F")
-    for p, k, l in zip(*np.nonzero(np.triu(patterns)), strict=True):
-        factor = patterns[p, k, l] * (0.5 if k == l else 1.0)
+    """Energies of strains (N, E, m) per unit of each stiffness number, (N, E, P)."""
+    out = np.zeros((*e.shape[:2], len(element.patterns)), dtype=e.dtype, order="F")
+    for p, k, l, factor in element.energy_terms:
         out[..., p] += factor * e[..., k] * e[..., l]
     return out
 
@@ -214,16 +212,15 @@ def adjoint_derivative(
     topology = system.topology
     rows, count = multipliers.shape[:2]
     out: Array = np.empty((rows, count, len(topology.coefficients.constants)), order="F")
-    together = max(1, int(_TOGETHER / max(rows * out.shape[2], 1)))
-    for first in range(0, count, together):
-        along = multipliers[:, first : first + together]
-        every = np.tile(np.arange(rows), along.shape[1])
-        steps = 1j * _STEP * along.reshape(len(every), -1, order="F")
-        stepped = advance(system, state.take(every), steps, scale)
-        pulls = None if points is None else -1j * _STEP * np.repeat(points[first : first + together], rows, axis=0)
-        gradient = lagrangian_gradient(system, numbers.take(every), stepped, taut=taut, pulls=pulls).imag
-        out[:, first : first + together] = gradient.reshape(*along.shape[:2], -1, order="F")
-    out /= _STEP
+    along, pairs = multipliers.reshape(rows * count, -1, order="F"), out.reshape(rows * count, -1, order="F")
+    together = max(1, int(_TOGETHER / out.shape[2]))
+    for first in range(0, len(pairs), together):
+        some = slice(first, first + together)  # of the pairs of row and vector, the row running fastest
+        channel, row = np.divmod(np.arange(len(pairs))[some], rows)
+        stepped = advance(system, state.take(row), 1j * _STEP * along[some], scale)
+        pulls = None if points is None else -1j * _STEP * points[channel]
+        gradient = lagrangian_gradient(system, numbers.take(row), stepped, taut=taut, pulls=pulls).imag
+        np.divide(gradient, _STEP, out=pairs[some])
     if system.loaded and len(topology.force_dofs):
         where = system.place[topology.force_dofs]
         for k in np.nonzero(where >= 0)[0]:

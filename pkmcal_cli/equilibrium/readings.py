@@ -78,8 +78,8 @@ def read_quantities(
     offset_vectors = rotated_offset_vectors(topology, constant, state)
     points = link_vectors(topology, offset_vectors)[:, topology.points]
     values, read = np.empty((len(state), len(quantities))), np.zeros((len(quantities), *points.shape[1:]))
-    gradient = np.zeros((len(state), len(quantities), system.size)) if derivatives else None
-    direct = np.zeros((len(state), len(quantities), coefficients.shape[1])) if derivatives else None
+    gradient = np.zeros((len(state), len(quantities), system.size), order="F") if derivatives else None
+    direct = np.zeros((len(state), len(quantities), coefficients.shape[1]), order="F") if derivatives else None
     jacobian = input_jacobian(topology, system.points, state, offset_vectors)[0] if derivatives else None
     bodies_read = {q.index for q in quantities if q.measurand is Measurand.ORIENTATION}
     vectors = {r: _rotated(state, r, topology.rotations.filed) for r in bodies_read}

@@ -124,7 +124,7 @@ class Parameter(Entity, Generic[F]):
         description='What shims or screws change, e.g. "rail A, left end"; true: itself; for `correct --as adjust`',
     )
     note: str | None = Field(default=None, description="Comment")
-    _dimension: Dimension = PrivateAttr(NUMBER)
+    _dimension: Dimension = PrivateAttr(default_factory=lambda: NUMBER)  # itself: a default would be copied deeply
 
     @property
     def dimension(self) -> Dimension:

@@ -2,46 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, TypeVar
 
 from pkmcal_cli.language.fields import Entity
 from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.yaml_source.tree import Path
 
+T = TypeVar("T")
+
 
 def written_values(value: Any, path: Path = ()) -> Iterator[tuple[Path, WrittenValue]]:
     """Every value as written in a model, tuple or map, with its path in the file."""
-    if isinstance(value, WrittenValue):
-        yield path, value
-    elif isinstance(value, Entity):
-        for name, child in value.__dict__.items():
-            yield from written_values(child, (*path, name))
-    elif isinstance(value, dict):
-        for name, child in value.items():
-            yield from written_values(child, (*path, name))
-    elif isinstance(value, tuple):
-        for index, child in enumerate(value):
-            yield from written_values(child, (*path, index))
+    return _of_kind(WrittenValue, value, path)
 
 
 def quantities(value: Any, path: Path = ()) -> Iterator[tuple[Path, Quantity]]:
     """Every bound quantity in a model, tuple or map, with its path in the file."""
-    if isinstance(value, Quantity):
+    return _of_kind(Quantity, value, path)
+
+
+def _of_kind(kind: type[T], value: Any, path: Path) -> Iterator[tuple[Path, T]]:
+    """Every value of a kind, in the order of the file; most of what a machine holds is nothing, or a plain text."""
+    if isinstance(value, kind):
         yield path, value
-    elif isinstance(value, Entity):
-        for name, child in value.__dict__.items():
-            yield from quantities(child, (*path, name))
-    elif isinstance(value, dict):
-        for name, child in value.items():
-            yield from quantities(child, (*path, name))
-    elif isinstance(value, tuple):
-        for index, child in enumerate(value):
-            yield from quantities(child, (*path, index))
+        return
+    for name, child in _children(value):
+        if child is not None and not isinstance(child, str):
+            yield from _of_kind(kind, child, (*path, name))
+
+
+def _children(value: Any) -> Iterable[tuple[str | int, Any]]:
+    if isinstance(value, dict):
+        return value.items()
+    if isinstance(value, tuple):
+        return enumerate(value)
+    return value.__dict__.items() if isinstance(value, Entity) else ()
 
 
 def replaced(value: Any, make: Callable[[Path, WrittenValue], Any], path: Path = ()) -> Any:
     """The same with every value as written replaced by what `make` gives for it."""
+    if value is None or isinstance(value, str):  # most of what a machine holds
+        return value
     if isinstance(value, WrittenValue):
         return make(path, value)
     if isinstance(value, Entity):

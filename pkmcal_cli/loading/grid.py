@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from pkmcal_cli.model.tool_motion import DIRECTIONS
 from pkmcal_cli.units.unit_text import Unit, UnitError, parse_value
 
 _MOST = 10**9  # positions of a grid
+_MOST_SPREAD = 10**5  # positions that are spread over the workspace
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,16 @@ class Grid:
         """Which coordinates are kept."""
         kept = [c for c in self.held if c not in (a.name for a in self.axes)]
         return (kept_note(kept),) if kept else ()
+
+
+def spread_count(text: str, option: str = "--grid") -> int | None:
+    """How many poses a plain number asks for, spread over the workspace; None for axes. Raises UsageError."""
+    if not re.fullmatch(r"\s*[+-]?\d+\s*", text, re.ASCII):
+        return None
+    number = int(text) if len(text) < 16 else _MOST_SPREAD + 1
+    if not 0 < number <= _MOST_SPREAD:
+        raise UsageError(f"{option}: `{text.strip()}` is not a number of poses", hint=f"give 1 to {_MOST_SPREAD}")
+    return number
 
 
 def parse_grid(loaded: LoadedMachine, text: str, option: str = "--grid") -> Grid:

@@ -151,7 +151,7 @@ def _covariance(node: SourceNode | None, known: Mapping[str, ModelParameter]) ->
     import numpy as np
 
     raw = node.plain() if node is not None else None
-    if not isinstance(raw, dict) or not {"names", "std", "matrix"} <= raw.keys():
+    if not isinstance(raw, dict) or not {"names", "std", "matrix"} <= raw.keys() or not isinstance(raw["names"], tuple):
         return None
     every = tuple(str(n) for n in raw["names"])
     keep = [k for k, n in enumerate(every) if n in known]

@@ -1,4 +1,4 @@
-"""What is fixed to the base: where its places are among the coefficients, and which sensors alone look at them."""
+"""What is fixed to the base: its places as sums of vectors that coefficients state, and the rotations of its frames."""
 
 from __future__ import annotations
 
@@ -8,19 +8,43 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pkmcal_cli.base.rotation import Array, exp, left_jacobian, skew
+
 Index = NDArray[np.intp]
 NONE: Index = np.zeros((0, 3), dtype=np.intp)
 
 
+@dataclass(frozen=True)
+class PlaceVector:
+    """A vector axes (3, k) @ c[coefficients (k,)], in axes that rotations turn, the outermost first.
+
+    A rotation is a rotation vector c[(3,)] after the orientation (3, 3) of the reference configuration.
+    """
+
+    coefficients: Index
+    axes: Array
+    rotations: tuple[tuple[Index, Array], ...] = ()
+
+    def moved(self, coefficients: Array, chain: Array) -> tuple[Array, Array]:
+        """The vector (3,) in base axes, m, and its derivative (3, p); chain (S, p): that of the coefficients (S,)."""
+        value, change = self.axes @ coefficients[self.coefficients], self.axes @ chain[self.coefficients]
+        for where, reference in reversed(self.rotations):
+            theta = coefficients[where]
+            turned = exp(theta) @ reference
+            value = turned @ value
+            change = turned @ change - skew(value) @ left_jacobian(theta) @ chain[where]
+        return value, change
+
+
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """Coefficients of its places (B, 3) and of its frames' rotations (F, 3).
+    """Its places, each a sum of vectors, and coefficients of its frames' rotations (F, 3).
 
     only_seen_by (B,), rotations_only_seen_by (F,): sensors without which nothing depends on it; () if something stands
     on it.
     """
 
-    places: Index = field(default_factory=NONE.copy)
+    places: tuple[tuple[PlaceVector, ...], ...] = ()
     rotations: Index = field(default_factory=NONE.copy)
     only_seen_by: tuple[tuple[str, ...], ...] = ()
     rotations_only_seen_by: tuple[tuple[str, ...], ...] = ()
@@ -29,4 +53,16 @@ class Base:
         """What of it something stands on, or one of some sensors looks at."""
         places = [not by or not set(by).isdisjoint(sensors) for by in self.only_seen_by]
         rotating = [not by or not set(by).isdisjoint(sensors) for by in self.rotations_only_seen_by]
-        return Base(places=self.places[places], rotations=self.rotations[rotating])
+        kept = tuple(place for place, is_felt in zip(self.places, places, strict=True) if is_felt)
+        return Base(places=kept, rotations=self.rotations[rotating])
+
+    def positions(self, coefficients: Array) -> Array:
+        """The places (B, 3) in base axes, m."""
+        nothing = np.zeros((len(coefficients), 0))
+        return np.array([sum(v.moved(coefficients, nothing)[0] for v in place) for place in self.places])
+
+    def motion(self, coefficients: Array, chain: Array) -> Array:
+        """Displacement (3 B + 3 F, p) of the places, then of the orientations of the frames; chain (S, p)."""
+        rows = [sum(v.moved(coefficients, chain)[1] for v in place) for place in self.places]
+        rows += [left_jacobian(coefficients[where]) @ chain[where] for where in self.rotations]
+        return np.vstack(rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,17 +21,19 @@ class TravelLimits:
     model: Model
     rows: int = 0
     outside: dict[int, int] = field(default_factory=dict)  # by number of the drive: positions outside
-    worst: dict[int, float] = field(default_factory=dict)
+    worst: dict[int, tuple[float, str]] = field(default_factory=dict)  # the reading, and where it is
 
-    def add(self, readings: Array) -> None:
-        """Count positions (N, A); unknown ones (nan) are inside."""
+    def add(self, readings: Array, place: Callable[[int], object]) -> None:
+        """Count positions (N, A), of which `place` tells where they come from; unknown ones (nan) are inside."""
         self.rows += len(readings)
         for k, actuator in enumerate(self.model.actuators):
             excess = limit_excess(readings[:, k], actuator.limits)
             if (excess > 0).any():
                 self.outside[k] = self.outside.get(k, 0) + int((excess > 0).sum())
-                two = np.array([readings[excess.argmax(), k], self.worst.get(k, np.nan)])
-                self.worst[k] = float(two[limit_excess(two, actuator.limits).argmax()])
+                row = int(excess.argmax())
+                before = limit_excess(np.array([self.worst.get(k, (np.nan, ""))[0]]), actuator.limits)
+                if excess[row] > before[0]:
+                    self.worst[k] = float(readings[row, k]), str(place(row))
 
     def warnings(self) -> list[str]:
         """One line for every drive that would leave its limits."""
@@ -39,6 +42,7 @@ class TravelLimits:
     def _text(self, k: int, outside: int) -> str:
         actuator = self.model.actuators[k]
         unit = parse_unit(actuator.unit)
-        low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, self.worst[k]))
+        reading, where = self.worst[k]
+        low, high, worst = (unit.format(v, 6) for v in (*actuator.limits, reading))
         rows = f"{outside} of {count(self.rows, 'pose')}"
-        return f"warning: `{actuator.name}` exceeds its limits ({low} to {high}) at {rows}; worst: {worst}"
+        return f"warning: `{actuator.name}` exceeds its limits ({low} to {high}) at {rows}; worst: {worst} at {where}"

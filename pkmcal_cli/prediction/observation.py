@@ -32,7 +32,8 @@ def read_sensors(
     extra = [(s, k) for s in model.sensors if s.kind.joins for k in range(known_width(s))]
     count = len(model.channels)
     out = np.full((len(observed), count + len(extra)), np.nan)
-    slopes = None if by_coefficient is None else np.zeros((len(observed), out.shape[1], coefficients.shape[1]))
+    shape = len(observed), out.shape[1], coefficients.shape[1]
+    slopes: Array | None = None if by_coefficient is None else np.zeros(shape, order="F")
     for channel, quantity in model.direct:
         out[:, channel] = observed[:, quantity]
         if slopes is not None and by_coefficient is not None:

@@ -105,8 +105,7 @@ def _coefficient_jacobian(solution: Solution, readings: Readings) -> Array:
     assert balanced.tangent is not None
     adjoint = balanced.tangent.solve_transposed(np.swapaxes(readings.unknowns, 1, 2))
     adjoint = np.nan_to_num(np.swapaxes(adjoint, 1, 2))
-    out = readings.coefficients - adjoint_derivative(
-        system, solution.numbers, state, adjoint, scale, taut=taut, points=readings.points
-    )
+    out = readings.coefficients
+    out -= adjoint_derivative(system, solution.numbers, state, adjoint, scale, taut=taut, points=readings.points)
     out[solution.failed] = np.nan
-    return np.asarray(out)
+    return out

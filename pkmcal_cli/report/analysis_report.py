@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from pkmcal_cli.base.plural import count
@@ -124,19 +125,29 @@ def show_observability(to: Reporter, model: Model, observability: Observability,
     to.say(f"condition number: {paper} (Js of the paper), {whitened} (whitened)")
     to.say(", ".join(f"{k} {short(v)}" for k, v in observability.indices.items()))
     to.say("singular values (whitened): " + " ".join(short(float(v)) for v in directions.singular_values))
-    for c in observability.undetermined:
-        head = "undetermined" if c.kind == "null" else "weak"
+    weak = [c for c in observability.undetermined if c.kind != "null"]
+    for c in (c for c in observability.undetermined if c.kind == "null"):
         for text in c.texts:
-            to.say(f"{head}: {text}")
+            to.say(f"undetermined: {text}")
         to.say(f"help: {_advice(c)}")
+    for c in weak:
+        to.say(f"weak: {c.text}")
+    if weak:
+        to.say(f"help: {_advice(weak[0]) if len(weak) == 1 else _advice_on_weak(weak)}")
 
 
 def _advice(c: Combination) -> str:
     """Which parameters to drop, or what to measure otherwise."""
     if len(c.names) == 1:
-        return f"leave it out, `{without(c)}`, or measure where it has an effect"
+        return f"leave it out, `{without(c.hold)}`, or measure where it has an effect"
     directly = "it" if len(c.hold) == 1 else "them"
     return f"fix {hold_text(c)}, measure {directly} directly, or spread the positions"
+
+
+def _advice_on_weak(weak: Sequence[Combination]) -> str:
+    """The same for several weak combinations, a parameter of each."""
+    held = tuple(dict.fromkeys(name for c in weak for name in c.hold))
+    return f"their ranges hold them; fix some, e.g. `{without(held)}`, measure them directly, or spread the positions"
 
 
 def observability_json(model: Model, observability: Observability, rows: int) -> dict[str, Any]:

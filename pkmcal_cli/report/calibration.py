@@ -31,7 +31,7 @@ from pkmcal_cli.report.figures import figure_unit, figures_json, kind_label
 from pkmcal_cli.report.heldout_json import heldout_json
 from pkmcal_cli.report.joint_uncertainty import correlations, data_lines
 from pkmcal_cli.report.loads import Loads
-from pkmcal_cli.report.number_format import finite, readable, uncertain
+from pkmcal_cli.report.number_format import finite, readable, uncertain, unknown
 from pkmcal_cli.report.parameters import (
     ParameterRow,
     combination_json,
@@ -189,7 +189,8 @@ class CalibrationReport:
             to.say(f"{held}; the uncertainties include the ranges{more}")
 
     def _row(self, r: ParameterRow) -> tuple[str, ...]:
-        value = uncertain(r.value, r.by_data, r.unit)
+        known = r.by_data is not None
+        value = uncertain(r.value, r.by_data, r.unit) if known else unknown(r.value, r.range, r.unit)
         return r.name, f"{r.nominal:.8g}", value, *self._held(r), *self._ends(r), r.spread, r.reason or ""
 
     @property

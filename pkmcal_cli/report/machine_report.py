@@ -65,8 +65,8 @@ def _remark(parameter: dict[str, Any]) -> str:
     return "" if parameter["identify"] else "not identified"
 
 
-def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any]) -> None:
-    """The same in words and tables."""
+def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any], *, tables: bool) -> None:
+    """The same in words, and in tables of parameters, drives and workspace if these are wanted."""
     numbers = {"node": r["nodes"], "body": r["bodies"]} | {nouns()[k]: n for k, n in r["elements"].items()}
     parts = ", ".join(count(n, word) for word, n in numbers.items() if n)
     to.say(f"{r['machine']}: {r['space']}, {parts}")
@@ -86,6 +86,12 @@ def show_machine(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str
         to.say(f"not possible without {limit['lacking']}: {', '.join(limit['rules_out'])}; {limit['remedy']}")
     for motion in r["free_motions"]:
         to.say(f"free motion without load (held fixed): {motion}")
+    if tables:
+        _show_tables(to, machine, compiled, r)
+
+
+def _show_tables(to: Reporter, machine: Machine, compiled: Compiled, r: dict[str, Any]) -> None:
+    """Parameters, drives and workspace."""
     rows = [
         (p["name"], f"{p['nominal']:.8g}", "" if p["fixed"] else f"+-{p['range']:.4g}", p["unit"], _remark(p))
         for p in r["parameters"]

@@ -26,6 +26,14 @@ def uncertain(value: float, std: float | None, unit: str = "", digits: int = 2) 
     return f"{value:.{decimals}f}({size}){tail}"
 
 
+def unknown(value: float, spread: float, unit: str = "") -> str:
+    """A value that nothing determines, to a hundredth of what is thought of it, marked as such: 250.001(?) mm."""
+    tail = f" {unit}" if unit not in ("", "1") else ""
+    if not (math.isfinite(spread) and spread > 0.0):
+        return f"{value:.6g}(?){tail}"
+    return f"{value:.{min(max(2 - math.floor(math.log10(spread)), 0), 12)}f}(?){tail}"
+
+
 def finite(value: float | None) -> float | None:
     """A float for JSON: null for what is not finite."""
     return None if value is None or not math.isfinite(value) else float(value)

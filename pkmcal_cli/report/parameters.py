@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -241,9 +241,9 @@ def combination_text(model: Model, c: Combination, fit: Fit | None = None, covar
 
 def hold_text(c: Combination) -> str:
     """How many of its members to hold, and how: "one of them, e.g. `--select auto,-a`"."""
-    return f"{'one' if len(c.hold) == 1 else len(c.hold)} of them, e.g. `{without(c)}`"
+    return f"{'one' if len(c.hold) == 1 else len(c.hold)} of them, e.g. `{without(c.hold)}`"
 
 
-def without(c: Combination) -> str:
-    """The option that holds enough of its members."""
-    return f"--select auto,{','.join(f'-{n}' for n in c.hold)}"
+def without(names: Sequence[str]) -> str:
+    """The option that holds some parameters."""
+    return f"--select auto,{','.join(f'-{n}' for n in names)}"

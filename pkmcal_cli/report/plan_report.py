@@ -44,12 +44,12 @@ class PlanReport:
         machine: Machine,
         plan: Plan,
         *,
-        at_nominal: bool,
+        unstrained: bool,
         added: Added | None,
         bench: tuple[BenchProposal, ...],
         rates: tuple[Rates, ...],
     ) -> None:
-        self.machine, self.plan, self.at_nominal = machine, plan, at_nominal
+        self.machine, self.plan, self.unstrained = machine, plan, unstrained
         self.added, self.bench = added, bench
         self.model, self.rates = plan.problem.model, rates
 
@@ -120,7 +120,7 @@ class PlanReport:
             to.say(f"not separable: {listed(group, 8)}")
         for line in grouped(self.plan.candidates.not_testable):
             to.say(line)
-        if self.at_nominal and any(self._by_force(v) for v in self.plan.visibilities):
+        if self.unstrained and any(self._by_force(v) for v in self.plan.visibilities):
             to.say(UNSTRAINED)
         self._show_bench(to)
         show_rates(to, self.model, self.rates)

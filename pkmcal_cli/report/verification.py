@@ -14,6 +14,7 @@ from pkmcal_cli.loading.poses import RowOrigin
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.failed_rows import FailedRows
 from pkmcal_cli.report.number_format import finite, readable
+from pkmcal_cli.report.sentences import STANDS_ANYWHERE
 from pkmcal_cli.units.unit_text import Unit, parse_unit
 
 _LISTED = 20
@@ -57,6 +58,8 @@ class VerificationReport:
             to.warn(f"warning: NOT COMPATIBLE with the parameters: p {v.p_value:.2g}; something has changed")
         if v.refitted:
             to.notes([f"fitted to these rows: {', '.join(v.refitted)}"])
+        if v.problem.model.fitted_frames:
+            to.say(STANDS_ANYWHERE)
         rows = []
         for c in self._channels():
             unit = parse_unit(c["unit"])

@@ -23,7 +23,8 @@ from pkmcal_cli.units.unit_text import UNITS, Unit
 class Results:
     """A calibration, what the search for causes found (`not_searched`: why there was none), and a second table.
 
-    tolerance: m and its unit; feed, m/s, of circles in the tables; head: provenance; notes: on files.
+    tolerance: m and its unit; fit_words: options of the fit, as a command line has them; feed, m/s, of circles in the
+    tables; head: provenance; notes: on files.
     """
 
     loaded: LoadedMachine
@@ -33,6 +34,7 @@ class Results:
     not_searched: str
     verified: VerificationReport | None
     tolerance: tuple[float, Unit] | None
+    fit_words: tuple[str, ...]
     feed: float | None
     head: Mapping[str, Any]
     notes: tuple[str, ...] = ()

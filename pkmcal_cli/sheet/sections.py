@@ -21,6 +21,7 @@ from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.verdict import verdict
 
 _SEPARATED = 4  # causes at most that one measurement is planned for
+_IDENTIFIED = ("-p", "params.yaml")
 _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 
 
@@ -161,18 +162,23 @@ def next_steps(results: Results) -> Section | None:
             h = f.hypothesis
             rows.append((h.name, report.size(f), _action(h, report.size(f))))
         blocks.append(Table("Corrections", ("cause", "size", "action"), tuple(rows), words=("action",)))
+    with_causes = results.verified is None and report is not None and bool(report.diagnosis.findings)
+    if with_causes:
         text = "Repair a cause, or let set values account for it, not both; after a repair, measure again. Set values:"
         blocks += [Text(text)]
-        blocks += [Text(command("improve", machine, *table, "-o", "improved.yaml"), "command")]
+        blocks += [Text(command("improve", machine, *table, *results.fit_words, "-o", "improved.yaml"), "command")]
         blocks += [Text("pkmcal correct improved.yaml TARGETS.csv -p improved.params.yaml -o commands.csv", "command")]
-    else:
-        blocks += [Text("Set values that account for the identified parameters:")]
-        blocks += [Text(command("calibrate", machine, *table, "-o", "params.yaml"), "command")]
-        files = ("-p", "params.yaml", "-o", "commands.csv")
-        correct = command("correct", machine, "TARGETS.csv", *files)
-        blocks += [Text(correct, "command")]
+    elif results.verified is None:
+        blocks += [Text("Set values that account for the identified parameters:"), _identification(results)]
+        blocks += [Text(command("correct", machine, "TARGETS.csv", *_IDENTIFIED, "-o", "commands.csv"), "command")]
     blocks += _next_measurement(results)
     return section("next", "Corrections and next measurement", blocks)
+
+
+def _identification(results: Results) -> Text:
+    """The command that writes the identified parameters."""
+    files = (results.machine.files[0][0], *results.measured.files)
+    return Text(command("calibrate", *files, *results.fit_words, "-o", _IDENTIFIED[1]), "command")
 
 
 def _action(hypothesis: Hypothesis, size: str) -> str:
@@ -195,10 +201,11 @@ def _next_measurement(results: Results) -> list[Block]:
     if results.verified is None:
         text = "After correction, measure again and hand over the sheet with both tables:"
         limit = () if results.tolerance is None else ("--tolerance", f"{results.length_text(results.tolerance[0])}")
-        after = command("report", machine, *results.measured.files, "--after", "AFTER.csv", *limit)
-        return [Text(text), Text(after, "command")]
-    text = "To find out later whether the machine has changed, measure some of these points again:"
-    return [Text(text), Text(command("plan", machine, table, "--next", "--budget", "6"), "command")]
+        files = (*results.measured.files, "--after", "AFTER.csv")
+        return [Text(text), Text(command("report", machine, *files, *results.fit_words, *limit), "command")]
+    text = "To find out later whether the machine has changed, measure some of these points again, and compare:"
+    compared = Text(command("check", machine, "LATER.csv", *_IDENTIFIED), "command")
+    return [Text(text), _identification(results), compared]
 
 
 def provenance(results: Results) -> Section | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.point_errors import Judged
-from pkmcal_cli.report.sentences import listed
+from pkmcal_cli.report.sentences import STANDS_ANYWHERE, listed
 from pkmcal_cli.sheet.content import Verdict, Word
 from pkmcal_cli.sheet.results import Results
 
@@ -125,6 +125,8 @@ def _lines(results: Results) -> list[str]:
     """What makes the verdict provisional."""
     lines = []
     report = results.diagnosis
+    if results.calibrated.problem.model.fitted_frames:
+        lines.append(STANDS_ANYWHERE)
     if results.not_searched:
         lines.append(f"Causes were not searched: {results.not_searched}.")
     if report is not None and any(f.provisional for f in report.diagnosis.findings):

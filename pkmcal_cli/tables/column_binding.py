@@ -31,9 +31,11 @@ _DIRECTION = Rule(
 class Binding:
     """What a table has of a machine: columns, how to read them, whether the actuators give the poses.
 
-    spare: cells of the header, by index, that nothing is made of.
+    known: all columns that a table of the machine can have; spare: cells of the header, by index, that nothing is
+    made of.
     """
 
+    known: tuple[Column, ...]
     bound: tuple[Bound, ...]
     spare: Mapping[int, HeaderCell]
     column_rules: ColumnRules
@@ -52,7 +54,8 @@ class Binding:
 def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog) -> Binding:
     """Bind the header of an open table; faults go to `log`."""
     log.separator = reader.format.separator
-    matches = _matches(reader.header, machine)
+    known = columns_of(machine)
+    matches = _matches(reader.header, machine, known)
     check_header(reader, log, [columns[0].name if columns else None for columns in matches])
     bound: dict[tuple[str, str], Bound] = {}
     for index, columns in enumerate(matches):
@@ -62,14 +65,14 @@ def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog)
                 bound.setdefault((column.name, column.role), Bound(column, index, unit, assumed))
     no_use: set[Role] = {"target"} if require == "measured" else set()  # TCP coordinates that no sensor reads
     spare = {i: reader.header[i] for i, columns in enumerate(matches) if {c.role for c in columns} <= no_use}
-    needs = Needs(reader, machine, list(bound.values()), spare, log)
+    needs = Needs(reader, machine, known, list(bound.values()), spare, log)
     by_actuators, required, blank = needs.check(require)
     column_rules = ColumnRules(
         _kinds(reader, needs.bound), required, _rules(needs.bound) | dict.fromkeys(blank, _BLANK)
     )
     used = [b for b in needs.bound if b.index not in spare]
     taken = {reader.header[b.index].name for b in used}
-    free = [c.header for c in columns_of(machine) if c.header not in taken and c.role not in no_use]
+    free = [c.header for c in known if c.header not in taken and c.role not in no_use]
     notes = [_unused(spare, free), _assumed(used, column_rules)]
     if require == "poses" and by_actuators and needs.targets():
         placed = any(actuator.holds for actuator in machine.actuators.values())
@@ -77,13 +80,20 @@ def bind(reader: TableReader, machine: Machine, require: Require, log: FaultLog)
         notes.append(f"{pose}; the TCP coordinates are not used")
     if require == "targets" and any(b.column.role == "actuator" for b in needs.bound):
         notes.append("the TCP coordinates are the targets; the actuator columns are not used")
-    return Binding(tuple(needs.bound), spare, column_rules, by_actuators, tuple(note for note in notes if note))
+    return Binding(
+        known=known,
+        bound=tuple(needs.bound),
+        spare=spare,
+        column_rules=column_rules,
+        by_actuators=by_actuators,
+        notes=tuple(note for note in notes if note),
+    )
 
 
-def _matches(header: Sequence[HeaderCell], machine: Machine) -> list[list[Column]]:
+def _matches(header: Sequence[HeaderCell], machine: Machine, known: Sequence[Column]) -> list[list[Column]]:
     """The machine's columns that each cell of the header names, by its whole text or without the unit."""
     by_header: dict[str, list[Column]] = {}
-    for column in columns_of(machine):
+    for column in known:
         by_header.setdefault(column.header, []).append(column)
     out = []
     for cell in header:

@@ -15,7 +15,7 @@ from pkmcal_cli.csv_files.cell_values import FaultLog, FloatArray
 from pkmcal_cli.csv_files.dialect import Flaw, HeaderCell
 from pkmcal_cli.csv_files.reader import TableReader
 from pkmcal_cli.language.machine import Machine
-from pkmcal_cli.tables.columns import Column, channel_of_target, columns_of, coordinates_of
+from pkmcal_cli.tables.columns import Column, channel_of_target, coordinates_of
 from pkmcal_cli.tables.near_names import did_you_mean_column, is_near
 from pkmcal_cli.tables.touches import known_readings
 from pkmcal_cli.units.file_units import Unit
@@ -40,15 +40,20 @@ class Bound:
         return np.asarray(out if self.column.scale == 1.0 else out * self.column.scale)
 
 
+@dataclass
 class Needs:
-    """What a table needs, and what is missing in it."""
+    """What a table needs, and what is missing in it; `known`: all columns that it can have."""
 
-    def __init__(
-        self, reader: TableReader, machine: Machine, bound: list[Bound], spare: Mapping[int, HeaderCell], log: FaultLog
-    ) -> None:
-        self.reader, self.machine, self.bound, self.spare, self.log = reader, machine, bound, spare, log
-        self.columns = {(c.name, c.role): c for c in columns_of(machine)}
-        self.columns_bound = {(b.column.name, b.column.role): b for b in bound}
+    reader: TableReader
+    machine: Machine
+    known: tuple[Column, ...]
+    bound: list[Bound]
+    spare: Mapping[int, HeaderCell]
+    log: FaultLog
+
+    def __post_init__(self) -> None:
+        self.columns = {(c.name, c.role): c for c in self.known}
+        self.columns_bound = {(b.column.name, b.column.role): b for b in self.bound}
 
     def check(self, require: Require) -> tuple[bool, dict[int, str], set[int]]:
         """Whether actuators give the poses; why a column may have no empty cell; columns left empty."""

@@ -172,7 +172,7 @@ class _File:
     def _convert(self, chunk: Chunk, binding: Binding, reader: TableReader) -> Measurements:
         machine, rows = self.machine, len(chunk.lines)
         drives = tuple(machine.actuators)
-        channels = tuple(c.name for c in columns_of(machine) if c.role == "channel")
+        channels = tuple(c.name for c in binding.known if c.role == "channel")
         coordinates, channel_names = coordinates_of(machine), channel_of_target(machine)
         places = tuple(channels.index(channel_names[c]) if c in channel_names else -1 for c in coordinates)
         get = _Getter(chunk, binding, rows, self.clock.origin)
@@ -236,7 +236,7 @@ class _File:
                 notes.append(f"no force of {name} in {n} of {self.rows} rows: the force of the machine file is used")
         if self.require != "measured":
             return notes
-        channels = [c for c in columns_of(self.machine) if c.role == "channel"]
+        channels = [c for c in binding.known if c.role == "channel"]
         channel_names = {b.column.name for b in binding.of("channel")}
         some: dict[int, list[str]] = {}
         for column in channels:

@@ -79,7 +79,7 @@ def run_check(request: CheckRequest) -> int:
         faults, total = [*error.faults, *also.faults], error.total + also.total
         return _finish(_End(to, as_json, {}, _named_files(request)), faults, total)
     result, faults = machine_json(loaded.machine, loaded.compiled), idle_faults(loaded)
-    show_machine(to, loaded.machine, loaded.compiled, result)
+    show_machine(to, loaded.machine, loaded.compiled, result, tables=request.parameters is None)
     warnings = [*loaded.remarks, *loaded.warnings, *_substructure_fault(loaded)]
     for fault in warnings:
         to.warn(fault)

@@ -11,7 +11,8 @@ import numpy as np
 from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
-from pkmcal_cli.loading.poses import OUT_OF_REACH, PoseSource, RowOrigin, reference_poses
+from pkmcal_cli.loading.pose_source import PoseSource
+from pkmcal_cli.loading.poses import OUT_OF_REACH, RowOrigin, reference_poses
 from pkmcal_cli.pictures.machine_picture import default_scale, machine_picture, newtons
 from pkmcal_cli.pictures.machine_shape import MachineShape, machine_shape
 from pkmcal_cli.pictures.picture import check_picture, write_picture
@@ -110,7 +111,7 @@ def _row(request: DrawingRequest, loaded: LoadedMachine) -> _Row:
             if not block.reachable[at]:
                 raise BadInput([block.place(at).fault(OUT_OF_REACH)])
             drawn = block.rows, at, block.place(at)
-            if source.points is not None:
+            if source.grid is not None:
                 break
         seen += len(block)
     if drawn is None:

@@ -59,7 +59,9 @@ class ErrorMap:
         return "um" if dimension == "length" else "urad"
 
     def cells(self, rows: Rows, start: WarmStart, places: Mapping[int, RowOrigin]) -> list[Array]:
-        """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved."""
+        """Standard uncertainties (N,), SI, of each coordinate, of rows that are solved; there may be none."""
+        if not places:
+            return [np.zeros(0) for _ in self.columns]
         prediction = predict(self.model, self.values, rows, Request(parameters=self.names), start)
         assert prediction.jacobian is not None
         variance = np.einsum("ncp,pq,ncq->nc", prediction.jacobian, self.covariance, prediction.jacobian)

@@ -52,7 +52,6 @@ from pkmcal_cli.workflow.state import State, check_state
 from pkmcal_cli.workflow.touched_poses import touching_poses
 
 _POOL = 400  # candidate points, at least; twice as many as are wanted
-_FEW, _MANY = 8, 100  # points to add by default: as many, or up to so many for a stated uncertainty
 _NEXT = 'write e.g. pkmcal plan M.yaml MEAS.csv --next --budget 40 --aim "l1 5 um"'
 _APART = "choose poses further inside the workspace, or check `force_limit`"
 
@@ -112,8 +111,9 @@ def run_plan(request: PlanRequest) -> int:
     campaigns = Campaigns(plan, values, selected, request.alpha, request.seed)
     aimed = () if goal is None else goal.effects
     rates = power_of_plan(request.power, aimed, campaigns, workers, _state(request, inputs), to)
-    bench, at_nominal = _bench(problem, values, selected), request.parameters is None
-    report = PlanReport(loaded.machine, plan, at_nominal=at_nominal, added=added, bench=bench, rates=rates)
+    unstrained = request.parameters is None and loaded.compiled.mobility.redundancy > 0
+    bench = _bench(problem, values, selected)
+    report = PlanReport(loaded.machine, plan, unstrained=unstrained, added=added, bench=bench, rates=rates)
     report.show(to)
     drawn = PlannedRows(values, problem.rows, None if added is None else added.points.rows)
     draw_plan(_plot(request, inputs), plan, loaded, drawn, to)
@@ -254,6 +254,9 @@ def _check(request: PlanRequest) -> None:
         raise UsageError("--json and `-o -` both write to stdout", hint="give `-o` a file")
     if request.next and (request.poses is None or request.budget is None):
         raise UsageError("--next needs the table measured so far, and `--budget N`", hint=_NEXT)
+    if request.points is not None and request.aim is None:
+        hint = "say what they are for, `--aim uncertainty`; so many poses in all, over the workspace: `--grid 40`"
+        raise UsageError("--points: points are added for an aim, and none is given", hint=hint)
     if request.budget is not None and not request.next:
         raise UsageError("--budget is for --next", hint=_NEXT)
     if (request.state or request.cluster or request.jobs != 1) and not request.power:
@@ -282,7 +285,7 @@ def _added(
     request: PlanRequest,
 ) -> tuple[Added, Approaches]:
     """Points to add, out of reachable ones within and a little around the plan, and how they are approached."""
-    problem, most = plan.problem, _points(request, goal)
+    problem, most = plan.problem, request.points or goal.most_points
     pool, ways = candidate_points(loaded, problem, values, max(_POOL, 2 * most), request.seed)
     both = with_rows(problem, pool)
     others = [n for group in goal.aim.parameters for n in group if n not in selected]
@@ -293,8 +296,3 @@ def _added(
     if goal.limit is not None:
         chosen, reached = fewest(problem, pool, chosen, goal, values, selected)
     return Added(goal.aim, pool.take(chosen.rows), chosen, reached), ways.take(chosen.rows)
-
-
-def _points(request: PlanRequest, goal: RequestedAim) -> int:
-    """How many points are added at most."""
-    return request.points or (_FEW if goal.limit is None else _MANY)

@@ -20,6 +20,7 @@ from pkmcal_cli.workflow.amounts import amount
 OPTION = "--aim"
 UNCERTAINTY, SEPARATE = "uncertainty", "separate:"
 _EXAMPLE = 'write `uncertainty`, "l1 5 um", `l1,l3`, `backlash@q2` or `separate:backlash@q1,drift`'
+_FEW, _MANY = 8, 100  # points to add: as many, or up to so many for a stated uncertainty
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,11 @@ class RequestedAim:
     aim: Aim
     effects: tuple[str, ...] = ()
     limit: float | None = None
+
+    @property
+    def most_points(self) -> int:
+        """How many points are added, at most, where none is stated."""
+        return _FEW if self.limit is None else _MANY
 
 
 def requested_aim(

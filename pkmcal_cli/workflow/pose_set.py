@@ -15,7 +15,8 @@ from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import resting
 from pkmcal_cli.loading.load_machine import LoadedMachine
 from pkmcal_cli.loading.pose_channels import Channels
-from pkmcal_cli.loading.poses import Poses, PoseSource, failed_rows, reference_poses
+from pkmcal_cli.loading.pose_source import PoseSource
+from pkmcal_cli.loading.poses import Poses, failed_rows, reference_poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.loading.workspace_poses import workspace_poses
 from pkmcal_cli.report.failed_rows import GRID_POINT, FailedRows, SkippedPoints

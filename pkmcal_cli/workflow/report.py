@@ -66,6 +66,13 @@ class ReportRequest:
         names = ("machine", "measurements", "select", "parameters", "loss", "prior")
         return CaseRequest(**{name: getattr(self, name) for name in names})
 
+    @property
+    def fit_words(self) -> tuple[str, ...]:
+        """Options of the fit, as words of a command line."""
+        defaults = {"select": "auto", "loss": "squares", "prior": "none"}
+        stated = [name for name, default in defaults.items() if getattr(self, name) != default]
+        return tuple(word for name in stated for word in (f"--{name}", getattr(self, name)))
+
 
 def run_report(request: ReportRequest) -> int:
     """Calibrate, search, verify, write the page; returns the exit code. Raises PkmcalError."""
@@ -99,6 +106,7 @@ def run_report(request: ReportRequest) -> int:
         not_searched=why,
         verified=verified,
         tolerance=tolerance,
+        fit_words=request.fit_words,
         feed=None if request.circle_feed is None else request.circle_feed / _MM_PER_MIN,
         head=head | {"inputs": inputs},
         notes=tuple(dict.fromkeys(notes)),

@@ -35,8 +35,8 @@ def run_simulation(request: SimulationRequest) -> int:
 
 def _total(made: Simulation, request: SimulationRequest) -> int | None:
     """How many rows there are, for who watches; None of a stream."""
-    if made.source.points is not None:
-        return len(made.source.points)
+    if made.source.grid is not None:
+        return made.source.total
     if request.poses is None or not os.path.isfile(request.poses):
         return None
     with open(request.poses, "rb") as file:

@@ -55,7 +55,8 @@ def run_simulated_effects(machine: str, request: EffectsRequest) -> int:
     report = EffectsReport(problem.model, len(problem), simulated, _absent(loaded, model, candidates))
     report.show(to)
     Loads.of(problem.model, values, problem.rows, poses.poses.place, still.start).show(to)
-    if request.parameters is None and any(s.reason == UNLOADED for s in simulated):
+    unstrained = request.parameters is None and loaded.compiled.mobility.redundancy > 0
+    if unstrained and any(s.reason == UNLOADED for s in simulated):
         to.say(UNSTRAINED)
     if request.as_json:
         inputs = loaded.inputs | start.inputs | poses.inputs

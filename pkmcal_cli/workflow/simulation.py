@@ -18,7 +18,8 @@ from pkmcal_cli.language.tool_point import ToolPoint
 from pkmcal_cli.loading.covariates import with_directions
 from pkmcal_cli.loading.load_machine import LoadedMachine, Start, load_machine, load_parameters
 from pkmcal_cli.loading.pose_channels import Channels, known_channels, touched_channels
-from pkmcal_cli.loading.poses import Poses, PoseSource
+from pkmcal_cli.loading.pose_source import PoseSource
+from pkmcal_cli.loading.poses import Poses
 from pkmcal_cli.loading.tool_coordinates import required_tool_point
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
@@ -82,6 +83,7 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
     for text in start.warnings:
         to.warn(text)
     noise = Noise.of(model, request.noise, request.seed)
+    names_others = first is not None and first.rows.partner is not None
     made = Simulation(
         loaded=loaded,
         source=source,
@@ -91,9 +93,7 @@ def simulation(request: SimulationRequest, to: Listener, machine: LoadedMachine 
         request=request,
         values=start.values,
         noise=noise,
-        table=SimulatedTable(
-            loaded.machine, model, source.forces, request.forces, source.covariates, _names_others(first)
-        ),
+        table=SimulatedTable(loaded.machine, model, source.forces, request.forces, source.covariates, names_others),
         errors=_error_map(request, loaded, model, start) if request.uncertainty else None,
         loads=Loads(model=model),
         kept=KeptRows(
@@ -123,11 +123,6 @@ def _error_map(request: SimulationRequest, loaded: LoadedMachine, model: Model, 
     """The error map of the tool point. Raises UsageError and BadInput where there is none."""
     required_tool_point(loaded)
     return ErrorMap.of(model, start, request.parameters, request.method)
-
-
-def _names_others(block: Poses | None) -> bool:
-    """Whether rows name others, to which a sensor measures."""
-    return block is not None and block.rows.partner is not None
 
 
 class Sink(Protocol):
@@ -167,13 +162,13 @@ class Simulation:
     @property
     def code(self) -> int:
         """1 where rows of a table could not be solved."""
-        return 1 if self.tally.n_failed and self.source.points is None else 0
+        return 1 if self.tally.n_failed and self.source.grid is None else 0
 
     def run(self, writer: Sink, tick: Callable[[int], None] | None = None) -> None:
         """All blocks into a table. Raises BadInput where no point of a grid can be used."""
         for block in self.blocks:
             self._simulate(block, writer, tick)
-        self.skipped = skipped(self.tally.by_reason, self.tally.seen) if self.source.points is not None else []
+        self.skipped = skipped(self.tally.by_reason, self.tally.seen) if self.source.grid is not None else []
 
     @property
     def tool(self) -> ToolPoint | None:
@@ -190,7 +185,7 @@ class Simulation:
         if self.tally.touched:
             to.notes([touches_text(self.model, self.tally.touched, self.tally.rows)])
         to.notes(_substructure_notes(self.model, self.request.method))
-        self._tell_rows(to, by_row=source.points is None)
+        self._tell_rows(to, by_row=source.grid is None)
 
     def _simulate(self, block: Poses, writer: Sink, tick: Callable[[int], None] | None) -> None:
         """Predict and write one block; rows without a solution are told, not written."""

@@ -146,15 +146,7 @@ class _Builder:
         stack: list[_Open] = []
         documents = 0
         for event in self.events(text):
-            if isinstance(event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    where = self.place(event.start_mark)
-                    raise self.fault("yaml", "a second document begins here", where, "keep only one document")
-            elif isinstance(event, yaml.MappingEndEvent | yaml.SequenceEndEvent):
-                done = stack.pop()
-                self.open_anchors.discard(done.anchor)
-            elif isinstance(event, yaml.NodeEvent):
+            if isinstance(event, yaml.NodeEvent):
                 node, opened = self.node(event, len(stack))
                 if stack:
                     stack[-1].put(node, self)
@@ -162,6 +154,14 @@ class _Builder:
                     root = node
                 if opened is not None:
                     stack.append(opened)
+            elif isinstance(event, yaml.CollectionEndEvent):
+                done = stack.pop()
+                self.open_anchors.discard(done.anchor)
+            elif isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    where = self.place(event.start_mark)
+                    raise self.fault("yaml", "a second document begins here", where, "keep only one document")
         return self.checked_root(root)
 
     def checked_root(self, root: SourceNode | None) -> SourceNode:

@@ -1,97 +1,110 @@
-"""Mutated tables, machine files and parameter files through whole commands: exit codes of the table, no traceback.
+"""Mutated tables, machine files, parameter files and command lines through whole commands.
 
-What `simulate` gives back of the poses it was given is compared with what the plain reader reads.
+Exit codes are those of the table, no traceback, no word of Python's in a message, JSON that all can read; what
+`simulate` gives back of the poses it was given is compared with what the plain reader reads.
 """
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
+import json
 import random
+import re
+import tempfile
 from functools import cache
+from itertools import dropwhile
 from pathlib import Path
 
 from tests.command import EXIT_CODES, MACHINES, Done, run
-from tests.hostile import machine_fuzz, table_fuzz
+from tests.hostile import command_lines, machine_fuzz, table_fuzz
+from tests.hostile.command_lines import chosen, mistyped
 from tests.hostile.plain_table import Unsure, read_plain
 from tests.hostile.plain_units import unit
-from tests.hostile.sheets import mutate
+from tests.hostile.sheets import Sheet, mutate
+from tests.hostile.table_fuzz import Case
+from tests.hostile.yaml_slips import Spot, spots
 from tests.hostile.yaml_slips import mutate as mutate_yaml
-from tests.hostile.yaml_slips import spots
 
 _CLOSE = 1e-9  # tables are written with so many digits
-_TABLE = (
-    "simulate {m} {t}", "simulate {m} {t}", "simulate {m} {t}", "check {m} {t}", "check {m} {t} --json",
-    "sensitivity {m} {t}", "correct {m} {t} -p {p}", "observability {m} {t} --json",
-)  # fmt: skip
-_MACHINE = ("check {m}", "check {m} --json", "sensitivity {m} --json", "check {m} --format github")
-_PARAMETERS = ("compare {p} {q}", "check {m} -p {p}", "simulate {m} {t} -p {p}", "compare {p} {q} --json")
+_ROWS = 12  # of the other tables: enough for a fit
+_PYTHON = re.compile(r"<class |object at 0x|np\.\w+\(|PosixPath|dtype|Ellipsis|\bNoneType\b|\w+Error\b")
+_CASES = (*table_fuzz.CASES[:1] * 6, *table_fuzz.CASES)
+_NOT_REDUNDANT = table_fuzz.CASES[1]
+_KINDS = (
+    (command_lines.TABLE,) * 4 + (command_lines.MACHINE, command_lines.PARAMETERS) * 2 + (command_lines.OPTIONS,) * 2
+)
 
 
 @cache
-def _parameters() -> str:
-    """A parameter file of the Biglide."""
-    done = run("calibrate", MACHINES / "biglide.yaml", MACHINES / "biglide.csv", "-o", "-")
+def _parameters(machine: str) -> str:
+    """A parameter file of a shipped machine."""
+    done = run("calibrate", MACHINES / f"{machine}.yaml", MACHINES / f"{machine}.csv", "-o", "-")
     assert done.code == 0, done.err
     return done.out
 
 
+@cache
+def _spots(machine: str) -> list[Spot]:
+    return spots(_parameters(machine))
+
+
 def judged(seed: int, folder: Path) -> tuple[str, str]:
-    """A command with one mutated input: (outcome, what is wrong, "" if nothing)."""
+    """A command with one mutated input, or mistyped: (outcome, what is wrong, "" if nothing)."""
     rng = random.Random(seed)
-    names = {
-        key: str(folder / name) for key, name in (("m", "m.yaml"), ("t", "t.csv"), ("p", "p.yaml"), ("q", "q.yaml"))
-    }
-    case = table_fuzz.CASES[0]
-    sheet, machine, parameters = table_fuzz.sheet_of(case, rng), machine_fuzz.base("biglide")[0], _parameters()
-    kind = rng.choice((_TABLE, _TABLE, _MACHINE, _PARAMETERS))
-    Path(names["q"]).write_text(parameters, encoding="utf-8")
-    if kind is _TABLE:
+    kind = rng.choice(_KINDS)
+    line, case = chosen(kind, rng), rng.choice(_CASES)
+    if kind in (command_lines.TABLE, command_lines.MACHINE) and line.startswith(command_lines.FITS):
+        case = _NOT_REDUNDANT
+    sheet = table_fuzz.sheet_of(case, rng, rng.choice((table_fuzz.ROWS, table_fuzz.ROWS, _ROWS)))
+    machine, parameters = machine_fuzz.base(case.machine)[0], _parameters(case.machine)
+    if kind is command_lines.TABLE:
         mutate(sheet, rng)
-    elif kind is _MACHINE:
-        machine = mutate_yaml(*machine_fuzz.base("biglide"), rng)
-    else:
-        parameters = mutate_yaml(parameters, _spots(), rng)
-    Path(names["m"]).write_text(machine, encoding="utf-8")
-    Path(names["p"]).write_text(parameters, encoding="utf-8")
-    Path(names["t"]).write_bytes(sheet.data())
-    command = rng.choice(kind)
-    done = run(*(word.format(**names) for word in command.split()))
-    wrong = _ended(done)
-    if not wrong and done.code == 0 and kind is _TABLE and command.startswith("simulate"):
+    elif kind is command_lines.MACHINE:
+        machine = mutate_yaml(*machine_fuzz.base(case.machine), rng)
+    elif kind is command_lines.PARAMETERS:
+        parameters = mutate_yaml(parameters, _spots(case.machine), rng)
+    texts = {"m.yaml": machine, "p.yaml": parameters, "q.yaml": _parameters(case.machine)}
+    with tempfile.TemporaryDirectory(dir=folder) as here, contextlib.chdir(here):
+        for name, text in texts.items():
+            Path(name).write_text(text, encoding="utf-8")
+        Path("t.csv").write_bytes(sheet.data())
+        names = {"m": "./m.yaml", "t": "./t.csv", "p": "./p.yaml", "q": "./q.yaml", "o": "./out"}
+        words = [word.format(**names) for word in line.split()]
+        words = mistyped(words, rng) if kind is command_lines.OPTIONS else words
+        done = run(*words, stdin="")
+    wrong = _ended(done, words)
+    if not wrong and done.code == 0 and kind is command_lines.TABLE and line == "simulate {m} {t}":
         try:
-            wrong = _given_back(done.out, sheet.data(), sheet.separator, sheet.decimal)
+            wrong = _given_back(done.out, sheet, case)
         except Unsure as error:
             wrong = f"read what is unsure: {error}"
-    return (
-        (f"{command.split()[0]} failed", f"{command}: {wrong}")
-        if wrong
-        else ("done" if done.code < 2 else "refused", "")
-    )
+    return (f"{line.split()[0]} failed", f"{words}: {wrong}") if wrong else ("done" if done.code < 2 else "refused", "")
 
 
-@cache
-def _spots():  # type: ignore[no-untyped-def]
-    return spots(_parameters())
-
-
-def _ended(done: Done) -> str:
+def _ended(done: Done, words: list[str]) -> str:
     """What is wrong with the end of a command."""
     if done.code not in EXIT_CODES:
         return f"exit code {done.code}: {done.err[-300:]}"
-    if "Traceback" in done.err or "Warning:" in done.err:
-        return done.err[-300:]
+    if "Traceback" in done.err or "Warning:" in done.err or _PYTHON.search(done.err):
+        return done.err[-600:]
+    if done.code < 2 and "--json" in words and done.out.startswith("{"):
+        try:
+            _ = done.json
+        except (AssertionError, json.JSONDecodeError) as error:
+            return f"JSON: {error}"
     return "" if done.code < 2 or "error[" in done.err else f"exit code {done.code} without an error"
 
 
-def _given_back(out: str, data: bytes, separator: str, decimal: str) -> str:
+def _given_back(out: str, sheet: Sheet, case: Case) -> str:
     """Readings of drives in a simulated table that are not those given."""
-    lines = [line for line in out.splitlines() if not line.startswith("#")]
+    lines = dropwhile(lambda line: line.startswith("#"), out.splitlines())
     header, *rows = csv.reader(io.StringIO("\n".join(lines)))
-    plain = read_plain(data, separator, decimal, dict(table_fuzz.CASES[0].known))
+    plain = read_plain(sheet.data(), sheet.separator, sheet.decimal, dict(case.known))
     for place, cell in enumerate(header):
         name, _, text = cell.partition(" [")
-        if name not in ("q1", "q2", "q3") or name not in plain.numbers:
+        if f"dir.{name}" not in case.known or name not in plain.numbers:
             continue
         scale = unit(text.rstrip("]"))
         assert scale is not None

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 import yaml
@@ -16,7 +17,10 @@ import yaml
 from tests.hostile.plain_table import Unsure
 from tests.hostile.plain_units import Powers, unit
 
-_NUMBER = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-zµμ°%].*)?", re.DOTALL)
+_NUMBER = re.compile(
+    r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*((?![eE][+-]?[0-9])[A-Za-zµμ°%].*)?", re.DOTALL
+)
+_SECTION = re.compile(r"^(?=\w)", re.MULTILINE)
 _DEFAULT = {"length": "m", "angle": "rad", "force": "N", "mass": "kg", "time": "s", "temperature": "K"}
 
 Tree = dict[str, Any] | list[Any] | str | None
@@ -25,11 +29,36 @@ Path = tuple[str | int, ...]
 
 def plain_tree(text: str) -> Tree:
     """Maps, lists and texts of a file, `each` written out; None for nothing. Raises Unsure: no YAML, a key twice."""
+    return _each(_composed(text))
+
+
+def tree_by_sections(text: str) -> Tree:
+    """The same of a file whose sections begin at the left edge, each read by itself, and only once.
+
+    Raises Unsure where they cannot stand alone, as where a quote is open or an alias is of another section.
+    """
+    out: dict[str, Tree] = {}
+    for part in _SECTION.split(text):
+        read = _section(part)
+        if not isinstance(read, dict | None) or (read and read.keys() & out.keys()):
+            raise Unsure("no sections")
+        out |= read or {}
+    return _each(out)
+
+
+@lru_cache(maxsize=2048)
+def _section(text: str) -> Tree:
+    return _composed(text)
+
+
+def _composed(text: str) -> Tree:
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
+        if "\t" in text:  # it may stand before a colon, which this reader does not know
+            return _composed(text.replace("\t", " "))
         raise Unsure(str(error)) from error
-    return _each(_tree(node))
+    return _tree(node)
 
 
 def _tree(node: Any) -> Tree:

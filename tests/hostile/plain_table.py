@@ -90,7 +90,7 @@ def _rows(lines: list[str], separator: str) -> list[tuple[int, list[str]]]:
             raise Unsure(f"open quote in line {number}")
         if separator == " ":
             line = re.sub(r"(?<!\s)\s+\[", "[", line) if not out else line
-            cells = re.findall(r"(?:[^\s\[]|\[[^\]]*\])+", line)
+            cells = [cell.replace('"', "") for cell in re.findall(r'(?:"[^"]*"|[^\s\["]|\[[^\]]*\])+', line)]
         else:
             cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
         cells = [cell.strip() for cell in cells]

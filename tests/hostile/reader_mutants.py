@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.hostile.mutant_kinds import Mutant
 
-_FUZZ = "tests/test_fuzz.py::test_no_traceback_and_no_silent_shift[tables]"
+_FUZZ = "tests/test_fuzz.py::test_no_traceback_and_no_silent_shift[tables-0]"
 _NOT = "if not is_number(cell, decimal)"
 
 READER: tuple[Mutant, ...] = (

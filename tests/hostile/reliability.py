@@ -30,9 +30,14 @@ of all run with every `pytest`. `python -m tests.hostile.reliability --run NAME`
 | --- | --- | --- | --- |
 """
 _TAIL = """
-Number k of the fuzz is the same input on every computer; others: `python -m tests.hostile.fuzz N FIRST`. The slow run
-of a million is `python -m pytest -m slow tests/test_fuzz.py`, that of all mutants `python -m tests.hostile.mutants`.
-The lowest versions are tried by hand, as `tests/hostile/floors.py` says.
+Number k of the fuzz is the same input on every computer; others: `python -m tests.hostile.fuzz N FIRST`. CI runs
+20,000 tables, 7,000 machine files and 3,000 commands; the slow run of a million is
+`python -m pytest -m slow tests/test_fuzz.py tests/test_command_fuzz.py`. The lowest versions are tried by hand, as
+`tests/hostile/floors.py` says.
+
+Known: a fit to a table whose columns are wrong, such as two that are exchanged or one in another unit, can take
+minutes, as rows that cannot be assembled are tried in every step. On machines with redundant drives such fits are left
+out of the fuzz; of the 100,000 commands of the slow run 8 took 26 to 165 s beside other work.
 """
 
 
@@ -54,6 +59,10 @@ class Check:
         return f"tests.hostile.{self.command}".split()
 
 
+_FUZZ = (
+    "mutated tables, machine files, parameter files and command lines: no traceback, no number but a plain second "
+    "reader's, nothing above 20 s (fits only of machines without redundant drives, see below)"
+)
 _DISK = (
     "every file operation of every writing command fails (killed, ENOSPC, EIO, no memory, disk full from then on): "
     "files whole, old or absent; no pair that does not belong together is accepted; no exit code 70"
@@ -64,7 +73,7 @@ _ATTACK = (
 )
 _NIST = "NIST StRD regressions through the fit itself, from both starts: four digits, or an honest status"
 CHECKS: Mapping[str, Check] = {
-    "fuzz": Check("mutated inputs: no traceback, no number but a plain second reader's", "fuzz 5000 10000", 3),
+    "fuzz": Check(_FUZZ, "fuzz 100000 100000", 3),
     "file operations": Check(_DISK, "file_operations"),
     "file operations, a part": Check("the same of three commands", "file_operations new schema simulate"),
     "attacks": Check(_ATTACK, "attacks"),
@@ -72,7 +81,7 @@ CHECKS: Mapping[str, Check] = {
     "slips": Check("slips by hand in machines and tables get the message that is expected", "slips.texts", most=True),
     "campaigns that lie": Check("none ends `converged`; no honest one is refused", "campaigns", 2),
     "NIST": Check(_NIST, "nist", most=True),
-    "mutants of the reader": Check("each mutant is killed by the test that it names", "mutants 70 4"),
+    "mutants": Check("one-line mutants of the package: each is killed by the test that it names", "mutants"),
 }
 
 

@@ -8,6 +8,7 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 
 from pkmcal_cli.base.errors import BadInput
@@ -68,13 +69,13 @@ def _cells(name: str) -> list[list[str]]:
         return list(csv.reader(file))
 
 
-def sheet_of(case: Case, rng: random.Random) -> Sheet:
-    """The first rows of the shipped table, with some of the other columns."""
-    header, *rows = [list(cells) for cells in _cells(case.machine)[: ROWS + 1]]
+def sheet_of(case: Case, rng: random.Random, count: int = ROWS) -> Sheet:
+    """The first rows of the shipped table, with some of the other columns, whose cells come again after five rows."""
+    header, *rows = [list(cells) for cells in _cells(case.machine)[: count + 1]]
     for name, texts in case.more.items():
         if rng.random() < 0.5:
             header.append(name)
-            for cells, text in zip(rows, texts, strict=True):
+            for cells, text in zip(rows, cycle(texts), strict=False):
                 cells.append(text)
     return Sheet(header=header, rows=rows)
 

@@ -77,11 +77,12 @@ def validated(source: SourceMap, faults: FaultList) -> tuple[WrittenMachine | No
     Adds a fault for everything that does not fit; no machine where nothing can be said further.
     """
     data = source.root.plain()
-    for section in [name for name, value in data.items() if value is None]:
-        data[section] = {} if section in Machine.model_fields else None
+    for section in [name for name, value in data.items() if value is None and name in Machine.model_fields]:
+        del data[section]  # a heading with nothing below it
     quarantined = Quarantine()
+    space = data.get("space")
+    context = {"space": space if isinstance(space, str) else None}  # what it should be is told by its own field
     for _ in range(_ROUNDS):
-        context = {"space": data.get("space")}
         try:
             return Machine.model_validate(data, context=context), quarantined
         except ValidationError as error:
