@@ -182,7 +182,7 @@ def test_drives_and_their_units(tmp_path: Path) -> None:
     assert q2.force is not None and q2.force.otherwise is not None
     assert q2.force.otherwise.dimension == FORCE
     needs = faults(tmp_path, TRIGLIDE.replace("q1: {moves: c1}", "q1: {moves: c1, unit: deg}"))
-    assert needs == ["18:35 value: a reading in deg needs `scale`, the travel per deg"]
+    assert needs == ["18:35 missing-key: a reading in deg needs `scale`, the travel per deg"]
 
 
 @pytest.mark.parametrize("space", ["{a: 1}", "[planar]", "true", "2", "~"])

@@ -20,8 +20,8 @@ def test_formulas_and_files_are_those_of_nist(name: str) -> None:
     np.testing.assert_allclose(std, data.uncertainty, rtol=1e-6)
 
 
-def test_forty_eight_of_fifty_four_runs_have_four_digits_and_the_others_say_so() -> None:
+def test_fifty_of_fifty_four_runs_have_four_digits_and_the_others_say_so() -> None:
     runs = [run(name, start) for name in FORMULAS for start in (0, 1)]
     assert len(runs) == 54
-    assert sum(r.right for r in runs) >= 48, [(r.name, r.start, r.digits) for r in runs if not r.right]
+    assert sum(r.right for r in runs) >= 50, [(r.name, r.start, r.digits) for r in runs if not r.right]
     assert all(r.honest for r in runs), [(r.name, r.start) for r in runs if not r.honest]

@@ -20,6 +20,7 @@ from pkmcal_cli.calibration.misfit import residuals
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, chi_square, evaluate, lost_rows, reasons
 from pkmcal_cli.calibration.step import Scaled, advance
+from pkmcal_cli.calibration.trust_region import Region
 from pkmcal_cli.prediction import WarmStart
 
 _HOPELESS = 0.5  # sizes of the machine by which drives disagree: no error of geometry is as large
@@ -169,11 +170,11 @@ def _descent(task: _Task, kept: Problem, begin: Evaluation, failed: Mapping[int,
 
     Else only the end is: where rows are in others there, or have no prediction, it does not hold.
     """
-    damping, stopped, holds, chi2, end = 0.0, "", True, list[float](), begin
+    region, stopped, holds, chi2, end = Region(), "", True, list[float](), begin
     while len(chi2) < task.iterations and not stopped:
         near = condensed(kept, end)
         chi2.append(near.chi2)
-        end, damping, stopped = advance(kept, task.scale, end, near, damping, hopeless=task.hopeless, compare=compare)
+        end, region, stopped = advance(kept, task.scale, end, near, region, hopeless=task.hopeless, compare=compare)
         given_up = stopped == "no_descent" and near.chi2 > task.hopeless
         if (stopped or (len(chi2) == task.iterations and not compare)) and not given_up:
             again = evaluate(kept, end.values, None, end.start, end.shift)
@@ -233,9 +234,9 @@ def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
             break
         part = problem.take(rows)
         lead = evaluate_condensed(part, evaluation.values, scale.names, shift=evaluation.shift[rows])
-        damping, status = 0.0, ""
+        region, status = Region(), ""
         for _ in range(_LEAD if lead.solved else 0):
-            lead, damping, status = advance(part, scale, lead, condensed(part, lead), damping)
+            lead, region, status = advance(part, scale, lead, condensed(part, lead), region)
             if status:
                 break
         again = evaluate_condensed(problem, lead.values, scale.names, evaluation.start.hopeless(_HOPELESS))

@@ -14,6 +14,7 @@ USABLE = ("converged", "incomplete")
 _FAR = 10.0  # effective ranges off nominal
 _WIDER = 3.0  # times the range of the machine file: no kind is wider effectively
 _LEFT, _LARGE = 1 / 3, 1e-2  # share of the rms before, and of the machine's size, that a fit of good data goes below
+_LOST = 1 / 4  # share of rows without prediction that a fit of good data does not leave
 _WEIGHTY = 0.1  # weight below which a reading is left out
 _LISTED = 4
 
@@ -45,6 +46,14 @@ def implausible_residuals(problem: Problem, fit: Fit) -> tuple[str, ...]:
     if not after > _LARGE * size or (np.isfinite(before) and not after > _LEFT * before):
         return ()
     return (f"the fit leaves {after * 1e3:.3g} mm rms, {after / size:.1%} of the machine's size",)
+
+
+def implausible_rows(fit: Fit) -> tuple[str, ...]:
+    """So many rows that cannot be predicted that those which can be prove nothing: the fit has chosen them."""
+    lost, rows = len(fit.failed), len(fit.after.residual)
+    if lost <= _LOST * rows:
+        return ()
+    return (f"{lost} of {rows} rows, in which the machine was measured, cannot be predicted",)
 
 
 def _rms(problem: Problem, residual: Array) -> float:

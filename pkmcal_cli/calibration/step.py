@@ -1,6 +1,7 @@
 """One accepted step of a fit, in range units: Levenberg-Marquardt within the directions that the data determine.
 
-Kept within bounds by an active set; the drives' errors follow (Ecorchard 2010, eq. 24, with weights).
+Confined to a trust region once a step kept little of its promise, and kept within bounds by an active set; the
+drives' errors follow (Ecorchard 2010, eq. 24, with weights).
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from pkmcal_cli.calibration.identifiability import directions
 from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
+from pkmcal_cli.calibration.trust_region import Region, confined
 from pkmcal_cli.units.measurands import Measurand
 
 _STEP = 1e-8  # converged: the next step would be shorter than this share of the ranges ...
 _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less than rounding
 _MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
-_LIGHT = 1e-9  # the smallest damping, as a share of the largest squared column of the scaled Jacobian
+_LIGHT = 1e-9  # of damping for parameters, as a share of the largest squared column of the scaled Jacobian
 _PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 
@@ -53,41 +55,45 @@ def advance(
     scale: Scaled,
     evaluation: Evaluation,
     near: Linearised,
-    damping: float,
+    region: Region,
     hopeless: float = np.inf,
     compare: bool = True,
-) -> tuple[Evaluation, float, str]:
-    """One accepted step; returns the new evaluation, the damping for the next and why to stop, "" to go on.
+) -> tuple[Evaluation, Region, str]:
+    """One accepted step; returns the new evaluation, the region for the next and why to stop, "" to go on.
 
-    compare: whether rows in doubt are compared with other assemblies; else chi-square is continuous along the step.
-    "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than rounding
-    does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails there, or
-    none that needs little damping where chi-square is above `hopeless`.
+    region: `Region()` at first; compare: rows in doubt with other assemblies; else chi-square is continuous along the
+    step. "step": it would be shorter than matters; "rounding", "gradient": it could lower chi-square by no more than
+    rounding does, or by a negligible share; "no_descent": no step of any length lowers it, as the prediction fails
+    there, or none that needs little damping where chi-square is above `hopeless`.
     """
-    full = _step(scale, evaluation.values[scale.index], near, near, 0.0)
+    region = region.at(near.jacobian * scale.ranges)
+    full = _step(scale, evaluation.values[scale.index], near, near)
     blur = _blur(problem, near.chi2)
     hoped = near.chi2 - near.expected(full * scale.ranges)
     if end := _end(full, hoped, near.chi2, blur):
         last = _moved(problem, scale, evaluation, near, full, compare)
-        return (last if last.solved else evaluation), 0.0, end
-    light = _LIGHT * float(((near.jacobian * scale.ranges) ** 2).sum(axis=0).max(initial=0.0))
+        return (last if last.solved else evaluation), region, end
     while True:
-        damped, step = near, full
-        if damping > 0.0:
-            damped = condensed(problem, evaluation, damping)
-            step = _step(scale, evaluation.values[scale.index], near, damped, damping * light)
-        if np.abs(step).max() < _STEP if len(step) else damping > _HEAVY:
-            return evaluation, damping, "no_descent"
+        damped = condensed(problem, evaluation, region.damping) if region.damping > 0.0 else near
+        free = region.damping == 0.0 and region.length(full) <= region.radius
+        step = full if free else _step(scale, evaluation.values[scale.index], near, damped, region)
+        if np.abs(step).max() < _STEP if len(step) else region.damping > _HEAVY:
+            return evaluation, region, "no_descent"
         trial = _moved(problem, scale, evaluation, damped, step, compare)
-        if trial.solved:
-            gained = near.chi2 - chi_square(problem, trial)
-            if gained >= -blur:
-                good = gained > 0.5 * (near.chi2 - damped.expected(step * scale.ranges))
-                eased = (0.1 if good else 1.0) * damping
-                return trial, (eased if eased >= 1.0 else 0.0), ""
-        damping = max(10.0 * damping, 1.0)
-        if near.chi2 > hopeless and damping > _MUCH:
-            return evaluation, damping, "no_descent"
+        if trial.solved and (gained := near.chi2 - chi_square(problem, trial)) >= -blur:
+            kept = _share(gained, near.chi2 - damped.expected(step * scale.ranges))
+            if not region.doubts(step, kept):
+                return trial, region.taken(step, kept), ""
+            region = region.narrowed()
+            continue
+        region = region.refused(step)
+        if near.chi2 > hopeless and region.damping > _MUCH:
+            return evaluation, region, "no_descent"
+
+
+def _share(gained: float, promised: float) -> float:
+    """Of what a step promised, what it gained; none where it promised nothing."""
+    return gained / promised if promised > 0.0 else 0.0
 
 
 def _end(step: Array, hoped: float, chi2: float, blur: float) -> str:
@@ -139,8 +145,9 @@ def _moved(
     return trial
 
 
-def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, damping: float) -> Array:
-    """Minimum-norm step (p,) in range units within bounds and the directions that `near` determines."""
+def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, region: Region | None = None) -> Array:
+    """Minimum-norm step (p,) in range units within bounds, the directions that `near` determines, and the region."""
+    light = 0.0 if region is None else region.damping * _LIGHT * float(np.square(region.size).max(initial=0.0))
     p, r, jacobian = len(values), damped.residual, damped.jacobian * scale.ranges
     step = np.zeros(p)
     if not p:
@@ -152,7 +159,10 @@ def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, da
         residual = r - jacobian[:, ~free] @ step[~free]
         spectrum = directions(near.jacobian[:, free], tuple(np.array(scale.names)[free]), scale.ranges[free])
         vectors = spectrum.vectors[~spectrum.held]
-        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual, damping)
+        step[free] = vectors.T @ _least_squares(jacobian[:, free] @ vectors.T, residual, light)
+        if region is not None and region.length(np.where(free, step, 0.0)) > region.radius:
+            size = (vectors * np.asarray(region.size)[free]).T
+            step[free] = vectors.T @ confined(jacobian[:, free] @ vectors.T, residual, size, region.radius)
         over = free & ((step < room_down - 1e-12) | (step > room_up + 1e-12))
         if not over.any():
             break

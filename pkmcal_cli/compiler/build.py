@@ -11,6 +11,7 @@ from pkmcal_cli.base.errors import BadInput, Fault
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.compiler import assemble as asm
 from pkmcal_cli.compiler.base_places import base_of
+from pkmcal_cli.compiler.drawn_places import far_from_drawing
 from pkmcal_cli.compiler.drives import PlacedDrive, add_drive, as_travel
 from pkmcal_cli.compiler.effect_groups import effect_groups
 from pkmcal_cli.compiler.joints import add_fixed_rotations
@@ -86,9 +87,9 @@ def _compiled(machine: Machine, receptive: bool) -> Compiled:
     length = first.length
     state, gaps = asm.assemble(first.topology, length)
     made = _assembled(machine, asm.reference_configuration(first.topology, state), receptive)
-    doubts = _raise_errors(drawn_faults(made.structure))
+    far = far_from_drawing(machine, first.topology, state, length)
+    doubts = (*_raise_errors(drawn_faults(made.structure)), *far)
     topology, drives, sensors = made.topology, made.drives, made.sensors
-    held_names: tuple[str, ...] = ()
     basis, system = asm.free_motions(topology, length)
     read = tuple(v.index for v in sensors.observed if v.measurand is Measurand.ORIENTATION)
     quiet, loud = asm.split_motions(topology, basis, system, length, read)

@@ -20,6 +20,7 @@ from pkmcal_cli.units.dimensions import ANGLE, LENGTH
 from pkmcal_cli.units.unit_text import parse_unit
 from pkmcal_cli.yaml_source.tree import Path
 
+_ROUNDING = 1e-9  # of the machine's size: what is less is none
 _WARNED = "the reference configuration is outside the workspace"
 
 
@@ -77,7 +78,7 @@ def workspace_faults(machine: Machine, model: Model) -> list[Fault]:
         faults += _lacking(machine, model)
     faults += _empty(machine, model, workspace, {str(path[2]) for path in inverted})
     if not faults and not workspace.holds(model.tool.reference[None], model.reference_readings[None])[0]:
-        hint = "correct the limits or their units, or the reference configuration"
+        hint = "correct the limits or their units, the tool point, or the reference configuration"
         message = f"{_WARNED}: the tool point is at {_place(machine, model)}"
         faults = [source.fault("workspace", message, ("workspace",), hint, at_key=True, warning=True)]
     return faults
@@ -91,7 +92,8 @@ def _place(machine: Machine, model: Model) -> str:
     for name, value in zip(DIRECTIONS, model.tool.reference, strict=True):
         if name in names:
             unit = units.unit(ANGLE if name.startswith("r") else LENGTH)
-            shown.append(f"{name} = {unit.format(float(value) + 0.0, 4)}")
+            near = 0.0 if abs(value) < _ROUNDING * model.length else float(value)
+            shown.append(f"{name} = {unit.format(near, 4)}")
     return ", ".join(shown)
 
 

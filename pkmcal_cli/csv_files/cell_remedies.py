@@ -45,6 +45,8 @@ def _remedies(cell: str, decimal: str, column: str) -> Iterator[str]:
     for rule in (_marks, _letters, _exponent, _time, _wrapped, _behind, _word):
         yield from rule(cell, decimal, column)
     yield from _unit(cell, column)
+    if column == "time":
+        yield _TIME_HINT
     yield f"write one number, such as `12{decimal}5`, or {LEAVE_EMPTY}"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from itertools import pairwise
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.csv_files.cell_remedies import COMMENTS, LEAVE_EMPTY, remedy
@@ -13,6 +14,7 @@ from pkmcal_cli.csv_files.dialect import SPACE, Flaw, Format, is_number
 Convert = Callable[[str], float]
 """From the text of a cell to its value; raises ValueError for a text that is no value."""
 
+_DATE_FORM = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}(?:[T ][0-9:.,]+(?:Z|[+-][0-9:]+)?)?")  # as ISO 8601 has them
 _INFINITE = re.compile(r"[+-]?(?:inf(?:inity)?|1\.#inf|∞)", re.IGNORECASE)
 
 
@@ -70,8 +72,21 @@ def number_flaw(cell: str, decimal: str, column: str, place: tuple[int, int]) ->
     if _INFINITE.fullmatch(cell) or is_number(cell, decimal):
         message = f"`{_short(cell)}` in column `{column}` is not finite"
         return Flaw("csv-number", message, LEAVE_EMPTY, *place)
+    if column == "time":
+        return _seconds_flaw(cell, decimal, place)
     message = f"`{_short(cell)}` in column `{column}` is not a number"
     return Flaw("csv-number", message, remedy(cell, decimal, column), *place)
+
+
+def _seconds_flaw(cell: str, decimal: str, place: tuple[int, int]) -> Flaw:
+    """The flaw of a time that is no number in a column whose first time is one."""
+    if is_time(cell):
+        message = f"`{_short(cell)}` in column `time` is a date, the first row has a number"
+    elif _DATE_FORM.fullmatch(cell):
+        message = f"`{_short(cell)}` in column `time`: there is no such date or time"
+    else:
+        message = f"`{_short(cell)}` in column `time` is neither a number of seconds nor a time in ISO 8601"
+    return Flaw("csv-time", message, remedy(cell, decimal, "time"), *place)
 
 
 def time_flaw(cell: str, zone: bool, column: str, place: tuple[int, int]) -> Flaw:
@@ -98,9 +113,19 @@ def width_flaw(cells: Sequence[str], form: Format, line: int) -> Flaw:
     if not any(cells[len(names) :]):
         return _end_flaw(more, form, line)
     hint = f"remove the cell after `{names[-1]}`, which belongs to no column"
+    split = [k for k, pair in enumerate(pairwise(cells)) if form.separator == "," and _split_by_comma(*pair)]
+    if len(split) == more:
+        first = ",".join(cells[split[0] : split[0] + 2])
+        hint = f"write decimal points: `{first.replace(',', '.')}` instead of `{first}`"
+        return Flaw("csv-width", message, hint, line, split[0])
     if form.separator == "," and all(cell.lstrip("+-").replace(".", "").isdigit() for cell in cells):
         hint += "; check for decimal commas and thousands separators"
     return Flaw("csv-width", message, hint, line, len(names))
+
+
+def _split_by_comma(whole: str, rest: str) -> bool:
+    """Whether two cells may be one number that a decimal comma splits; three digits behind it may be thousands."""
+    return bool(re.fullmatch(r"[+-]?[0-9]+", whole) and re.fullmatch(r"(?![0-9]{3}(?![0-9]))[0-9]+[^0-9.]*", rest))
 
 
 def _width(cells: Sequence[str], names: Sequence[str]) -> str:

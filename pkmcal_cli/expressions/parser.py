@@ -51,6 +51,7 @@ _HINTS = {
     "%": f"divide by 100 instead of writing percent; {ALL_OPERATORS}",
     "°": "write an angle as a number in the file's unit, or with its unit: `30 deg`",
 }
+_MARKS, _MARKED = "\"'\u2032\u2033", "write seconds of arc as `5 arcsec`, minutes as `5 arcmin`, inches as `5 in`"
 _OPERATORS: dict[type[ast.operator], str] = {
     ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Pow: "pow",
 }  # fmt: skip
@@ -86,7 +87,9 @@ def parse_expression(text: str) -> ast.expr:
     end = good.end() if good else 0
     if end < len(text):
         char = text[end]
-        raise ExpressionError(f"`{char}` is not allowed in an expression", end, _HINTS.get(char, EXAMPLE))
+        quoted = char in _MARKS and _NUMBER.fullmatch(text[:end].strip().lstrip("+-"))
+        hint = _MARKED if quoted else _HINTS.get(char, EXAMPLE)
+        raise ExpressionError(f"`{char}` is not allowed in an expression", end, hint)
     glued = _GLUED.search(text)
     if glued is not None:
         message = f"`{glued[0]}` is neither a number nor a name"

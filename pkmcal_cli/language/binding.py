@@ -24,11 +24,12 @@ from pkmcal_cli.language.quantities import Quantity, WrittenValue
 from pkmcal_cli.units.dimensions import ANGLE, DIMENSIONS, NUMBER, Dimension
 from pkmcal_cli.units.file_units import FileUnits
 from pkmcal_cli.units.limits import HINT, beyond
-from pkmcal_cli.units.unit_text import Unit, UnitError, parse_unit
+from pkmcal_cli.units.unit_text import UNITS, Unit, UnitError, parse_unit
 
 Typed = tuple[Term, Dimension | None]
 """A term in SI (as far as it has a dimension) and its dimension; None for a bare number."""
 
+_PARAMETER = re.compile(r"([A-Za-z_]+)[0-9]\w*")  # a name as parameters have, where the part before a digit is no unit
 _NO_VALUE = (ValueError, ZeroDivisionError, OverflowError)
 
 
@@ -184,6 +185,10 @@ class Binder:
 
 def unknown_unit(written: WrittenValue, fitting: tuple[Dimension, ...], example: Unit | None = None) -> Slip:
     """The slip of a value whose unit is none; only units that are `fitting` are suggested, where any is."""
+    name = _PARAMETER.fullmatch(written.unknown_unit)
+    if name is not None and name[1] not in UNITS:
+        product = f"{written.number:g}*{name[0]}"
+        return Slip(f"`{name[0]}` is not a unit", 0, f"write a product with `*`: `{product}`", "unit")
     try:
         parse_unit(written.unknown_unit, fitting)
     except UnitError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,13 +42,14 @@ def _values(parameter: WrittenParameter) -> Iterator[tuple[Path, WrittenValue]]:
 
 @dataclass(frozen=True)
 class ParameterResolver:
-    """Resolves parameters against the file's units and default ranges."""
+    """Resolves parameters against the file's units and default ranges; `names`: of all of them."""
 
     units: FileUnits
     ranges: Ranges
     source: SourceMap
     faults: FaultList
     quarantined: Quarantine
+    names: frozenset[str] = frozenset()
 
     def resolve(self, name: str, parameter: WrittenParameter, dimension: Dimension) -> Parameter:
         """The parameter with SI floats; faults are added at their places."""
@@ -87,6 +89,9 @@ class ParameterResolver:
         if written.names:
             message = f"the value of a parameter must be a number, not an expression of `{written.names[0]}`"
             hint = "write the expression where the parameter is used"
+            if isinstance(written.tree, ast.Name) and written.text not in self.names:
+                message = f"the value of a parameter must be a number, found `{written.text}`"
+                hint = "write a number, in the units of the file or with its unit: `300`, `300 mm`"
             self.faults.add(self.source.fault("parameter", message, path, hint))
             return None
         try:

@@ -59,7 +59,8 @@ class Resolver:
         dimensions = self._dimensions()
         binder = Binder(self.units, dimensions)
         ranges = replaced(self.machine.ranges, self._constant, ("ranges",))
-        resolver = ParameterResolver(self.units, ranges, self.source, self.faults, self.quarantined)
+        names = frozenset(self.machine.parameters)
+        resolver = ParameterResolver(self.units, ranges, self.source, self.faults, self.quarantined, names)
         parameters = {
             name: resolver.resolve(name, parameter, dimensions[name])
             for name, parameter in self.machine.parameters.items()
@@ -82,8 +83,9 @@ class Resolver:
         """Values at nominal: finite, sign, magnitude; pi in a file of degrees."""
         declared = self.machine.parameters
         check = MagnitudeCheck(
-            parameters=parameters, declared=declared, units=self.units, source=self.source, faults=self.faults
-        )
+            parameters=parameters, declared=declared, units=self.units, source=self.source, faults=self.faults,
+            length_declared="length" in self.machine.units.model_fields_set,
+        )  # fmt: skip
         for path, written, _ in self.uses:
             if path in self.slipped:
                 continue
@@ -91,6 +93,7 @@ class Resolver:
             doubt = radian_warning(path, written, self.units, self.source)
             if doubt is not None:
                 self.faults.add(doubt)
+        check.finish()
 
     def _dimensions(self) -> dict[str, Dimension]:
         """The dimension of every parameter: as stated, else inferred from its uses."""

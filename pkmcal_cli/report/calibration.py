@@ -14,7 +14,7 @@ from pkmcal_cli.calibration.complete_fit import Calibration
 from pkmcal_cli.calibration.errors_before_after import ErrorFigures, error_figures
 from pkmcal_cli.calibration.holdout import HeldOut
 from pkmcal_cli.calibration.identifiability import Combination, combinations
-from pkmcal_cli.calibration.plausible import USABLE, implausible_residuals, implausible_values
+from pkmcal_cli.calibration.plausible import USABLE, implausible_residuals, implausible_rows, implausible_values
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.range_check import range_check
 from pkmcal_cli.calibration.replicates import replicate_noise
@@ -68,6 +68,7 @@ class CalibrationReport:
         self.problem = problem
         self.weighed = replace(problem, weight=calibration.robust.problem.weight)
         implausible = (*implausible_values(problem, self.ranges), *implausible_residuals(self.weighed, fit))
+        implausible += implausible_rows(fit)
         self.implausible = (*mistakes, *implausible) if fit.status == "converged" else ()
         more = unexplained(fit, self.budget, calibration.robust)
         self.incomplete = () if self.implausible else tuple(each.text for each in more)

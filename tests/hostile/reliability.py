@@ -79,6 +79,7 @@ CHECKS: Mapping[str, Check] = {
     "attacks": Check(_ATTACK, "attacks"),
     "unit slips": Check("units that engineers confuse are warned of", "unit_slips", most=True),
     "slips": Check("slips by hand in machines and tables get the message that is expected", "slips.texts", most=True),
+    "campaigns that lie": Check("none ends `converged`; no honest one is refused", "campaigns", 2),
     "NIST": Check(_NIST, "nist", most=True),
     "mutants": Check("one-line mutants of the package: each is killed by the test that it names", "mutants"),
 }

@@ -74,10 +74,14 @@ class ConsistencyCheck:
         """Whether the machine is planar."""
         return self.machine.space == "planar"
 
-    def _fault(self, message: str, path: Path, hint: str | None = None, **more: Any) -> None:
+    def _fault(self, message: str, path: Path, hint: str | None = None, *, code: str = "value", **more: Any) -> None:
         if self.quarantined.touches(path[:2]):
             return
-        self.faults.add(self.source.fault("value", message, path, hint, **more))
+        self.faults.add(self.source.fault(code, message, path, hint, **more))
+
+    def _missing(self, message: str, path: Path, hint: str) -> None:
+        """The fault of a key that others make necessary; the path is that of one of them, or of the entry."""
+        self._fault(message, path, hint, code="missing-key", at_key=True)
 
     def _check_bodies(self) -> None:
         for name, body in self.machine.bodies.items():
@@ -106,7 +110,7 @@ class ConsistencyCheck:
         if len(stated) != 1:
             message = "a section needs exactly one of square, rectangle, round, tube, area"
             hint = f"keep only one of {', '.join(stated)}" if stated else "add, for example, `square: 20 mm`"
-            self._fault(message, path, hint, at_key=True)
+            self._fault(message, path, hint, code="value" if stated else "missing-key", at_key=True)
         elif stated != ["area"]:
             for extra in ("Iy", "Iz", "J"):
                 if getattr(section, extra) is not None:
@@ -118,7 +122,7 @@ class ConsistencyCheck:
     def _check_beam(self, path: Path, beam: Beam[Written]) -> None:
         if (beam.section is None) != (beam.material is None):
             has, lacks = ("section", "material") if beam.section else ("material", "section")
-            self._fault(f"a beam with `{has}` needs `{lacks}`", (*path, has), f"add `{lacks}: NAME`", at_key=True)
+            self._missing(f"a beam with `{has}` needs `{lacks}`", (*path, has), f"add `{lacks}: NAME`")
         for key in ("EA", "EI", "EIy", "EIz", "GJ"):
             if getattr(beam, key) is None:
                 continue
@@ -139,10 +143,10 @@ class ConsistencyCheck:
         """In the plane a pulley is on one side of the rope; in space it swivels."""
         if self.planar and pulley.side is None:
             hint = "add `side: left` or `right`: where its centre is, seen along the rope in the order of `between`"
-            self._fault("a pulley in a planar machine needs `side`", path, hint, at_key=True)
+            self._missing("a pulley in a planar machine needs `side`", path, hint)
         if not self.planar and pulley.axis is None:
             hint = "add, for example, `axis: z` if it swivels about z and the rope comes to it in the direction of z"
-            self._fault("a pulley in a spatial machine needs `axis`", path, hint, at_key=True)
+            self._missing("a pulley in a spatial machine needs `axis`", path, hint)
         for key, foreign in (("axis", self.planar), ("side", not self.planar)):
             if foreign and getattr(pulley, key) is not None:
                 message = f"a pulley in a {self.machine.space} machine has no `{key}`"
@@ -183,7 +187,7 @@ class ConsistencyCheck:
             missing = [part for part in parts if part not in stated]
             if len(parts) == 2 and missing:
                 message = f"coupling `{key}` needs the stiffness `{missing[0]}`"
-                self._fault(message, (*path, key), f"give both `{parts[0]}` and `{parts[1]}`", at_key=True)
+                self._missing(message, (*path, key), f"give both `{parts[0]}` and `{parts[1]}`")
             if "radial" in stated and key in ("x", "y", "z"):
                 message = f"`{key}` and `radial` cannot both be given"
                 self._fault(message, (*path, key), "delete one of them", at_key=True)
@@ -193,7 +197,7 @@ class ConsistencyCheck:
         if len(keys) != 1:
             message = f"actuator `{name}` needs exactly one of moves, drives, turns, winds"
             hint = f"keep only one of {', '.join(keys)}" if keys else "add, for example, `moves: BODY`"
-            self._fault(message, path, hint, at_key=True)
+            self._fault(message, path, hint, code="value" if keys else "missing-key", at_key=True)
             return
         key = keys[0]
         if "kind" in actuator.model_fields_set and actuator.kind != KINDS[key]:
@@ -217,7 +221,7 @@ class ConsistencyCheck:
             unit = "mm" if actuator.travel_dimension == LENGTH else "deg"
             message = f"a reading in {name} needs `scale`, the travel per {name}"
             hint = f"add, for example, `scale: 5/360` ({unit} per {name})"
-            self._fault(message, (*path, "unit"), hint)
+            self._fault(message, (*path, "unit"), hint, code="missing-key")
         if actuator.radius is not None and actuator.reading_dimension == LENGTH:
             message = f"the reading of a spool with `radius` is an angle, but its unit is {name}"
             self._fault(message, (*path, "unit"), "use `unit: deg`, or delete `radius`")

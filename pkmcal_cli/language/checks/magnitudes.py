@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from pkmcal_cli.base.errors import Fault, FaultList
+from pkmcal_cli.base.errors import Fault, FaultList, Location
+from pkmcal_cli.base.plural import count
 from pkmcal_cli.language.parts import Parameter
 from pkmcal_cli.language.quantities import Quantity, WrittenNumber, WrittenValue
 from pkmcal_cli.units.dimensions import (
@@ -43,16 +44,21 @@ _CANDIDATES: dict[Dimension, tuple[str, ...]] = {
 
 @dataclass(kw_only=True)
 class MagnitudeCheck:
-    """Checks bound quantities at the nominal values; faults and warnings are added."""
+    """Checks bound quantities at the nominal values; faults and warnings are added.
+
+    length_declared: whether the file says which unit lengths have.
+    """
 
     parameters: Mapping[str, Parameter]
     declared: Mapping[str, Parameter[WrittenNumber]]
     units: FileUnits
     source: SourceMap
     faults: FaultList
+    length_declared: bool = True
     values: dict[str, float] = field(init=False)
     _reported: set[Path] = field(default_factory=set)
     _warned: int = 0
+    _undeclared: list[tuple[str, Fault]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.values = {name: p.nominal for name, p in self.parameters.items()}
@@ -112,10 +118,28 @@ class MagnitudeCheck:
         hint = f"check the unit; usual range: {shown.format(plausible[0], 3)} to {shown.format(plausible[1], 3)}"
         if plausible[0] == 0:
             hint = f"check the unit; usual range: up to {shown.format(plausible[1], 3)}"
+        made: Fault = self.source.fault("magnitude", message, path, hint, warning=True)
+        if guess and unit is self.units.length and not self.length_declared:
+            self._undeclared.append((guess, made))
+        else:
+            self._add(made)
+
+    def _add(self, warning: Fault) -> None:
         self._warned += 1
         if self._warned <= MAX_WARNINGS:
-            made: Fault = self.source.fault("magnitude", message, path, hint, warning=True)
-            self.faults.add(made)
+            self.faults.add(warning)
+
+    def finish(self) -> None:
+        """Warnings of lengths in a file that declares no unit of length: one, where there are several."""
+        if len(self._undeclared) > 1:
+            guess, first = min(self._undeclared, key=lambda each: each[1].where or Location("", 0))
+            others = count(len(self._undeclared) - 1, "other length")
+            message = f"{first.what.partition(': ')[0]} and {others}: did you mean {guess}?"
+            hint = f"lengths are in m, since `units` names no other unit: add `units: {{length: {guess}}}`"
+            self._add(replace(first, what=message, hint=hint))
+        else:
+            for _, warning in self._undeclared:
+                self._add(warning)
 
 
 def _broken(sign: str, value: float) -> tuple[str, str] | None:

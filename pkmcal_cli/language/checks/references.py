@@ -13,6 +13,7 @@ from pkmcal_cli.base.plural import with_article
 from pkmcal_cli.expressions.parser import RESERVED
 from pkmcal_cli.language.checks.groups import check_groups
 from pkmcal_cli.language.checks.validation import Quarantine
+from pkmcal_cli.language.fields import NAME
 from pkmcal_cli.language.machine import Rope, WrittenMachine
 from pkmcal_cli.language.quantities import Written, WrittenValue
 from pkmcal_cli.language.sections import GROUND, driven_sections, must_be_used, nouns, sections_with
@@ -66,6 +67,9 @@ class NameCheck:
 
     def _fault(self, code: str, message: str, path: Path, hint: str | None, **more: Any) -> None:
         self.faults.add(self.source.fault(code, message, path, hint, **more))
+
+    def _is_excused(self, name: str) -> bool:
+        return name in self.excused or self.quarantined.makes(name)
 
     def _check_references(self) -> None:
         machine = self.machine
@@ -160,7 +164,7 @@ class NameCheck:
         if len(known) > 1:
             message = f"`{name}` is both {with_article(nouns()[known[0]])} and {with_article(nouns()[known[1]])}"
             self._fault("name", message, path, "rename one of them", at_key=at_key)
-        if known or name in self.excused:
+        if known or self._is_excused(name):
             return
         names = [
             each for section in sections for each in (*getattr(self.machine, section), *self.quarantined.names(section))
@@ -172,7 +176,7 @@ class NameCheck:
         where = self.points.get(name)
         if where is not None:
             self.used[str(where[0]) if len(where) == 2 else "points"].add(name)
-        elif name not in self.excused:
+        elif not self._is_excused(name):
             also = [n for section in _POINTS for n in self.quarantined.names(section)]
             hint = self._hint(name, [*self.points, *also], "point")
             self._fault("unknown-name", f"unknown point `{name}`", path, hint)
@@ -200,13 +204,16 @@ class NameCheck:
                 hint = did_you_mean(name, self.machine.parameters)
                 self._fault("unknown-name", f"unknown parameter `{name}`", ("datum", index), hint)
         for path, written in written_values(self.machine):
-            if path[0] in ("parameters", "ranges", "effects") or written.tree is None:
+            if path[0] in ("parameters", "ranges", "effects"):
+                continue
+            if written.tree is None:  # what stands where a unit should is a fault, but it is named
+                self.used["parameters"].update(NAME.findall(written.unknown_unit))
                 continue
             for name in written.names:
                 if name in self.machine.parameters:
                     self.used["parameters"].add(name)
                     self._check_per_session(name, path)
-                elif name not in self.excused:
+                elif not self._is_excused(name):
                     self._unknown_parameter(name, written, path)
 
     def _check_per_session(self, name: str, path: Path) -> None:

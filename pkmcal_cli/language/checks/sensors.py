@@ -43,6 +43,7 @@ def check_sensor(machine: WrittenMachine, path: Path, sensor: Sensor[Written], f
             "plain numbers need `scale`, the measured value per unit",
             (*path, "unit"),
             "add, for example, `scale: 120 N`",
+            code="missing-key",
         )
     _check_geometry(planar, path, sensor, fault)
     _check_unit(machine, path, sensor, fault)
@@ -100,6 +101,7 @@ def _check_keys(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]) 
                 f"sensor kind `{kind.keyword}` needs `{key}`",
                 path,
                 f"add, for example, `{_EXAMPLES[key]}`",
+                code="missing-key",
                 at_key=True,
             )
     for key in stated:
@@ -121,15 +123,16 @@ def _check_sigma(path: Path, sensor: Sensor[Written], fault: Callable[..., Any])
         )
         return
     keys = ("position", "orientation", *SPATIAL)
-    for key in sensor.sigma:
-        if key not in keys or (key in SPATIAL and key not in sensor.reads):
-            message = f"`{key}` is not a channel of this sensor"
-            hint = did_you_mean(key, ["position", "orientation", *sensor.reads])
-            fault(message, (*path, "sigma", key), hint, at_key=True)
-    for channel in sensor.reads:
+    unknown = [key for key in sensor.sigma if key not in keys or (key in SPATIAL and key not in sensor.reads)]
+    for key in unknown:
+        message = f"`{key}` is not a channel of this sensor"
+        hint = did_you_mean(key, ["position", "orientation", *sensor.reads])
+        fault(message, (*path, "sigma", key), hint, code="unknown-key", at_key=True)
+    for channel in () if unknown else sensor.reads:  # else it may be one of these, misspelt
         kind = "orientation" if channel in ORIENTATION else "position"
         if channel not in sensor.sigma and kind not in sensor.sigma:
-            fault(f"channel `{channel}` has no `sigma`", (*path, "sigma"), f"add `sigma: {{{kind}: ...}}`")
+            hint = f"add `sigma: {{{kind}: ...}}`"
+            fault(f"channel `{channel}` has no `sigma`", (*path, "sigma"), hint, code="missing-key")
 
 
 def _check_growth(path: Path, sensor: Sensor[Written], fault: Callable[..., Any]) -> None:

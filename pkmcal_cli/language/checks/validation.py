@@ -21,6 +21,7 @@ from pkmcal_cli.yaml_source.tree import Path, SourceMap
 
 _ROUNDS = 8
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_BRACES = re.compile(r"\{[^{}]*\}")
 _TWO = "write a list, for example `between: [p, q]` or `limits: [low, high]`"
 _PAIR = "write two points; only a rope runs over more"
 _MAP = "write `name: {...}`"
@@ -41,6 +42,11 @@ class Quarantine:
     def names(self, section: str) -> list[str]:
         """Names of the entries of a section that were quarantined."""
         return [str(path[1]) for path in self.data if len(path) == 2 and path[0] == section]
+
+    def makes(self, name: str) -> bool:
+        """Whether an entry whose name has `{i}` in it, but no `each`, would have made this one."""
+        names = [str(part) for path in self.data for part in path[1:] if "{" in str(part)]
+        return any(re.fullmatch(r"\w+".join(map(re.escape, _BRACES.split(each))), name) for each in names)
 
     def words(self) -> frozenset[str]:
         """All words in what was quarantined, and its names."""
