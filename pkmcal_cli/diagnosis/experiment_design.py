@@ -101,7 +101,7 @@ def plan_of(
     linear = linear_problem(problem, values, selected, others, None)
     procedure = expected_procedure(linear, problem, candidates.hypotheses, alpha, seed)
     hypotheses = candidates.single
-    scores = tuple(linear.score_of(h) for h in hypotheses)
+    scores = linear.scores_of(hypotheses)
     sizes = visible_sizes(linear, problem, hypotheses, scores, procedure, seed)
     return Plan(candidates, problem, linear, scores, sizes, cosines_between(linear, hypotheses, scores))
 
@@ -111,7 +111,7 @@ def expected_procedure(
 ) -> Procedure:
     """What a diagnosis with this false-alarm rate will ask of hypotheses, of noise as it is stated."""
     every = [part for h in hypotheses for part in h.nested_parts]
-    draws = smallest_p(linear, [linear.tested(h) for h in every], [linear.score_of(h) for h in every], seed)
+    draws = smallest_p(linear, [linear.tested(h) for h in every], linear.scores_of(every), seed)
     drawn = replace(linear, residual=linear.on.ravel() * np.random.default_rng(seed).normal(size=linear.on.size))
     checked = noise_scale(drawn, problem, group_columns(problem))
     return Procedure(critical_p(draws, Alpha(alpha).catalogue), replace(checked, variance=1.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class Hypothesis:
     parts: tuple[tuple[str, ...], ...] = field(default=(), compare=False)
     begin: tuple[tuple[str, float], ...] = field(default=(), compare=False)  # values (SI) that fits begin with
 
-    @property
+    @cached_property
     def nested_parts(self) -> tuple[Hypothesis, ...]:
         """It with fewer numbers, up to each order, and with all of them."""
         return (*(self._of(names) for names in self.parts), self.whole)

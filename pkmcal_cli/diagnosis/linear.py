@@ -22,7 +22,7 @@ from pkmcal_cli.calibration.identify import RowsFailed
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import evaluate, linearise, lost_rows, predicted_part
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.score import KEPT, Score, projected_out, score_in
+from pkmcal_cli.diagnosis.score import KEPT, Score, score_in, scores_among
 from pkmcal_cli.prediction import WarmStart
 
 
@@ -249,14 +249,12 @@ class Linear:
 
     def score_of(self, hypothesis: Hypothesis) -> Score:
         """Score of a hypothesis, whatever its free parameters are."""
-        whole, slope, length2 = self._normal
-        at = [self._index[n] for n in hypothesis.parameters]
-        information, gradient, before = whole[np.ix_(at, at)], slope[at], length2[at]
-        if hypothesis.free:
-            free = np.array([name in hypothesis.free for name in hypothesis.parameters])
-            information, gradient = projected_out(information, gradient, before, free)
-            before[free] = 0.0
-        return score_in(information, gradient, before)
+        return self.scores_of([hypothesis])[0]
+
+    def scores_of(self, hypotheses: Sequence[Hypothesis]) -> tuple[Score, ...]:
+        """Scores of hypotheses, whatever their free parameters are."""
+        at = [[self._index[n] for n in h.parameters] for h in hypotheses]
+        return scores_among(self._normal, at, [[n in h.free for n in h.parameters] for h in hypotheses])
 
     def score(self, columns: Array) -> Score:
         """Score of a hypothesis with these columns (n, k)."""

@@ -202,7 +202,7 @@ def _by_pose(linear: Linear, groups: Mapping[str, Array]) -> float:
 
 def _by_effect(linear: Linear, hypotheses: Sequence[Hypothesis]) -> float:
     """Log evidence of the best hypothesis, by stated noise."""
-    scores = [linear.score_of(h) for h in hypotheses]
+    scores = linear.scores_of(hypotheses)
     evidence = log_evidence(np.array([s.statistic for s in scores]), np.array([s.count for s in scores], dtype=np.intp))
     return float(evidence.max(initial=0.0))
 

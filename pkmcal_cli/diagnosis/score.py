@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,12 +45,12 @@ class Score:
         """Degrees of freedom m."""
         return len(self.information)
 
-    @property
+    @cached_property
     def statistic(self) -> float:
         """T = g^T I^-1 g."""
         return float((self.gradient**2 / self.information).sum())
 
-    @property
+    @cached_property
     def estimate(self) -> Array:
         """Parameters (k,) in standard deviations of their priors."""
         return np.asarray(self.basis @ (self.gradient / self.information))
@@ -61,7 +63,7 @@ class Score:
         """
         return -float(np.log((1.0 + self.size**2) / 2.0)) if self.far and self.size > 1.0 else 0.0
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Largest number in ranges."""
         return float(np.abs(self.estimate).max(initial=0.0)) / PLAUSIBLE
@@ -121,10 +123,38 @@ def score_in(information: Array, gradient: Array, before: Array) -> Score:
 
     before (k,): squared lengths of the columns before anything was projected out.
     """
-    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-    whole = np.einsum("kd,k,kd->d", vectors, before, vectors)
-    left = values > KEPT * whole
-    far = not (left & (values > NONCENTRALITY / PLAUSIBLE**2)).any()
-    seen = left & (values > NONCENTRALITY / (FAR if far else PLAUSIBLE) ** 2)
-    basis = vectors[:, seen]
-    return Score(basis, values[seen], basis.T @ gradient, information, before, far)
+    return _scores_in(information[None], gradient[None], before[None])[0]
+
+
+def scores_among(
+    normal: tuple[Array, Array, Array], at: Sequence[Sequence[int]], free: Sequence[Sequence[bool]]
+) -> tuple[Score, ...]:
+    """Scores of groups of columns, whatever those that are free do; at, free: number of each column, whether it is.
+
+    normal: information (q, q), gradient (q,) and squared lengths (q,) of all columns. Those of one size together.
+    """
+    information, gradient, length2 = normal
+    sizes = np.array([len(columns) for columns in at], dtype=np.intp)
+    scores: dict[int, Score] = {}
+    for size in np.unique(sizes):
+        which = np.nonzero(sizes == size)[0].tolist()
+        place = np.array([at[k] for k in which], dtype=np.intp)  # (m, size)
+        inner, slope, before = information[place[:, :, None], place[:, None, :]], gradient[place], length2[place]
+        for j, mask in ((j, np.array(free[k])) for j, k in enumerate(which) if any(free[k])):
+            inner[j], slope[j] = projected_out(inner[j], slope[j], before[j], mask)
+            before[j, mask] = 0.0
+        scores |= zip(which, _scores_in(inner, slope, before), strict=True)
+    return tuple(scores[k] for k in range(len(at)))
+
+
+def _scores_in(information: Array, gradient: Array, before: Array) -> list[Score]:
+    """Scores of m hypotheses of one size: information (m, k, k), gradient and `before` (m, k)."""
+    values, vectors = np.linalg.eigh(0.5 * (information + information.transpose(0, 2, 1)))
+    left = values > KEPT * (vectors**2 * before[:, :, None]).sum(axis=1)
+    far = ~(left & (values > NONCENTRALITY / PLAUSIBLE**2)).any(axis=1)
+    seen = left & (values > NONCENTRALITY / np.where(far, FAR, PLAUSIBLE)[:, None] ** 2)
+    out = []
+    for k, on in enumerate(seen):
+        basis = vectors[k][:, on]
+        out.append(Score(basis, values[k, on], basis.T @ gradient[k], information[k], before[k], bool(far[k])))
+    return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,12 @@ class Scored:
     scores: tuple[Score, ...]
     p_values: Array
     log_bayes: Array
-    rows: RowScores
+    plain: Linear  # before successive rows were made independent
+
+    @cached_property
+    def rows(self) -> RowScores:
+        """Scores of the single rows."""
+        return row_scores(self.plain, self.plain.on, self.scale)
 
     @property
     def unusual(self) -> NDArray[np.bool_]:
@@ -218,33 +223,37 @@ def scored(linear: Linear, problem: Problem, hypotheses: Sequence[Hypothesis]) -
     """Scores, p values and evidence of hypotheses; the best of its nested parts stands for each."""
     plain, linear = linear, independent(linear, problem, hypotheses)
     scale = noise_scale(linear, problem, group_columns(problem))
-    best = [_best_part(linear, scale, h) for h in hypotheses]
-    scores = tuple(score for _, score, _ in best)
+    best, scores, evidence = _best_parts(linear, scale, hypotheses)
     count = np.array([s.count for s in scores])
     p = scale.p_value(np.array([s.statistic for s in scores]), np.maximum(count, 1))
     p[count == 0] = 1.0
-    evidence = np.array([log for _, _, log in best])
     return Scored(
         linear=linear,
         scale=scale,
-        hypotheses=tuple(part for part, _, _ in best),
+        hypotheses=best,
         scores=scores,
         p_values=p,
         log_bayes=evidence,
-        rows=row_scores(plain, plain.on, scale),
+        plain=plain,
     )
 
 
-def _best_part(linear: Linear, scale: Scale, hypothesis: Hypothesis) -> tuple[Hypothesis, Score, float]:
-    """The part of a hypothesis with most log evidence, its score, and this evidence, of one choice among the parts."""
-    parts = hypothesis.nested_parts
-    scores = [linear.score_of(h) for h in parts]
-    count = np.array([s.count for s in scores])
+def _best_parts(
+    linear: Linear, scale: Scale, hypotheses: Sequence[Hypothesis]
+) -> tuple[tuple[Hypothesis, ...], tuple[Score, ...], Array]:
+    """The part of each hypothesis with most log evidence, its score, and this evidence (H,), one choice among parts."""
+    parts = [part for h in hypotheses for part in h.nested_parts]
+    scores = linear.scores_of(parts)
+    count = np.array([s.count for s in scores], dtype=np.intp)
     evidence = log_evidence(np.array([s.statistic for s in scores]) / scale.variance, count)
     evidence = evidence + np.array([s.tail for s in scores])
-    seen = int(np.count_nonzero(count))
-    best = int(np.argmax(evidence)) if seen else len(parts) - 1
-    return parts[best], scores[best], float(evidence[best]) - float(np.log(max(seen, 1)))
+    ends = np.cumsum([len(h.nested_parts) for h in hypotheses], dtype=np.intp)
+    chosen, price = [], []
+    for first, end in zip([0, *ends[:-1]], ends, strict=True) if len(ends) else ():
+        seen = int(np.count_nonzero(count[first:end]))
+        chosen.append(first + int(np.argmax(evidence[first:end])) if seen else int(end) - 1)
+        price.append(float(np.log(max(seen, 1))))
+    return tuple(parts[k] for k in chosen), tuple(scores[k] for k in chosen), evidence[chosen] - price
 
 
 def shape_gains(search: Search, scores: Scored) -> Array:

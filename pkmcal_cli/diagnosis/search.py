@@ -40,7 +40,7 @@ def run_search(search: Search, options: SearchOptions) -> Search:
     scored = score_all(search, search.open)
     every = [part for h in search.open for part in h.nested_parts]
     columns = [scored.linear.tested(h) for h in every]
-    draws = smallest_p(scored.linear, columns, [scored.linear.score_of(h) for h in every], options.seed)
+    draws = smallest_p(scored.linear, columns, scored.linear.scores_of(every), options.seed)
     search = replace(search, critical=critical_p(draws, options.parts.catalogue), tests=effective_tests(draws))
     return _followed(search, options, scored.scale.variance)
 

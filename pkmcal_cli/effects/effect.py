@@ -8,8 +8,9 @@ the parameters have their null value, 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 if TYPE_CHECKING:
@@ -227,7 +228,13 @@ class Effect:
 
 def legendre(u: Array, degree: int) -> Array:
     """Legendre polynomial of a degree at u (N,)."""
+    return next(islice(legendres(u), degree, None))
+
+
+def legendres(u: Array) -> Iterator[Array]:
+    """Legendre polynomials of all degrees from 0 on, at u (N,)."""
     before, current = u * 0 + 1.0, u
-    for k in range(1, degree):
+    yield before
+    for k in count(1):
+        yield current
         before, current = current, ((2 * k + 1) * u * current - k * before) / (k + 1)
-    return current if degree else before

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from pkmcal_cli.effects.effect import DURING, OVER, Effect, EffectParameter, Inputs, Option, legendre
+from pkmcal_cli.effects.effect import DURING, OVER, Effect, EffectParameter, Inputs, Option, legendre, legendres
 
 
 def _curve(at: Inputs, *sizes: Any) -> Any:
-    return sum(size * legendre(at.normalised_travel, 2 + k) for k, size in enumerate(sizes))
+    shapes = islice(legendres(at.normalised_travel), 2, 2 + len(sizes))
+    return sum(size * shape for size, shape in zip(sizes, shapes, strict=True))
 
 
 def _wave(at: Inputs, c: Any, s: Any) -> Any:

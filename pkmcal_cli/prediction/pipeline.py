@@ -152,7 +152,7 @@ def _smooths(placed: PlacedEffect) -> bool:
 
 
 def row_chunks(system: System, rows: int) -> Iterator[slice]:
-    """Divide rows into chunks that are worked on together."""
+    """Divide rows into chunks that are worked on together, of one length but for a row: each call has a price."""
     maps = system.maps
     entries = (
         maps.width
@@ -161,8 +161,9 @@ def row_chunks(system: System, rows: int) -> Iterator[slice]:
         + len(system.topology.coefficients.constants)
     )
     size = max(_FEWEST, int(_CHUNK_BYTES / (8 * entries)))
-    for first in range(0, max(rows, 1), size):
-        yield slice(first, min(first + size, rows))
+    chunks = max(-(-rows // size), 1)
+    for k in range(chunks):
+        yield slice(k * rows // chunks, (k + 1) * rows // chunks)
 
 
 def _joined(parts: Sequence[Prediction]) -> Prediction:

@@ -8,8 +8,6 @@ from pkmcal_cli.base.errors import UsageError
 from pkmcal_cli.base.files import is_stream
 from pkmcal_cli.base.outputs import check_target, write_text
 from pkmcal_cli.calibration.selection import named
-from pkmcal_cli.pictures.residual_picture import calibration_picture
-from pkmcal_cli.pictures.titles import titles
 from pkmcal_cli.report.calibration import CalibrationReport
 from pkmcal_cli.report.console import Reporter, emit_json, enveloped
 from pkmcal_cli.units.unit_text import parse_unit
@@ -56,6 +54,9 @@ def _written(calibrated: Calibrated, limits: Sequence[Gate], to: Reporter) -> in
         with write_text(request.output, s.inputs, force=request.force) as file:
             file.write(text)
     if request.plot is not None:
+        from pkmcal_cli.pictures.residual_picture import calibration_picture
+        from pkmcal_cli.pictures.titles import titles
+
         named = titles(s.loaded.model.name, "calibration", s.measured.files)
         picture = calibration_picture(report, named, s.loaded.machine.file_units.length)
         write_plot(picture, request.plot, s.inputs, to, force=request.force)
