@@ -23,7 +23,8 @@ _SIZES = ("mdb", "msb", "effective_tests", "cosine", "std", "std_by_data", "std_
 force that is nearly none), standard uncertainties of weak parameters, and what is estimated from them."""
 _FORCES, _LEAST_FORCE = ("before", "after", "internal"), 1e-4
 """Of drives, N or N m: equilibria of members of MN have such forces by rounding."""
-_LEAST_ERROR = 1e-9  # in the machine's unit of length: what a search for set values leaves
+_LEAST_ERRORS = {"errors": ("position", 1e-8), "after": ("force", 1e-9), "heldout": ("force", 1e-9)}
+"""In the machine's units: what a search for set values leaves of a position, and the rounding of forces of kN."""
 _DRAWN = 0.05  # of sizes by 500 drawn campaigns, whose draws follow rounding where machines have many directions
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
 _BY_RANK = ("mdb", "msb", "rival", "cosine", "parameter", "absorbed_by", "remark", "detected", "numbers", "worst")
@@ -66,7 +67,8 @@ def _same(path: Path, one: Any, other: Any, output: Mapping[Path, Any], largest:
     share = _DRAWN if "selection" in path else max((shares.get(k, RELATIVE) for k in path), default=RELATIVE)
     off = share * max(abs(one), abs(other)) + ROUNDING * largest
     off += _LEAST_FORCE if path[0] == "drives" and key in _FORCES else 0.0
-    off += _LEAST_ERROR if path[0] == "errors" and "position" in path else 0.0
+    quantity, least = _LEAST_ERRORS.get(path[0], ("", 0.0))
+    off += least if quantity in path else 0.0
     if key in _ESTIMATES:
         owner = path[: len(path) - 1 - path[::-1].index(key)]
         std = output.get((*owner, "std"))
