@@ -122,7 +122,7 @@ def _identified(
     first = evaluate_condensed(problem, problem.model.nominal if start is None else start, selected, states, shift)
     scale = Scaled.of(problem, selected)
     fixed = problem.count == 0 or not (selected or problem.drive_sigma.any())
-    lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first)
+    lead = first if fixed or (shift is not None and first.solved) else _led(problem, scale, first, hopeless)
     failed = reasons(problem, lead)
     kept, evaluation = _kept(problem, first, lead, failed)
     if fixed:
@@ -222,7 +222,7 @@ def _kept(
     return kept, replace(evaluation, shift=shift, residual=residuals(kept, evaluation.prediction.values))
 
 
-def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
+def _led(problem: Problem, scale: Scaled, first: Evaluation, hopeless: float) -> Evaluation:
     """Where all rows can be predicted: the start, or where fits of the rows that can be lead to.
 
     Where these do not lead to more and more rows, the evaluation that has fewest lost rows.
@@ -236,7 +236,7 @@ def _led(problem: Problem, scale: Scaled, first: Evaluation) -> Evaluation:
         lead = evaluate_condensed(part, evaluation.values, scale.names, shift=evaluation.shift[rows])
         region, status = Region(), ""
         for _ in range(_LEAD if lead.solved else 0):
-            lead, region, status = advance(part, scale, lead, condensed(part, lead), region)
+            lead, region, status = advance(part, scale, lead, condensed(part, lead), region, hopeless)
             if status:
                 break
         again = evaluate_condensed(problem, lead.values, scale.names, evaluation.start.hopeless(_HOPELESS))

@@ -27,6 +27,7 @@ from pkmcal_cli.prediction import WarmStart
 _SAME = 3.0  # standard uncertainties, each with what is held, within which ends are the same
 ON_FAILURE = 8  # starts that are tried when the first one fails, or ends in a fit of chi-square above
 _STEPS = 25  # of further starts; those that end well take fewer than ten
+_HOPELESS = 1e6  # chi-square per degree of freedom: a thousand times noise, where damped steps lead nowhere soon
 _DOUBTFUL = 100.0  # per degree of freedom: ten times noise is a missing effect, or the wrong one of several minima
 
 
@@ -222,7 +223,7 @@ def _led(problem: Problem, selected: tuple[str, ...], start: Array) -> Fit | Non
     index = [model.names.index(n) for n in selected]
     known = Prior(selected, np.diag(2.0 / model.ranges[index]), start[index])
     try:
-        near = identify(replace(problem, prior=known), selected, start, iterations=_STEPS)
+        near = _short_fit(replace(problem, prior=known), selected, start)
     except RowsFailed:
         return None
     return _tried(problem, selected, start, near.values)
@@ -246,9 +247,14 @@ def _scattered(problem: Problem, selected: tuple[str, ...], start: Array, count:
 def _tried(problem: Problem, selected: tuple[str, ...], start: Array, values: Array) -> Fit | None:
     """A fit from values (P,), if it ends soon; what data do not see is as at the start."""
     try:
-        return _centred(problem, selected, start, identify(problem, selected, values, iterations=_STEPS))
+        return _centred(problem, selected, start, _short_fit(problem, selected, values))
     except RowsFailed:
         return None
+
+
+def _short_fit(problem: Problem, selected: tuple[str, ...], values: Array) -> Fit:
+    """A fit from values (P,), given up early where it is far off. Raises RowsFailed."""
+    return identify(problem, selected, values, iterations=_STEPS, hopeless=_HOPELESS * problem.count)
 
 
 def _centred(problem: Problem, selected: tuple[str, ...], start: Array, fit: Fit) -> Fit:
