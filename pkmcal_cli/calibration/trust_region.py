@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.optimize import brentq
 
 from pkmcal_cli.base.rotation import Array
 
@@ -73,6 +72,8 @@ class Region:
 
 def confined(matrix: Array, right: Array, size: Array, radius: float) -> Array:
     """Minimum (k,) of |matrix z - right| where |size z| is at most the radius; size (p, k) has independent columns."""
+    from scipy.optimize import brentq  # dear to import, and few fits need it
+
     upper = np.linalg.qr(size, mode="r")
     u, s, vt = np.linalg.svd(solve_triangular(upper, matrix.T, trans="T").T, full_matrices=False)
     along = u.T @ right
