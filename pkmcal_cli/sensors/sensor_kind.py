@@ -110,5 +110,5 @@ def derivatives(kind: SensorKind, seen: Mapping[Any, Array], by: Sequence[Variab
         stepped[name] = stepped[name].astype(complex)
         stepped[name][np.arange(width * rows), np.repeat(np.arange(width), rows)] += 1j * _STEP
         slopes = np.imag(read(kind, stepped)) / _STEP
-        out[name] = slopes.reshape(width, rows, -1).transpose(1, 2, 0)
+        out[name] = slopes.reshape(width, rows, slopes.shape[1]).transpose(1, 2, 0)
     return out
