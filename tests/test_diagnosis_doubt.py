@@ -13,6 +13,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.identify import identify
 from pkmcal_cli.diagnosis.alternatives import best_alternative, families
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear, log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import own_discrepancies, own_discrepancy
 from pkmcal_cli.diagnosis.noise_growth import DISTANCE, noise_growth
@@ -70,7 +71,7 @@ def test_a_shape_of_its_own_is_recognised_and_costs_certainty() -> None:
     """An effect plus a fifth of it in free shapes speaks for these and widens its sizes; a pure effect does not."""
     linear, name = setting().linear, hypothesis("pitch_curve@q2")
     columns = linear.of(name.parameters)
-    discrepancies = own_discrepancies(setting().ready.problem, calibrated(), [name])[name.name]
+    discrepancies = own_discrepancies(setting().ready.problem, calibrated(), [name], KnownResults())[name.name]
     rng = np.random.default_rng(5)
     pure = 12 * columns @ rng.normal(size=columns.shape[1]) / np.sqrt((columns**2).sum()) * 5
     extra = discrepancies @ rng.normal(size=discrepancies.shape[1])

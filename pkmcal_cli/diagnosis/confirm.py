@@ -92,7 +92,11 @@ def _held_out(
     That is what was measured and is predicted; what was measured once, on a bench, is never held out.
     """
     model = search.problem.model
-    there = evaluate(search.problem, values, selected, search.fit.after.start)
+    key = ("evaluated", values.tobytes(), selected)
+    start = search.fit.after.start
+    there = search.known.once(
+        (search.problem, search.fit), key, lambda: evaluate(search.problem, values, selected, start)
+    )
     problem, evaluation = predicted_part(search.problem, there)
     near = linearise(problem, evaluation)
     ranges = 0.5 * model.ranges[[model.names.index(n) for n in selected]]

@@ -157,7 +157,7 @@ def _likelihood_ratio(search: Search, hypothesis: Hypothesis) -> float:
 def _by_shape(search: Search, hypothesis: Hypothesis, last: Scored) -> Array:
     """Variance (k,), SI, that an effect's own discrepancy adds to its parameters, where the data speak for one."""
     linear = linear_without(search, [hypothesis], [hypothesis]).prewhitened(last.linear.memory)
-    discrepancies = own_discrepancies(search.problem, search.fit, [hypothesis])
+    discrepancies = own_discrepancies(search.problem, search.fit, [hypothesis], search.known)
     if hypothesis.name not in discrepancies:
         return np.zeros(len(hypothesis.parameters))
     columns, free = linear.tested(hypothesis), linear.whitened(discrepancies[hypothesis.name])

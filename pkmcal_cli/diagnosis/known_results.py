@@ -6,7 +6,7 @@ the derivatives by all numbers of the catalogue, which is most of a diagnosis.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar, cast
 
@@ -62,6 +62,17 @@ class KnownResults:
         result = compute()
         self._add(_Result(of, key, result, nbytes))
         return result
+
+    def each(
+        self, of: tuple[object, ...], keys: Sequence[Hashable], compute: Callable[[list[int]], Sequence[T]]
+    ) -> list[T]:
+        """Results that depend on objects `of` and one key each; `compute` those with some numbers, all at once."""
+        found = {k: r.result for r in self._results for k, key in enumerate(keys) if r.answers(of, (key,))}
+        missing = [k for k in range(len(keys)) if k not in found]
+        for k, result in zip(missing, compute(missing) if missing else (), strict=True):
+            found[k] = result
+            self._add(_Result(of, (keys[k],), result, 0))
+        return [cast(T, found[k]) for k in range(len(keys))]
 
     def _add(self, result: _Result) -> None:
         self._results.append(result)

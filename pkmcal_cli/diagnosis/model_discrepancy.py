@@ -16,11 +16,13 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
+from pkmcal_cli.diagnosis.known_results import KnownResults
 from pkmcal_cli.diagnosis.linear import Linear
 from pkmcal_cli.diagnosis.scale import Scale
-from pkmcal_cli.diagnosis.unit_columns import unit_columns
+from pkmcal_cli.diagnosis.unit_columns import UnitColumn, unit_columns
 from pkmcal_cli.effects import Effect
 from pkmcal_cli.effects.effect import legendre
+from pkmcal_cli.model.effect_sites import PlacedEffect
 
 _TRAVEL = range(2, 19)  # degrees of shapes over the travel, which resolve some five waves
 _BENT = 3  # of these, that bend a line a little
@@ -30,34 +32,55 @@ GUIDED = ("command", "guide", "carriage")
 Shape = Callable[[Any], Array]
 
 
-def discrepancy_columns(problem: Problem, fit: Fit, accepted: Sequence[Hypothesis]) -> Array:
+def discrepancy_columns(
+    problem: Problem, fit: Fit, accepted: Sequence[Hypothesis], known: KnownResults
+) -> Array:
     """Columns (n, k) of the model discrepancies of accepted effects, whitened, of unit length; parameters have none."""
-    return np.hstack([np.zeros((problem.readings.size, 0)), *_discrepancies(problem, fit, accepted, _shapes).values()])
+    columns = _discrepancies(problem, fit, accepted, _shapes, known).values()
+    return np.hstack([np.zeros((problem.readings.size, 0)), *columns])
 
 
-def own_discrepancies(problem: Problem, fit: Fit, hypotheses: Sequence[Hypothesis]) -> dict[str, Array]:
+def own_discrepancies(
+    problem: Problem, fit: Fit, hypotheses: Sequence[Hypothesis], known: KnownResults
+) -> dict[str, Array]:
     """The same of each hypothesis by itself, by name, as far as they may be the effect's own discrepancy.
 
     Of effects that are in proportion to the travel only what bends it a little: the rest has other names.
     """
-    return _discrepancies(problem, fit, hypotheses, _own_shapes)
+    return _discrepancies(problem, fit, hypotheses, _own_shapes, known)
 
 
 def _discrepancies(
-    problem: Problem, fit: Fit, hypotheses: Sequence[Hypothesis], shapes_of: Callable[[Effect], list[Shape]]
+    problem: Problem,
+    fit: Fit,
+    hypotheses: Sequence[Hypothesis],
+    shapes_of: Callable[[Effect], list[Shape]],
+    known: KnownResults,
 ) -> dict[str, Array]:
     by_name = {e.name: e for e in problem.model.effects}
     names = {h.name: [p.name for p in h.placed if p.name in by_name] for h in hypotheses}
     every = [by_name[n] for n in dict.fromkeys(n for each in names.values() for n in each)]
     placed = [e for e in every if shapes_of(e.effect)]
     summed: dict[str, dict[int, Array]] = {}
-    for unit in unit_columns(problem, fit.values, fit.after.start, placed):
+    for unit in (u for units in _units(problem, fit, placed, known) for u in units):
         values = [np.broadcast_to(shape(unit.inputs), len(problem)) for shape in shapes_of(unit.placed.effect)]
         columns = unit.shaped(np.stack(values, axis=1))
         parts = summed.setdefault(unit.placed.name, {})
         parts[unit.part] = parts[unit.part] + columns if unit.part in parts else columns  # effect sites have one shape
     blocks = {h: [c for n in members for c in summed.get(n, {}).values()] for h, members in names.items()}
     return {h: _unit_length(np.hstack(columns)) for h, columns in blocks.items() if columns}
+
+
+def _units(
+    problem: Problem, fit: Fit, placed: Sequence[PlacedEffect], known: KnownResults
+) -> list[list[UnitColumn]]:
+    """Unit columns of each effect."""
+
+    def compute(missing: list[int]) -> list[list[UnitColumn]]:
+        units = unit_columns(problem, fit.values, fit.after.start, [placed[k] for k in missing])
+        return [[u for u in units if u.placed is placed[k]] for k in missing]
+
+    return known.each((problem, fit), [("units", e.name) for e in placed], compute)
 
 
 def _unit_length(columns: Array) -> Array:

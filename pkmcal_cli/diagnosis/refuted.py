@@ -26,7 +26,7 @@ def refuted_causes(search: Search, last: Scored) -> list[Unknown]:
     """Of effects that rows held out speak against, those that are still significant; `last`: scored at the end."""
     if not search.vetoed:
         return []
-    extra = discrepancy_columns(search.problem, search.fit, search.accepted)
+    extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
     shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))  # also of free shapes
     return [
         Unknown(

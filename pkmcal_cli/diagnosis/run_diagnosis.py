@@ -245,7 +245,7 @@ def _unexplained_rest(search: Search, parts: Alpha) -> _Left:
     last, least = score_all(search, search.open), parts.groups / TESTS
     unknown = unknown_effects(last.linear, search.problem, last.scale, parts.groups, search.bad_rows)
     if unknown and search.accepted:  # unless a richer shape of what was found explains it
-        extra = discrepancy_columns(search.problem, search.fit, search.accepted)
+        extra = discrepancy_columns(search.problem, search.fit, search.accepted, search.known)
         shaped = last.linear.projecting(last.linear.projected, extra=last.linear.whitened(extra))
         unknown = unknown_effects(shaped, search.problem, last.scale, parts.groups, search.bad_rows)
     growth = noise_growth(last.linear, search.problem, last.scale, least)

@@ -264,7 +264,7 @@ def shape_gains(search: Search, scores: Scored) -> Array:
     out, evidence = np.zeros(len(scores.hypotheses)), scores.log_bayes
     near = [int(k) for k in np.nonzero(evidence > evidence.max(initial=0.0) - _NEAR_BEST)[0] if scores.scores[k].count]
     near = [k for k in near if not scores.hypotheses[k].members]
-    discrepancies = own_discrepancies(search.problem, search.fit, [scores.hypotheses[k] for k in near])
+    discrepancies = own_discrepancies(search.problem, search.fit, [scores.hypotheses[k] for k in near], search.known)
     for k in near:
         hypothesis, score = scores.hypotheses[k], scores.scores[k]
         if hypothesis.name in discrepancies:

@@ -143,7 +143,7 @@ def _is_discrepancy(search: Search, scored: Scored, best: int) -> bool:
     hypothesis = scored.hypotheses[best]
     places = {p.at for p in hypothesis.placed}
     others = [h for h in search.accepted if places.isdisjoint(p.at for p in h.placed)]
-    extra = discrepancy_columns(search.problem, search.fit, others)
+    extra = discrepancy_columns(search.problem, search.fit, others, search.known)
     if not extra.shape[1]:
         return False
     free = scored.linear.projecting(scored.linear.projected, extra=scored.linear.whitened(extra))

@@ -52,7 +52,7 @@ def evidence_of_effects(search: Search, removed: Sequence[Hypothesis], linear: L
     if not removed:
         return 0.0
     columns = linear.of([n for h in removed for n in h.parameters])
-    free = np.hstack([columns, linear.whitened(discrepancy_columns(search.problem, search.fit, removed))])
+    free = np.hstack([columns, linear.whitened(discrepancy_columns(search.problem, search.fit, removed, search.known))])
     best = max(_evidence(linear, scale, columns)[1], _evidence(linear, scale, free)[1])
     return best - len(removed) * float(np.log(len(search.candidates.hypotheses)))
 

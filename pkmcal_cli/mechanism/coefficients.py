@@ -43,10 +43,11 @@ class CoefficientTable:
     def jacobian(self, parameters: Mapping[str, float], names: Sequence[str]) -> Array:
         """d coefficients / d parameters, (S, len(names)), by complex step through the formulas."""
         out = np.zeros((len(self.constants), len(names)))
-        column = {name: j for j, name in enumerate(names)}
+        column, stepped = {name: j for j, name in enumerate(names)}, dict[str, complex](parameters)
         for index, formula in self.formulas:
             for name in formula.names:
                 if name in column:
-                    stepped = {**parameters, name: parameters[name] + 1j * _STEP}
+                    stepped[name] = parameters[name] + 1j * _STEP
                     out[index, column[name]] = np.imag(formula.function(stepped)) / _STEP
+                    stepped[name] = parameters[name]
         return out

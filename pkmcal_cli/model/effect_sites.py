@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -79,18 +80,18 @@ class PlacedEffect:
     options: Mapping[str, tuple[float, ...]]
     session: str = ""  # whose instance it is, where each session has its own
 
-    @property
+    @cached_property
     def name(self) -> str:
         """`KEYWORD@PLACE`."""
         return f"{self.effect.keyword}@{self.at}" + (f"[{self.session}]" if self.session else "")
 
-    @property
+    @cached_property
     def acts_in(self) -> str:
         """The session in whose rows it acts; "" for all."""
         of_place = self.at if self.effect.places == "session" else place_and_session(self.at)[1]
         return self.session or of_place
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[str, ...]:
         """Names of its parameters in its formula."""
         return tuple(p.removesuffix(f"[{self.session}]").rpartition(".")[2] for p in self.parameters)

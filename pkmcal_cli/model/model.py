@@ -90,14 +90,25 @@ class Model:
 
         So the machine at rest, of no session: the reference configuration, what drives are set to.
         """
-        shared = {p.shared_name: p.nominal for p in self.parameters if p.session}
-        return {**dict(zip(self.names, (float(v) for v in values), strict=True)), **shared}
+        return {**dict(zip(self.names, np.asarray(values).tolist(), strict=True)), **self._at_rest}
+
+    @cached_property
+    def _at_rest(self) -> Mapping[str, float]:
+        """Nominal values, by shared name, of what each session has for itself."""
+        return {p.shared_name: p.nominal for p in self.parameters if p.session}
+
+    @cached_property
+    def shared(self) -> Mapping[str, tuple[str, str]]:
+        """By the name of each parameter the one that its sessions share, and the session."""
+        return {p.name: (p.shared_name, p.session) for p in self.parameters}
 
     def by_session(self, values: Array) -> tuple[Mapping[str, float], ...]:
         """Values (P,) as mappings, one for each of `sessions` (one where there is none)."""
-        every = dict(zip(self.names, (float(v) for v in values), strict=True))
+        every = dict(zip(self.names, np.asarray(values).tolist(), strict=True))
+        if not self.sessions:
+            return (every,)
         mappings = []
-        for session in self.sessions or ("",):
+        for session in self.sessions:
             of_session = {p.shared_name: every[p.name] for p in self.parameters if p.session and p.session == session}
             mappings.append({**every, **of_session})
         return tuple(mappings)

@@ -80,27 +80,37 @@ class Displacements:
 
 
 def displacements(
-    model: Model, values: Array, rows: Rows, parameters: Sequence[str], reactions: Reactions | None
+    model: Model,
+    values: Array,
+    rows: Rows,
+    parameters: Sequence[str],
+    reactions: Reactions | None,
+    known: Displacements | None = None,
 ) -> Displacements:
-    """Compute the displacements of all effects at parameter values (P,); without `reactions` those that need none."""
+    """Compute the displacements of all effects at parameter values (P,); without `reactions` those that need none.
+
+    known: those without `reactions`, where they have been computed.
+    """
     numbers = model.by_name(values)
     parts: list[Displacement] = []
     asked = {name: k for k, name in enumerate(parameters)}
+    computed = iter(() if known is None else known.parts)
     for placed in model.effects:
-        if placed.effect.reactive and reactions is None:
+        reactive = placed.effect.reactive
+        if reactive and reactions is None:
             continue
         sizes = [numbers[name] for name in placed.parameters]
-        if not any(sizes) and not any(name in asked for name in placed.parameters):
+        if not any(sizes) and asked.keys().isdisjoint(placed.parameters):
             continue
         for site in placed.sites:
-            at = SiteInputs(site, model, rows, placed, reactions)
-            parts.append(_displacement(model, placed, at, sizes, asked))
+            if known is not None and not reactive:
+                parts.append(next(computed))
+            else:
+                parts.append(_displacement(placed, SiteInputs(site, model, rows, placed, reactions), sizes, asked))
     return Displacements(tuple(parts))
 
 
-def _displacement(
-    model: Model, placed: PlacedEffect, at: SiteInputs, sizes: list[float], asked: dict[str, int]
-) -> Displacement:
+def _displacement(placed: PlacedEffect, at: SiteInputs, sizes: list[float], asked: dict[str, int]) -> Displacement:
     """One effect site's; only in the rows of the session where the effect belongs to one."""
     on = _rows_of(placed, at)
     chosen = [k for k, name in enumerate(placed.parameters) if name in asked]

@@ -95,16 +95,15 @@ def _moved(
 ) -> Displacements:
     """What effects displace in every row of the table; reactive ones by the forces of a pass without them."""
     asked = request.parameters or ()
-    numbers = model.by_name(values)
-    acting = {e.name for e in model.effects if any(numbers[n] for n in e.parameters)}
-    needed = acting | {e.name for e in model.effects if any(n in asked for n in e.parameters)}
-    reactive = [e for e in model.effects if e.effect.reactive and e.name in needed]
-    if not reactive:
-        return displacements(model, values, rows, asked, None)
-    known = chain if request.derivatives and acting & {e.name for e in reactive} else None
     first = displacements(model, values, rows, asked, None)
+    numbers, named = model.by_name(values), frozenset(asked)
+    able = [(e, any(numbers[n] for n in e.parameters)) for e in model.effects if e.effect.reactive]
+    reactive = [e for e, acts in able if acts or not named.isdisjoint(e.parameters)]
+    if not reactive:
+        return first
+    known = chain if request.derivatives and any(acts for _, acts in able) else None
     earlier = _earlier_pass(model, base, rows, reactive, known, first, start=start)
-    return displacements(model, values, rows, asked, earlier)
+    return displacements(model, values, rows, asked, earlier, first)
 
 
 def _earlier_pass(

@@ -82,12 +82,12 @@ class Chain:
         """The chain at parameter values (P,)."""
         if request.parameters is None:
             return cls(model, np.zeros(0, dtype=np.intp), None)
-        shared = {p.name: (p.shared_name, p.session) for p in model.parameters}
-        asked = [shared[name] for name in request.parameters]
+        asked = [model.shared[name] for name in request.parameters]
         parts = []
         for session, numbers in zip(model.sessions or ("",), model.by_session(values), strict=True):
-            names = list(dict.fromkeys(name for name, _ in asked))  # instances of one parameter share a column
-            full = model.topology.coefficients.jacobian(numbers, names)[:, [names.index(name) for name, _ in asked]]
+            names = dict.fromkeys(name for name, _ in asked)  # instances of one parameter share a column
+            place = {name: k for k, name in enumerate(names)}
+            full = model.topology.coefficients.jacobian(numbers, list(names))[:, [place[name] for name, _ in asked]]
             parts.append(full * np.array([of_session in ("", session) for _, of_session in asked], dtype=float))
         every = np.stack(parts)
         used = np.nonzero(every.any(axis=(0, 2)))[0]

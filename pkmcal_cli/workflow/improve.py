@@ -92,9 +92,11 @@ def run_improvement(request: ImproveRequest) -> int:
     head = _head(request, inputs, improved)
     machine, parameters = (None, None) if targets is None else _write(request, inputs, report, targets, head, to)
     failures = improved.failures(request.accept)
-    result = improved.json(machine, parameters, accept=request.accept)
     code, gates_json = _verdict(case, report, limits, not fails_on.isdisjoint(failures), to)
-    result = enveloped("improve", result["verdict"], result | gates_json, head)
+    result: dict[str, Any] = {}
+    if request.as_json or request.run is not None:  # what only programs read takes some of the time
+        result = improved.json(machine, parameters, accept=request.accept)
+        result = enveloped("improve", result["verdict"], result | gates_json, head)
     if request.as_json:
         emit_json(result)
     if improvement.broken is not None:
