@@ -27,16 +27,27 @@ from tests.truth.redundant import DEG
 
 FEET = np.array([[-0.6, -0.45], [0.6, -0.45], [0.6, 0.45], [-0.6, 0.45]])
 PLATE = np.array([[-0.12, -0.08], [0.12, -0.08], [0.12, 0.08], [-0.12, 0.08]])
+CROOKED = (
+    np.array([[-0.7, -0.42], [0.65, -0.5], [0.72, 0.48], [-0.6, 0.53]]),
+    np.array([[-0.14, -0.06], [0.11, -0.09], [0.1, 0.08], [-0.13, 0.095]]),
+)
 OFFSET = 0.1
 COUNT = 150
 SLIDE = "  car: {guide: rail, at: 0, points: {C: [0, 0]}}\nguides: {rail: {at: [0, 900]}}\n"
 STACKED = "  car: {guide: rail, at: 0, points: {tip: [0, 30]}}\nguides: {rail: {body: plate}}\n"
 
 
-def text(redundant: int, wide: float, more: str = "", drive: str = "", tool: str = "tool") -> str:
+def text(
+    redundant: int,
+    wide: float,
+    more: str = "",
+    drive: str = "",
+    tool: str = "tool",
+    corners: tuple[Array, Array] = (FEET, PLATE),
+) -> str:
     """A platform on four legs in the plane; ranges of `wide` mm."""
-    ground = ", ".join(f"B{i}: [{1e3 * x:g}, {1e3 * y:g}]" for i, (x, y) in enumerate(FEET, 1))
-    plate = ", ".join(f"P{i}: [{1e3 * x:g}, {1e3 * y:g}]" for i, (x, y) in enumerate(PLATE, 1))
+    ground = ", ".join(f"B{i}: [{1e3 * x:g}, {1e3 * y:g}]" for i, (x, y) in enumerate(corners[0], 1))
+    plate = ", ".join(f"P{i}: [{1e3 * x:g}, {1e3 * y:g}]" for i, (x, y) in enumerate(corners[1], 1))
     drives = "".join(
         f"  q{i}: {{drives: leg{i}, offset: o{i}{', redundant: true' * (i == redundant)}}}\n" for i in range(1, 5)
     )
@@ -62,10 +73,15 @@ def poses() -> tuple[Array, Array]:
     """Poses (n, 3) turned by up to 25 deg, and what the legs' drives read there (n, 4)."""
     rng = np.random.default_rng(0)
     pose = rng.uniform(-1, 1, (COUNT, 3)) * [0.2, 0.2, 25 * DEG]
+    return pose, read(pose, FEET, PLATE)
+
+
+def read(pose: Array, feet: Array, plate: Array) -> Array:
+    """What the legs' drives read at poses (n, 3), (n, 4)."""
     c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    points = np.einsum("nij,kj->nki", turn, PLATE) + pose[:, None, :2]
-    return pose, np.linalg.norm(points - FEET, axis=2) - OFFSET
+    points = np.einsum("nij,kj->nki", turn, plate) + pose[:, None, :2]
+    return np.asarray(np.linalg.norm(points - feet, axis=2) - OFFSET)
 
 
 @pytest.mark.parametrize(
@@ -80,6 +96,19 @@ def test_ranges_do_not_excuse_another_assembly(wide: float, redundant: int, meth
     pose, readings = poses()
     m = built(tmp_path, text(redundant, wide))
     found = predict(m, m.nominal, Rows.at(readings), Request(method=method))
+    assert found.solved.all()
+    assert np.abs(found.values - pose).max() < 1e-9
+
+
+@pytest.mark.parametrize("redundant", in_ci(["1", "4"], [1, 2, 3, 4]))
+def test_assemblies_next_to_each_other_are_told_apart(redundant: int, tmp_path: Path) -> None:
+    """Near poses at which all four legs are nearly singular, another pose fits within 1 mm; the right one fits exactly.
+
+    The farther a pose is from singular ones, the more misfit another assembly has: about the square of the distance.
+    """
+    pose = np.random.default_rng(0).uniform(-1, 1, (400, 3)) * [0.2, 0.2, 25 * DEG]
+    m = built(tmp_path, text(redundant, 1.0, corners=CROOKED))
+    found = predict(m, m.nominal, Rows.at(read(pose, *CROOKED)))
     assert found.solved.all()
     assert np.abs(found.values - pose).max() < 1e-9
 

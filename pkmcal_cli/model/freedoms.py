@@ -33,10 +33,13 @@ _DAMPING, _GIVE_UP = 1e-3, 1e2
 _SPREAD = (0.25, 0.5)  # of starts about the reference configuration: sizes of the machine, rad
 _STARTS = 32
 _PATH = 8  # steps from the reference configuration to a start
+_FOLD = 0.1  # misfit over s^2: 0.7 and more where the worse of two assemblies was found, at curvatures of about 1
 _CLOSING = NewtonOptions(curved=False, tolerance=1e-9)
 
 
 REGULAR = 1e-2  # smallest singular value of the drives' Jacobian, lengths in sizes of the machine
+LEAST_MISFIT = 1e-3  # in sizes of the machine: less is no doubt at a pose far from singular ones,
+NO_MISFIT = _FOLD * REGULAR**2  # and less than this at no regular pose
 
 
 @dataclass(frozen=True)
@@ -179,8 +182,19 @@ class Freedoms:
 
 
 def smallest_singular_value(jacobian: Array) -> Array:
-    """Of each drives' Jacobian (n, D, f), (n,)."""
-    return np.asarray(np.linalg.svd(np.nan_to_num(jacobian), compute_uv=False)[:, -1])
+    """Of each Jacobian (n, D, f), (n,)."""
+    slopes = np.nan_to_num(jacobian)
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(slopes, 1, 2) @ slopes)[:, 0], 0.0)))
+
+
+def sole_misfit(jacobian: Array) -> Array:
+    """Misfit (n,), in sizes, up to which no other assembly is near a pose with this Jacobian (n, D, f).
+
+    Two assemblies lie on either side of a singular pose, about s apart (s: smallest singular value), and the worse one
+    keeps a misfit of the order of s^2: the less regular a pose is, the less misfit tells it from the right one.
+    """
+    s = np.maximum(smallest_singular_value(jacobian), REGULAR)
+    return np.asarray(np.minimum(LEAST_MISFIT, _FOLD * s**2))
 
 
 def _step(closed: ClosedPoses, damping: Array) -> Array:

@@ -19,7 +19,7 @@ from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.mechanism.topology import Drive, Topology
 from pkmcal_cli.model.base import Base
 from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites, PlacedEffect
-from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
+from pkmcal_cli.model.freedoms import LEAST_MISFIT, ClosedPoses, Freedoms
 from pkmcal_cli.model.held_points import HeldPoints
 from pkmcal_cli.model.observed import PlacedSensor
 from pkmcal_cli.model.parts import Actuator, Channel, LeastTension, ModelParameter
@@ -31,7 +31,6 @@ _SYSTEMS = ("exact", "rigid", "released")  # cached properties that depend on th
 _AT_NOMINAL = ("held_points", "reference_coefficients", "reference_mode")  # besides on nominal values, but on no effect
 _AT_REST = (*_AT_NOMINAL, "overdetermined", "freedoms", "starts", "explained_misfit")  # not moved by null effects
 _DOUBT = 3.0  # of the misfit that is expected
-LEAST_MISFIT = 1e-3  # in sizes of the machine: less is no doubt
 
 
 @dataclass(frozen=True, kw_only=True)

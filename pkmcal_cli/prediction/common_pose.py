@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.kinematics import State
 from pkmcal_cli.mechanism.topology import Index
-from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms
-from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.freedoms import ClosedPoses, Freedoms, smallest_singular_value, sole_misfit
+from pkmcal_cli.model.model import Model
 
 _AT_ONCE, _TRIED = 4, 12  # starts of each row that are tried together, and as long as none leads to little misfit
 _FEW = 16  # rows for which all starts are tried together
 _SAME = 1e-4  # poses nearer than this, in sizes or rad, are one
+_UNSURE = 0.2  # so are those nearer than this share of misfit over smallest singular value, where descents may end
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
     freedoms, starts, rows = model.freedoms, model.starts, len(coefficients)
     best = _descended(freedoms, coefficients, starts, np.zeros(rows, dtype=np.intp))
     rival = np.full(rows, np.inf)
-    todo = np.nonzero(best.size > LEAST_MISFIT)[0]
+    todo = np.nonzero(_in_doubt(best))[0]
     together = _AT_ONCE if len(todo) > _FEW else _TRIED  # of few rows the calls are the price, not the arithmetic
     for first in range(0, _TRIED, together):
         if not len(todo):
@@ -52,16 +53,23 @@ def common_pose(model: Model, coefficients: Array) -> CommonPose:
         left = np.arange(len(todo))  # of them, those for which further starts count
         for k in range(which.shape[1]):
             if k % _AT_ONCE == 0:
-                left = left[best.size[todo[left]] > LEAST_MISFIT]
+                left = left[_in_doubt(best.take(todo[left]))]
             best = _better(best, rival, todo[left], closed.take(left * which.shape[1] + k))
-        todo = todo[best.size[todo] > LEAST_MISFIT]
+        todo = todo[_in_doubt(best.take(todo))]
     return CommonPose(best.state, best.size, rival, best.singular)
+
+
+def _in_doubt(poses: ClosedPoses) -> NDArray[np.bool_]:
+    """Poses (n,) with so much misfit that another assembly may fit better."""
+    return np.asarray(poses.size > sole_misfit(poses.jacobian))
 
 
 def _better(best: ClosedPoses, rival: Array, rows: Index, candidates: ClosedPoses) -> ClosedPoses:
     """The better of the best poses and others found for some rows; `rival` (n,), of the next best, is set."""
     before = best.take(rows)
-    apart = np.abs(candidates.poses - before.poses).max(axis=1) > _SAME
+    least = np.minimum(candidates.size, before.size)
+    unsure = _UNSURE * least / np.maximum(smallest_singular_value(before.jacobian), 1e-12)
+    apart = np.abs(candidates.poses - before.poses).max(axis=1) > np.maximum(_SAME, unsure)
     better = candidates.size < before.size
     other = np.where(better, before.size, candidates.size)
     rival[rows] = np.where(apart, np.minimum(rival[rows], other), rival[rows])

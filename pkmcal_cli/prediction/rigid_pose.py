@@ -19,7 +19,8 @@ from pkmcal_cli.equilibrium.status import RowStatus
 from pkmcal_cli.equilibrium.strains import all_strains
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, DriveKind
-from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.freedoms import LEAST_MISFIT
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
 from pkmcal_cli.prediction.rows import Rows

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.equilibrium.assembly import balance, typical_stiffness
+from pkmcal_cli.equilibrium.branch import strain_jacobian
 from pkmcal_cli.equilibrium.descent import descend
 from pkmcal_cli.equilibrium.energy import slack_ropes, strain_energy
 from pkmcal_cli.equilibrium.kinematics import State, advance, place_prescribed, without_stress
@@ -25,7 +26,8 @@ from pkmcal_cli.equilibrium.strains import all_strains
 from pkmcal_cli.equilibrium.system import System
 from pkmcal_cli.equilibrium.system_numbers import SystemNumbers, beyond_beams, system_numbers
 from pkmcal_cli.mechanism.topology import Drive, Index
-from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.freedoms import LEAST_MISFIT, NO_MISFIT, sole_misfit
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.model.singular_drives import substructure_holds
 from pkmcal_cli.prediction.common_pose import common_pose
 from pkmcal_cli.prediction.rigid_pose import (
@@ -40,6 +42,7 @@ _ROUGH = NewtonOptions(curved=False, tolerance=1e-3)  # of its last step: the er
 _ELASTIC = NewtonOptions(contraction=0.9, rebound=0.25, reach=0.5)
 _TAUT = replace(_ELASTIC, taut=True)
 _TORN = 0.1  # of the size of the machine: drives that disagree by more agree on nothing
+_ALIKE, _NONE = 2.0, 2e-6  # misfits of two assemblies within this factor tell neither; what descents may leave of none
 _GROWN = 2.0  # a misfit that has grown less than so since the pose was compared with others needs no comparison
 
 
@@ -116,13 +119,23 @@ def _equilibrium(
         return rows
     apart = _apart(model, numbers, rows.state)
     solved = rows.status == RowStatus.SOLVED
-    fits = solved & ~(apart > np.maximum(LEAST_MISFIT, _GROWN * rows.misfit))
+    fits = solved & ~(apart > np.maximum(_sole(model, numbers, rows.state, apart), _GROWN * rows.misfit))
     if (solved & ~fits).any() and substructure_holds(model):
         fits |= solved & (apart < model.expected_misfit)  # no other assembly is near
     doubtful = np.nonzero(~fits & ~_still_out_of_reach(rows))[0]
     if not len(doubtful):
         return rows
     return rows.put(doubtful, _compared(model, coefficients[doubtful], rows.take(doubtful), effort))
+
+
+def _sole(model: Model, numbers: SystemNumbers, state: State, apart: Array) -> Array:
+    """How far parts may be apart (N,), in sizes, where no other assembly is near; `apart` (N,): how far they are."""
+    out = np.full(len(apart), NO_MISFIT)
+    near = np.nonzero(apart > NO_MISFIT)[0]
+    if len(near):
+        jacobian = strain_jacobian(model.exact, numbers.take(near), state.take(near), model.length)
+        out[near] = sole_misfit(jacobian)
+    return out
 
 
 def _still_out_of_reach(rows: WarmStart) -> NDArray[np.bool_]:
@@ -141,7 +154,8 @@ def _compared(model: Model, coefficients: Array, rows: WarmStart, effort: Effort
     status, apart = rows.status.copy(), _apart(model, numbers, rows.state)
     status[(status != RowStatus.SOLVED) & pose.singular] = RowStatus.SINGULAR
     slack = _any_slack(model, numbers, rows.state)  # a slack rope is longer than the pose needs: no misfit
-    status[(np.maximum(pose.misfit, pose.rival) < LEAST_MISFIT) & ~slack] = RowStatus.AMBIGUOUS
+    alike = (pose.rival < LEAST_MISFIT) & (pose.rival < _ALIKE * np.maximum(pose.misfit, _NONE))
+    status[alike & ~slack] = RowStatus.AMBIGUOUS
     misfit = np.where(slack, apart, pose.misfit)
     far = np.nonzero(misfit > max(_TORN, model.expected_misfit))[0]
     status[far] = RowStatus.OUT_OF_REACH

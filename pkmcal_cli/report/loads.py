@@ -16,7 +16,8 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.loading.poses import RowOrigin
-from pkmcal_cli.model.model import LEAST_MISFIT, Model
+from pkmcal_cli.model.freedoms import LEAST_MISFIT
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.prediction import Prediction, Request, Rows, WarmStart, predict
 from pkmcal_cli.report.number_format import handy
 from pkmcal_cli.units.unit_text import Unit, parse_unit
