@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pkmcal_cli.calibration.observability_indices import observability
+from pkmcal_cli.calibration.problem import design_problem
+from pkmcal_cli.prediction import Rows
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.next_points import NextPoints, _Outlook, next_points
-from tests import next_campaigns
 from tests.command import clean, run
-from tests.next_campaigns import BOX, CASES, LIMIT, MACHINE, NAME, SIGMA, Case, grown, measured, table
+from tests.next_campaigns import BOX, CASES, LIMIT, MACHINE, NAME, SIGMA, Case, Knowing, grown, measured, table
 from tests.truth.generate import campaigns, grid
-
-BEST = 12
-"""Rows of a fixed D-optimal plan that knows the noise: `next_campaigns.fixed(1.0)`, of which a slow test makes sure."""
 
 
 def campaign(case: Case, seed: int, k: int = 3) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
@@ -34,16 +33,31 @@ def asked(file: Path, readings: np.ndarray, values: np.ndarray, limit: float = L
 
 
 @pytest.mark.parametrize("seed", [8, pytest.param(3, marks=pytest.mark.slow)])
-def test_as_few_rows_as_a_plan_that_knows_all(seed: int, tmp_path: Path) -> None:
-    """Nine even rows whose fit is wide: held directions with ranges that few rows do not tell are no noise."""
-    found = grown(CASES[0], seed, tmp_path)
-    assert found.status == "reached" and found.rows <= BEST + 2
-    assert abs(found.error) < 4 * LIMIT
+def test_points_as_good_as_those_of_a_plan_that_knows_all(seed: int, tmp_path: Path) -> None:
+    """Row by row, at the noise as it is; how many there are depends on how large the noise turned out to be."""
+    found, knowing = grown(CASES[0], seed, tmp_path), Knowing.of(CASES[0], seed, tmp_path)
+    assert found.status == "reached" and abs(found.error) < 4 * LIMIT
+    asked_for = np.loadtxt(tmp_path / f"{seed}.csv", delimiter=",", skiprows=1)[:, :2] * 1e-3
+    best = knowing.fixed()
+    assert best <= found.rows
+    design = design_problem(knowing.loaded.model, Rows.at(asked_for[:best]))
+    observed = observability(design, knowing.values, knowing.selected)
+    assert observed.std[observed.selected.index(NAME)] < 1.02 * LIMIT
 
 
-@pytest.mark.slow
-def test_the_plan_that_knows_all() -> None:
-    assert next_campaigns.fixed(1.0)[1] == BEST
+def test_noise_is_told_by_the_residuals_not_by_what_is_stated(tmp_path: Path) -> None:
+    """Twice the stated noise: the uncertainty that decides is that of a calibration to which no sigma is stated."""
+    readings, values, _ = campaign(CASES[1], 2, 4)
+    file = tmp_path / "a.csv"
+    file.write_text(table(readings, values), encoding="utf-8")
+    unknown = tmp_path / "unknown.yaml"
+    unknown.write_text(f"extends: {MACHINE}\nsensors: {{tracker: {{sigma_is: unknown}}}}\n", encoding="utf-8")
+    stds = [run("plan", m, file, "--next", "--budget", 40, "--aim", "l1 1 um", "--json", "-q").json["aim"]["before"]
+            for m in (MACHINE, unknown)]  # fmt: skip
+    assert stds[0] == pytest.approx(stds[1], rel=1e-9)
+    stated = run("calibrate", MACHINE, file, "--json", "-q").json
+    (l1,) = (p for p in stated["parameters"] if p["name"] == NAME)
+    assert stds[0] > 1.03 * l1["std"], "which takes a mean of both"
 
 
 def test_the_rows_that_it_asks_for_tell_what_it_says(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from pkmcal_cli.diagnosis.hypotheses import candidates_of
 from pkmcal_cli.diagnosis.linear import linear_problem
 from pkmcal_cli.gross_errors.hints import nothing_measured
 from pkmcal_cli.loading.load_machine import LoadedMachine, load_machine, load_measurements, load_parameters
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.added_points import Added, Reached
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable
@@ -130,10 +131,11 @@ def next_points(
     goal = requested_aim(aim, candidates_of(loaded.model, selected, problem.rows), problem.model, selected)
     if goal is None or goal.limit is None:
         raise UsageError("--next needs an uncertainty at which to stop", hint=_EXAMPLE)
+    doubted = replace(problem, model=_doubted(problem.model))
     try:
         session = np.asarray(measured.session)
         with to.stages() as observe:
-            fit = calibrated(problem, selected, start.values, FitOptions(), session, observe=observe)
+            fit = calibrated(doubted, selected, start.values, FitOptions(), session, observe=observe)
     except RowsFailed as failure:
         raise unsolved(measured, failure.evaluation.prediction) from None
     done = np.nonzero(problem.measured.any(axis=1))[0]
@@ -148,6 +150,16 @@ def next_points(
     inputs = loaded.inputs | start.inputs | measured.inputs
     with to.step("points to measure next"):
         return replace(_proposed(loaded, campaign, goal, budget, seed), inputs=inputs)
+
+
+def _doubted(model: Model) -> Model:
+    """The model whose stated sigmas are worth as little as unknown ones; exact ones stay.
+
+    A mean of what few rows show and what is stated would end a campaign too early where there is more noise.
+    """
+    channels = tuple(replace(c, sigma_is="unknown") if c.sigma_is == "stated" else c for c in model.channels)
+    drives = tuple(replace(a, sigma_is="unknown") if a.sigma_is == "stated" else a for a in model.actuators)
+    return replace(model, channels=channels, actuators=drives)
 
 
 @dataclass(frozen=True, kw_only=True)
