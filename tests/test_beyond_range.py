@@ -15,6 +15,7 @@ from tests.benchmark.setting import ALPHA, Ready, ready
 from tests.truth.campaigns import Campaign, Planted, campaign
 
 MACHINE, PLACE, PARAMETER = "triglide-nonredundant", "q1", "backlash@q1.b"
+PITCH, PITCH_PARAMETERS = {"c": 0.36e-3, "s": -0.03e-3, "period": 0.01}, ("pitch@q1.c", "pitch@q1.s")  # m
 COARSE = 30.0  # times the noise of the usual campaign
 SIZE = 0.36e-3  # m, of a range of 0.06 mm
 SEED = 1
@@ -22,9 +23,10 @@ WIDER = 20.0
 
 
 @cache
-def coarse() -> tuple[Campaign, Ready]:
+def coarse(keyword: str = "backlash") -> tuple[Campaign, Ready]:
     """A campaign with coarse readings and as coarse a statement of their noise."""
-    measured = campaign(MACHINE, [Planted("backlash", PLACE, {"b": SIZE})], SEED)
+    values = {"backlash": {"b": SIZE}, "pitch": PITCH}[keyword]
+    measured = campaign(MACHINE, [Planted(keyword, PLACE, values)], SEED)
     noise = COARSE * (measured.readings - measured.true_readings)
     measured = replace(measured, readings=measured.true_readings + noise, sigma=COARSE * measured.sigma)
     table = ready(measured)
@@ -54,15 +56,17 @@ def test_uncertainty_is_what_data_tell() -> None:
     assert abs(finding.estimate[0] - SIZE) < 3.0 * finding.std[0]
 
 
-def test_range_does_not_matter() -> None:
-    """Value, uncertainty and the gain on rows held out are those of an effect within a wider range."""
-    _, table = coarse()
+@pytest.mark.parametrize(("keyword", "parameters"), [("backlash", (PARAMETER,)), ("pitch", PITCH_PARAMETERS)])
+def test_range_does_not_matter(keyword: str, parameters: tuple[str, ...]) -> None:
+    """Values, uncertainties and the gain on rows held out are those of an effect within a wider range."""
+    _, table = coarse(keyword)
     model = table.problem.model
     ranges = model.ranges.copy()
-    ranges[model.names.index(PARAMETER)] *= WIDER
+    ranges[[model.names.index(name) for name in parameters]] *= WIDER
     wide = model.with_ranges(ranges)
     other = replace(table, problem=replace(table.problem, model=wide), candidates=replace(table.candidates, model=wide))
     one, two = found(table), found(other)
+    assert one.hypothesis.parameters == two.hypothesis.parameters == parameters
     assert one.beyond and not two.beyond
     assert one.estimate == pytest.approx(two.estimate, rel=1e-3)
     assert one.std == pytest.approx(two.std, rel=1e-2)

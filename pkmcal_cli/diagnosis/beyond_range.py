@@ -20,24 +20,29 @@ from pkmcal_cli.diagnosis.score import Score
 def begun_beyond(hypothesis: Hypothesis, score: Score, offsets: Array, null: Array, problem: Problem) -> Hypothesis:
     """A hypothesis whose fits begin at its estimate, where it could be seen only far beyond its range; else itself.
 
-    offsets (k,): the estimate, off null; null (P,): values without it; SI.
+    offsets (k,): the estimate, off null; null (P,): values without it; SI. What moves nothing at null, as a lag does,
+    begins there.
     """
     if not score.far:
         return hypothesis
     begin = []
-    for name, offset in zip(hypothesis.parameters, offsets, strict=True):
+    for name, offset, length2 in zip(hypothesis.parameters, offsets, score.length2, strict=True):
         k = problem.model.names.index(name)
-        if name in hypothesis.unknown:
+        if name in hypothesis.unknown and length2 > 0:
             begin.append((name, float(np.clip(null[k] + offset, *problem.model.parameters[k].bounds))))
     return replace(hypothesis, begin=tuple(begin))
 
 
 def unheld(problem: Problem, accepted: Sequence[Hypothesis]) -> Problem:
-    """The problem with ranges as wide as effects are large where their fits begin; itself where none is beyond its."""
-    ranges = problem.model.ranges.copy()
-    for name, value in (value for h in accepted for value in h.begin):
-        k = problem.model.names.index(name)
-        ranges[k] = max(ranges[k], abs(value - problem.model.nominal[k]))
-    if (ranges == problem.model.ranges).all():
+    """The problem with ranges as wide as effects are large where their fits begin; itself where none is beyond its.
+
+    All numbers of an effect are wider by the same factor: one that is small is told no better than the largest.
+    """
+    model, ranges = problem.model, problem.model.ranges.copy()
+    for hypothesis in (h for h in accepted if h.begin):
+        index = [model.names.index(name) for name, _ in hypothesis.begin]
+        off = np.abs([value for _, value in hypothesis.begin] - model.nominal[index])
+        ranges[index] *= max(1.0, *(off / ranges[index]).tolist())
+    if (ranges == model.ranges).all():
         return problem
-    return replace(problem, model=problem.model.with_ranges(ranges))
+    return replace(problem, model=model.with_ranges(ranges))
