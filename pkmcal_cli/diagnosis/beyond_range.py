@@ -14,7 +14,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.score import Score
+from pkmcal_cli.diagnosis.score import Score, tail_of
 
 
 def begun_beyond(hypothesis: Hypothesis, score: Score, offsets: Array, null: Array, problem: Problem) -> Hypothesis:
@@ -31,6 +31,16 @@ def begun_beyond(hypothesis: Hypothesis, score: Score, offsets: Array, null: Arr
         if name in hypothesis.unknown and length2 > 0:
             begin.append((name, float(np.clip(null[k] + offset, *problem.model.parameters[k].bounds))))
     return replace(hypothesis, begin=tuple(begin))
+
+
+def improbability(problem: Problem, accepted: Sequence[Hypothesis], values: Array, null: Array) -> float:
+    """Log prior density of the sizes of effects beyond their ranges, over that within; values, null (P,), SI."""
+    tails = 0.0
+    for hypothesis in (h for h in accepted if h.begin):
+        index = [problem.model.names.index(name) for name, _ in hypothesis.begin]
+        off = np.abs(values[index] - null[index]) / problem.model.ranges[index]
+        tails += tail_of(max(off.tolist()))
+    return tails
 
 
 def unheld(problem: Problem, accepted: Sequence[Hypothesis]) -> Problem:

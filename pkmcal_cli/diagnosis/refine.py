@@ -37,7 +37,8 @@ def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
     tried: set[frozenset[Hypothesis]] = set()
     for _ in range(2 * len(search.near)):
-        groups = [(h,) for h in search.near if h.members]
+        groups = [(h,) for h in search.near if h.members or h.begin]
+        groups.sort(key=lambda some: not some[0].begin)  # what is beyond its range comes last, and is doubted first
         removed = (*groups, *combinations(search.near, 2))
         better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
         better = better or next((s for h in search.near if (s := _improved(search, h)) is not None), None)

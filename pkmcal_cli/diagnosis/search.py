@@ -11,7 +11,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.alpha import Alpha
-from pkmcal_cli.diagnosis.beyond_range import begun_beyond
+from pkmcal_cli.diagnosis.beyond_range import begun_beyond, improbability
 from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.outlying_rows import MOST
@@ -68,7 +68,9 @@ def set_evidence(search: Search, variance: float) -> float:
     count = shifts + sum(len(h.parameters) for h in search.accepted)
     likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count + shifts, 1)))
     price = len(rows) * float(np.log(len(search.problem)))
-    return -0.5 * likelihood - price - search.price(search.accepted) + sum(h.preference for h in search.accepted)
+    before = sum(h.preference for h in search.accepted)
+    before += improbability(search.problem, search.near, search.fit.values, search.null)
+    return -0.5 * likelihood - price - search.price(search.accepted) + before
 
 
 def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
