@@ -21,7 +21,7 @@ from pkmcal_cli.diagnosis.search import stands_on_one_row
 from pkmcal_cli.diagnosis.unknown import unknown_effects
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.workflow.search_case import CaseRequest, prepare
-from tests.benchmark.setting import Setting, diagnosed
+from tests.benchmark.setting import Setting, diagnosed, ready
 from tests.command import MACHINES
 from tests.detected_sizes import outcome
 from tests.test_diagnosis_linear import setting
@@ -86,6 +86,31 @@ def test_what_ranges_say_is_no_noise() -> None:
     linear = score_all(search, ()).linear
     assert fit.directions.weak.any() and linear.chi2 - linear.dof > 4 * np.sqrt(2 * linear.dof)
     assert chance_of_noise(linear) > 1e-3
+
+
+@pytest.mark.parametrize(("machine", "tables"), [("delta4", 20), ("triglide", 60)])
+def test_held_directions_cost_no_freedom(machine: str, tables: int) -> None:
+    """Chi-square of small tables, many directions of which are held, is its degrees of freedom in the mean."""
+    squares, freedom, held = [], [], 0
+    for seed in range(tables):
+        here = ready(campaign(machine, [], seed, rows=14, scenario=Scenario(sessions=1)))
+        fit = identify(here.problem, here.selected)
+        linear = linear_problem(here.problem, fit.values, here.selected, (), None)
+        squares.append(linear.chi2)
+        freedom.append(linear.dof)
+        held += int(linear.spectrum.held.sum())
+    apart = 4 * np.sqrt(2 * np.sum(freedom))
+    assert held > apart, "else nothing is shown"
+    assert np.sum(squares) == pytest.approx(np.sum(freedom), abs=apart)
+
+
+def test_columns_that_say_the_same_count_once() -> None:
+    """Chi-square with nine columns projected out, of which three are others' sums and one is empty, drops by five."""
+    linear, rng = setting().linear, np.random.default_rng(0)
+    columns = rng.normal(size=(len(linear.residual), 5))
+    every = np.hstack([columns, columns[:, :3] + columns[:, 1:4], np.zeros((len(columns), 1))])
+    assert linear.dof - linear.projecting(linear.projected, extra=columns).dof == pytest.approx(5, abs=1e-3)
+    assert linear.dof - linear.projecting(linear.projected, extra=every).dof == pytest.approx(5, abs=1e-3)
 
 
 # --- growth --------------------------------------------------------------------------------

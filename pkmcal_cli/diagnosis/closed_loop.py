@@ -23,6 +23,7 @@ from pkmcal_cli.calibration.identify import RowsFailed, identify
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import linearise
 from pkmcal_cli.calibration.robust import Loss, identify_robustly
+from pkmcal_cli.diagnosis.beyond_range import unheld
 from pkmcal_cli.diagnosis.far_causes import of_any_size
 from pkmcal_cli.diagnosis.hypotheses import RELEASE, Candidates, Hypothesis
 from pkmcal_cli.diagnosis.outlying_rows import MOST
@@ -221,7 +222,10 @@ def _start(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -
 
 
 def _beside(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis) -> Problem:
-    """The problem with the priors of displacements without a name."""
+    """The problem with the priors of displacements without a name, and effects beyond their ranges not held by them."""
+    for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
+        problem = of_any_size(problem, hypothesis)
+    problem = unheld(problem, accepted)
     for shape in (s for s in whole.search.shapes if s.hypothesis in accepted):
         problem = shape.beside(problem)
     return problem
@@ -242,8 +246,6 @@ def with_shapes_of(model: Model, whole: Diagnosis) -> Model:
 
 def _fit_with(problem: Problem, accepted: Sequence[Hypothesis], whole: Diagnosis, earlier: Fit) -> Fit:
     """A calibration with effects; states begin where those of an earlier fit did. Raises RowsFailed."""
-    for hypothesis in (h for h in accepted if h.name in whole.search.far_off):
-        problem = of_any_size(problem, hypothesis)
     problem = _beside(problem, accepted, whole)
     chosen = set(whole.search.declared) | {n for h in accepted for n in h.unknown}
     names = tuple(n for n in problem.model.names if n in chosen)

@@ -99,7 +99,7 @@ def _held_out(
     )
     problem, evaluation = predicted_part(search.problem, there)
     near = linearise(problem, evaluation)
-    ranges = 0.5 * model.ranges[[model.names.index(n) for n in selected]]
+    ranges = 0.5 * search.unheld.model.ranges[[model.names.index(n) for n in selected]]
     shape = problem.readings.shape
     (white, slopes), (errors, known), raw = near.values, near.besides, evaluation.residual
     white, columns = white.reshape(shape), (slopes * ranges).reshape(*shape, -1)

@@ -142,10 +142,18 @@ class Linear:
         errors, step = self._besides[0], cho_solve(factor, a.T @ self.residual + self.pull)
         return explained + float(errors @ errors - self.pull @ step)
 
-    @property
-    def dof(self) -> int:
-        """Measured values, and what is known besides, less projected directions."""
-        return self.used + len(self._besides[0]) - int(self._factor[0].shape[1])
+    @cached_property
+    def dof(self) -> float:
+        """Mean of chi2 where nothing is missing: measured values, and what is known besides, less projected directions.
+
+        Not less those that are held: their priors are in V. Of further columns those that say the same count once.
+        """
+        free = self.used + len(self._besides[0]) - int((~self.spectrum.held).sum())
+        if self.extra is None:
+            return float(free)
+        first, factor = len(self.spectrum.held), self._factor[1]
+        inverse = np.diag(cho_solve(factor, np.eye(len(self.fixed[1]))))
+        return free - float((1.0 - inverse * np.diag(self.fixed[1]))[first:].sum())
 
     def of(self, names: Sequence[str]) -> Array:
         """Columns (n, k) of some parameters."""

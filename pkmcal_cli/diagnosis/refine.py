@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.alikeness import cosines
+from pkmcal_cli.diagnosis.beyond_range import begun_beyond
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.refits import refit
@@ -36,7 +37,8 @@ def swapped(search: Search) -> Search:
     """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
     tried: set[frozenset[Hypothesis]] = set()
     for _ in range(2 * len(search.near)):
-        groups = [(h,) for h in search.near if h.members]
+        groups = [(h,) for h in search.near if h.members or h.begin]
+        groups.sort(key=lambda some: not some[0].begin)  # what is beyond its range comes last, and is doubted first
         removed = (*groups, *combinations(search.near, 2))
         better = next((s for some in removed if (s := _exchanged(search, some, tried))), None)
         better = better or next((s for h in search.near if (s := _improved(search, h)) is not None), None)
@@ -184,9 +186,10 @@ def _replaced(search: Search, hypothesis: Hypothesis, scores: Scored, k: int) ->
     """The search fitted with rival k in place of an accepted effect; None where it cannot be, or stands on one row."""
     if stands_on_one_row(scores, k):
         return None
-    rival = scores.hypotheses[k]
+    offsets = scores.scores[k].estimate * scores.linear.scale_of(scores.hypotheses[k].parameters)
+    rival = begun_beyond(scores.hypotheses[k], scores.scores[k], offsets, search.null, search.problem)
     after = replace(search, accepted=(*(h for h in search.accepted if h != hypothesis), rival))
-    fit = refit(after, {rival: scores.scores[k].estimate * scores.linear.scale_of(rival.parameters)})
+    fit = refit(after, {rival: offsets})
     return None if fit is None else replace(after, fit=fit)
 
 

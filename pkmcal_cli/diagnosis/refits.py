@@ -21,7 +21,7 @@ _HOPELESS = 1e4  # times the chi-square before: a fit that begins so far off is 
 
 def recalibrated(search: Search) -> Search:
     """The same with a fit of its problem; rows that this does not predict are left out. Raises RowsFailed."""
-    fit = identify(search.problem, search.selected, search.start, states=search.fit.before.start)
+    fit = identify(search.unheld, search.selected, search.start, states=search.fit.before.start)
     if search.accepted and fit.chi2 > _LOST * search.fit.chi2:  # with fewer rows
         fit = _better(fit, _converged_fit(search, _near(search), search.fit.after.start)) or fit
     return replace(search, problem=search.problem.without(fit.failed), fit=fit, failed={**search.failed, **fit.failed})
@@ -33,12 +33,12 @@ def refit(search: Search, starts: Mapping[Hypothesis, Array], expected: float = 
     It begins where all fits do, so that what the data do not determine stays there, but for effects with estimates
     (k,), SI. Where that is far from as good as `expected` (chi-square), it begins at the values of the fit before too.
     """
-    near, start = _near(search), search.start
+    near, start, null = _near(search), search.start, search.null
     for hypothesis, estimate in starts.items():
         for name, value in zip(hypothesis.parameters, estimate, strict=True):
             k = search.problem.model.names.index(name)
             if name in hypothesis.unknown:
-                start[k] = near[k] = np.clip(start[k] + value, *search.problem.model.parameters[k].bounds)
+                start[k] = near[k] = np.clip(null[k] + value, *search.problem.model.parameters[k].bounds)
     fit = _converged_fit(search, start, search.fit.before.start)
     if fit is not None and fit.chi2 < _LOST * expected:
         return fit
@@ -57,7 +57,7 @@ def _converged_fit(search: Search, start: Array, states: WarmStart) -> Fit | Non
     """A fit from values (P,), and from states of rows near those there."""
     most = _HOPELESS * search.fit.chi2
     try:
-        fit = identify(search.problem, search.selected, start, _STEPS, states=states, hopeless=most)
+        fit = identify(search.unheld, search.selected, start, _STEPS, states=states, hopeless=most)
     except RowsFailed:
         return None
     return fit if fit.usable and not fit.failed else None

@@ -61,7 +61,7 @@ class Score:
 
         Priors have the tails of a Cauchy distribution: what is far beyond its range is improbable, not impossible.
         """
-        return -float(np.log((1.0 + self.size**2) / 2.0)) if self.far and self.size > 1.0 else 0.0
+        return tail_of(self.size) if self.far else 0.0
 
     @cached_property
     def size(self) -> float:
@@ -83,6 +83,11 @@ class Score:
     def mdb(self) -> float:
         """Minimal detectable size of the leading parameter by itself, in standard deviations of its prior."""
         return minimal_detectable(float(self.alone[self.leading]))
+
+
+def tail_of(size: float) -> float:
+    """Log prior density of a size, in ranges, over that within its range."""
+    return -float(np.log((1.0 + size**2) / 2.0)) if size > 1.0 else 0.0
 
 
 def minimal_detectable(information: float) -> float:

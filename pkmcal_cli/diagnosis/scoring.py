@@ -14,6 +14,7 @@ from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.prior import Prior, joined
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.diagnosis.best_fit import BestFit
+from pkmcal_cli.diagnosis.beyond_range import unheld
 from pkmcal_cli.diagnosis.groups import group_columns
 from pkmcal_cli.diagnosis.hypotheses import Candidates, Hypothesis
 from pkmcal_cli.diagnosis.known_results import KnownResults
@@ -133,6 +134,17 @@ class Search:
         return replace(self.candidates, model=self.problem.model).begin(self.accepted)
 
     @property
+    def unheld(self) -> Problem:
+        """The problem in which accepted effects beyond their ranges are not held by them."""
+        return self.unheld_by(self.selected)
+
+    def unheld_by(self, fitted: Sequence[str]) -> Problem:
+        """The same, but of accepted effects only those that are fitted."""
+        beyond = [h for h in self.accepted if h.begin and set(h.unknown) <= set(fitted)]
+        key = ("unheld", *(value for h in beyond for value in h.begin))
+        return self.known.once((self.problem,), key, lambda: unheld(self.problem, beyond))
+
+    @property
     def null(self) -> Array:
         """Values (P,), SI, of parameters that are not identified: effects are null, others held where fits begin."""
         return replace(self.candidates, model=self.problem.model).begin()
@@ -198,13 +210,13 @@ def nulled(search: Search, removed: Sequence[Hypothesis]) -> tuple[Array, tuple[
 
 def _linear(search: Search, values: Array, projected: tuple[str, ...], hypotheses: Sequence[Hypothesis]) -> Linear:
     others = tuple(dict.fromkeys(n for h in hypotheses for n in h.parameters if n not in projected))
-    values = _same_lag(search, values, hypotheses)
+    values, problem = _same_lag(search, values, hypotheses), search.unheld_by(projected)
     return search.known.linearised(
-        search.problem,
+        problem,
         values,
         (*projected, *others),
         projected,
-        lambda: linear_problem(search.problem, values, projected, others, search.fit.after.start),
+        lambda: linear_problem(problem, values, projected, others, search.fit.after.start),
     )
 
 

@@ -11,6 +11,7 @@ from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.base.stages import Stage
 from pkmcal_cli.diagnosis.alikeness import cosines
 from pkmcal_cli.diagnosis.alpha import Alpha
+from pkmcal_cli.diagnosis.beyond_range import begun_beyond, improbability
 from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.model_discrepancy import discrepancy_columns
 from pkmcal_cli.diagnosis.outlying_rows import MOST
@@ -67,7 +68,9 @@ def set_evidence(search: Search, variance: float) -> float:
     count = shifts + sum(len(h.parameters) for h in search.accepted)
     likelihood = search.fit.chi2 / variance + count * float(np.log(max(search.problem.count + shifts, 1)))
     price = len(rows) * float(np.log(len(search.problem)))
-    return -0.5 * likelihood - price - search.price(search.accepted) + sum(h.preference for h in search.accepted)
+    before = sum(h.preference for h in search.accepted)
+    before += improbability(search.problem, search.near, search.fit.values, search.null)
+    return -0.5 * likelihood - price - search.price(search.accepted) + before
 
 
 def _advanced(search: Search, scored: Scored, alpha: Alpha) -> list[Search]:
@@ -182,9 +185,11 @@ def _without_rows(search: Search, rows: NDArray[np.intp]) -> Search:
 def _accepted(search: Search, scored: Scored, best: int) -> Search | None:
     """The same with one more effect; None if a fit with it fails or is not better."""
     hypothesis, score = scored.hypotheses[best], scored.scores[best]
+    offsets = score.estimate * scored.linear.scale_of(hypothesis.parameters)
+    hypothesis = begun_beyond(hypothesis, score, offsets, search.null, search.problem)
     after = replace(search, accepted=(*(h for h in search.accepted if not hypothesis.contains(h)), hypothesis))
     expected = max(search.fit.chi2 - score.statistic, float(search.fit.dof))
-    fit = refit(after, {hypothesis: score.estimate * scored.linear.scale_of(hypothesis.parameters)}, expected)
+    fit = refit(after, {hypothesis: offsets}, expected)
     if fit is None or not search.fit.chi2 - fit.chi2 > 0.25 * score.statistic:
         return None
     name = hypothesis.name  # of which a part may have been accepted before

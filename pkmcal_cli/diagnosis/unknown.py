@@ -84,7 +84,7 @@ def _periodogram(
     if not len(cycles):
         return None
     phase = 2 * np.pi * np.outer(cycles, (x - x.min()) / spread)
-    power = (np.abs(np.exp(1j * phase) @ residual) ** 2).sum(axis=1) * 2 / rows / (linear.dof / linear.used)
+    power = (np.abs(np.exp(1j * phase) @ residual) ** 2).sum(axis=1) * 2 / rows / (linear.freedom.sum() / linear.used)
     best = int(np.argmax(power))
     count = 2 * channels
     single = float(Scale(1.0, scale.dof).p_value(np.array(power[best]), np.array(count)))
