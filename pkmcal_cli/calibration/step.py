@@ -15,7 +15,6 @@ from scipy.linalg import solve_triangular
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.calibration.condensed import condensed, evaluate_condensed
 from pkmcal_cli.calibration.identifiability import directions
-from pkmcal_cli.calibration.measured_pose import errors_at_poses, uncertain_drives
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.calibration.residual import Evaluation, Linearised, chi_square
 from pkmcal_cli.calibration.trust_region import Region, confined
@@ -26,7 +25,6 @@ _GAIN = 1e-11  # ... or lower chi-square by less than this share, or by less tha
 _MUCH = 100.0  # damping at which a fit that is far off has lost its way
 _HEAVY = 1e9  # damping that leaves the drives' errors where they are
 _LIGHT = 1e-9  # of damping for parameters, as a share of the largest squared column of the scaled Jacobian
-_PARTS = (1.0, 0.5, 0.25, 0.0)  # of the way of a row that cannot be solved at the end of it
 _ROUNDING = 1e-15  # of a predicted reading, as a share of the machine's size or of the reading
 
 
@@ -121,28 +119,11 @@ def _blur(problem: Problem, chi2: float) -> float:
 def _moved(
     problem: Problem, scale: Scaled, evaluation: Evaluation, near: Linearised, step: Array, compare: bool
 ) -> Evaluation:
-    """The evaluation after a step (p,) in range units, drive errors following.
-
-    Rows that cannot be solved there (the drives' ends of reach are near) go to the pose that the linear step aims at,
-    or only part of the way, with the drive errors that this pose asks for.
-    """
+    """The evaluation after a step (p,) in range units, drive errors following."""
     values = evaluation.values.copy()
     values[scale.index] = np.clip(values[scale.index] + step * scale.ranges, scale.low, scale.high)
     shift = near.shift(step * scale.ranges)
-    trial = evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
-    if trial.solved or not uncertain_drives(problem).any():
-        return trial
-    by_step, by_drive = evaluation.prediction.jacobian, evaluation.prediction.by_drive
-    assert by_step is not None and by_drive is not None
-    way = by_step @ (step * scale.ranges) + (by_drive @ (shift - evaluation.shift)[..., None])[..., 0]
-    for part in _PARTS:
-        lost = ~np.isfinite(trial.residual).all(axis=1, keepdims=True)
-        posed = errors_at_poses(problem, values, evaluation.prediction.values + part * way)
-        shift = np.where(lost & ~np.isnan(posed), posed, shift)
-        trial = evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
-        if trial.solved:
-            break
-    return trial
+    return evaluate_condensed(problem, values, scale.names, evaluation.start, shift, compare)
 
 
 def _step(scale: Scaled, values: Array, near: Linearised, damped: Linearised, region: Region | None = None) -> Array:
