@@ -67,12 +67,12 @@ class KnownResults:
         self, of: tuple[object, ...], keys: Sequence[Hashable], compute: Callable[[list[int]], Sequence[T]]
     ) -> list[T]:
         """Results that depend on objects `of` and one key each; `compute` those with some numbers, all at once."""
-        found = {k: r.result for r in self._results for k, key in enumerate(keys) if r.answers(of, (key,))}
-        missing = [k for k in range(len(keys)) if k not in found]
+        results = {k: r.result for r in self._results for k, key in enumerate(keys) if r.answers(of, (key,))}
+        missing = [k for k in range(len(keys)) if k not in results]
         for k, result in zip(missing, compute(missing) if missing else (), strict=True):
-            found[k] = result
+            results[k] = result
             self._add(_Result(of, (keys[k],), result, 0))
-        return [cast(T, found[k]) for k in range(len(keys))]
+        return [cast(T, results[k]) for k in range(len(keys))]
 
     def _add(self, result: _Result) -> None:
         self._results.append(result)

@@ -12,6 +12,7 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.effects import Effect, EffectParameter, Entry
 from pkmcal_cli.mechanism.topology import Index
+from pkmcal_cli.model.parts import ModelParameter
 
 _STEP = 1e-40
 _FELT = 1e-12  # m, rad, ... at effects of the size of one: less is rounding
@@ -99,6 +100,19 @@ class PlacedEffect:
     def of_session(self, session: str) -> PlacedEffect:
         """Its instance for a session, with parameters of its own."""
         return replace(self, parameters=tuple(f"{p}[{session}]" for p in self.parameters), session=session)
+
+
+def instances(
+    effects: Sequence[PlacedEffect], parameters: Sequence[ModelParameter], sessions: Sequence[str]
+) -> tuple[tuple[PlacedEffect, ...], tuple[ModelParameter, ...]]:
+    """Effects and parameters with one of each session in place of those that sessions have for themselves."""
+    each = {p.name for p in parameters if p.per_session}
+    placed, named = list[PlacedEffect](), list[ModelParameter]()
+    for e in effects:
+        placed += [e.of_session(s) for s in sessions] if each.intersection(e.parameters) else [e]
+    for p in parameters:
+        named += [p.of_session(s) for s in sessions] if p.per_session else [p]
+    return tuple(placed), tuple(named)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from pkmcal_cli.equilibrium.system import DriveState, System, build_system
 from pkmcal_cli.language.fingerprint import Fingerprint
 from pkmcal_cli.mechanism.topology import Drive, Topology
 from pkmcal_cli.model.base import Base
-from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites, PlacedEffect
+from pkmcal_cli.model.effect_sites import EffectGroups, EffectSites, PlacedEffect, instances
 from pkmcal_cli.model.freedoms import LEAST_MISFIT, ClosedPoses, Freedoms
 from pkmcal_cli.model.held_points import HeldPoints
 from pkmcal_cli.model.observed import PlacedSensor
@@ -104,13 +104,8 @@ class Model:
     def by_session(self, values: Array) -> tuple[Mapping[str, float], ...]:
         """Values (P,) as mappings, one for each of `sessions` (one where there is none)."""
         every = dict(zip(self.names, np.asarray(values).tolist(), strict=True))
-        if not self.sessions:
-            return (every,)
-        mappings = []
-        for session in self.sessions:
-            of_session = {p.shared_name: every[p.name] for p in self.parameters if p.session and p.session == session}
-            mappings.append({**every, **of_session})
-        return tuple(mappings)
+        each = ({p.shared_name: every[p.name] for p in self.parameters if p.session == s} for s in self.sessions)
+        return tuple({**every, **of_session} for of_session in each) or (every,)
 
     @cached_property
     def sessions(self) -> tuple[str, ...]:
@@ -119,16 +114,10 @@ class Model:
 
     def for_sessions(self, names: tuple[str, ...]) -> Model:
         """The model with an instance for each session of parameters and effects that have one; as it is for one."""
-        each = [p.name for p in self.parameters if p.per_session]
-        if len(names) < 2 or not each:
+        if len(names) < 2 or not any(p.per_session for p in self.parameters):
             return self
-        parameters: list[ModelParameter] = []
-        for p in self.parameters:
-            parameters += [p.of_session(s) for s in names] if p.per_session else [p]
-        effects: list[PlacedEffect] = []
-        for e in self.effects:
-            effects += [e.of_session(s) for s in names] if set(e.parameters) & set(each) else [e]
-        return self._with(_AT_NOMINAL, effects=tuple(effects), parameters=tuple(parameters))
+        effects, parameters = instances(self.effects, self.parameters, names)
+        return self._with(_AT_NOMINAL, effects=effects, parameters=parameters)
 
     def with_effects(self, effects: tuple[PlacedEffect, ...], parameters: tuple[ModelParameter, ...]) -> Model:
         """The model with further effects and their parameters."""
