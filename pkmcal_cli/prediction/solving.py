@@ -201,11 +201,12 @@ def _from_earlier(
         if not every:
             some, some_numbers, state = coefficients[near], numbers.take(near), state.take(near)
         placed = place_prescribed(model.topology, some, state, free=system.free)
-        state, status = newton(system, some_numbers, placed, model.length, _ELASTIC, effort)
+        first = _TAUT if system.ropes else _ELASTIC  # small tensions are less than what the start lacks
+        state, status = newton(system, some_numbers, placed, model.length, first, effort)
         swung = np.nonzero(status != RowStatus.SOLVED)[0] if system.ropes else near[:0]
-        if len(swung):  # a small tension is less than what the start lacks: ropes seem slack that carry
+        if len(swung):
             slackened = some_numbers.take(swung), placed.take(swung)
-            again, status[swung] = newton(system, *slackened, model.length, _TAUT, effort)
+            again, status[swung] = newton(system, *slackened, model.length, _ELASTIC, effort)
             state = state.put(swung, again)
         solved = WarmStart(state, status, start.misfit[near])
         rows = solved if every else rows.put(near, solved)
