@@ -110,16 +110,18 @@ class WarmStart:
     """States of N rows from an earlier prediction, and what became of them there.
 
     misfit (N,): how far the drives' positions disagreed when the pose was compared with all others, in sizes of the
-    machine; 0 where it was not.
+    machine; 0 where it was not. slack (N,): rows in which a rope was slack, where that is known.
     """
 
     state: State
     status: NDArray[np.int_]
     misfit: Array
+    slack: NDArray[np.bool_] | None = None
 
     def take(self, rows: slice | NDArray[np.intp]) -> WarmStart:
         """Some rows."""
-        return WarmStart(self.state.take(rows), some_rows(self.status, rows), some_rows(self.misfit, rows))
+        slack = None if self.slack is None else some_rows(self.slack, rows)
+        return WarmStart(self.state.take(rows), some_rows(self.status, rows), some_rows(self.misfit, rows), slack)
 
     def renewed(self) -> WarmStart:
         """The same where no row is known to be out of reach: those without a solution are looked for again."""
@@ -170,7 +172,9 @@ class Prediction:
     @property
     def start(self) -> WarmStart:
         """Where a prediction of the same rows may start."""
-        return WarmStart(self.state, self.status, self.misfit)
+        slack = np.zeros(len(self.status), dtype=bool)
+        slack[list(self.slack)] = True
+        return WarmStart(self.state, self.status, self.misfit, slack)
 
     @property
     def solved(self) -> NDArray[np.bool_]:

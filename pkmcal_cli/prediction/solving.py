@@ -114,7 +114,7 @@ def _equilibrium(
     if start is None:
         rows = _from_reference(model, coefficients, numbers, effort)
     else:
-        rows = _from_earlier(model, coefficients, numbers, start, effort)
+        rows = _from_earlier(model, coefficients, numbers, start, compare, effort)
     if not (compare and model.overdetermined):
         return rows
     apart = _apart(model, numbers, rows.state)
@@ -187,11 +187,12 @@ def _energy(model: Model, numbers: SystemNumbers, state: State) -> Array:
 
 
 def _from_earlier(
-    model: Model, coefficients: Array, numbers: SystemNumbers, start: WarmStart, effort: Effort
+    model: Model, coefficients: Array, numbers: SystemNumbers, start: WarmStart, compare: bool, effort: Effort
 ) -> WarmStart:
     """Elastic equilibrium from an earlier state; from the rigid pose where there is none or it does not lead there.
 
-    Rows whose drives agreed on no pose stay as they are: only a prediction without a start looks for one again.
+    Without `compare` rows that do not lead there are not looked for elsewhere. Rows whose drives agreed on no pose stay
+    as they are: only a prediction without a start looks for one again.
     """
     system, rows = model.exact, start
     near = np.nonzero(start.status == RowStatus.SOLVED)[0]
@@ -201,19 +202,37 @@ def _from_earlier(
         if not every:
             some, some_numbers, state = coefficients[near], numbers.take(near), state.take(near)
         placed = place_prescribed(model.topology, some, state, free=system.free)
-        first = _TAUT if system.ropes else _ELASTIC  # small tensions are less than what the start lacks
-        state, status = newton(system, some_numbers, placed, model.length, first, effort)
-        swung = np.nonzero(status != RowStatus.SOLVED)[0] if system.ropes else near[:0]
-        if len(swung):
-            slackened = some_numbers.take(swung), placed.take(swung)
-            again, status[swung] = newton(system, *slackened, model.length, _ELASTIC, effort)
-            state = state.put(swung, again)
+        slack = np.zeros(len(near), dtype=bool) if start.slack is None else start.slack[near]
+        state, status = _from_near(model, some_numbers, placed, slack, effort)
         solved = WarmStart(state, status, start.misfit[near])
         rows = solved if every else rows.put(near, solved)
-    todo = np.nonzero((rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows))[0]
+    lost = (rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows)
+    todo = np.nonzero(lost & (compare | (start.status != RowStatus.SOLVED)))[0]
     if not len(todo):
         return rows
     return rows.put(todo, _from_reference(model, coefficients[todo], numbers.take(todo), effort))
+
+
+def _from_near(
+    model: Model, numbers: SystemNumbers, placed: State, slack: NDArray[np.bool_], effort: Effort
+) -> tuple[State, NDArray[np.int_]]:
+    """Elastic equilibrium from states of rows (n,) nearby; `slack` (n,): in which a rope was slack there.
+
+    In the others small tensions may be less than what the start lacks, so that ropes seem slack that carry.
+    """
+    system = model.exact
+    if not system.ropes:
+        return newton(system, numbers, placed, model.length, _ELASTIC, effort)
+    state, status = placed, np.full(len(slack), RowStatus.NOT_CONVERGED)
+    for options, rows in ((_TAUT, ~slack), (_ELASTIC, slack), (_ELASTIC, ~slack), (_TAUT, slack)):
+        todo = np.nonzero(rows & (status != RowStatus.SOLVED))[0]
+        if len(todo) == len(rows):
+            state, status = newton(system, numbers, placed, model.length, options, effort)
+        elif len(todo):
+            begin = numbers.take(todo), placed.take(todo)
+            moved, status[todo] = newton(system, *begin, model.length, options, effort)
+            state = state.put(todo, moved)
+    return state, status
 
 
 def _from_reference(model: Model, coefficients: Array, numbers: SystemNumbers, effort: Effort) -> WarmStart:
