@@ -128,8 +128,7 @@ def _identified(
     if fixed:
         return _finished(kept, selected, first, last=evaluation, status=NOTHING, count=0, failed=failed)
     task = _Task(problem=problem, scale=scale, first=first, iterations=iterations, progress=progress, hopeless=hopeless)
-    near = problem.method == "exact"  # rows are followed in their assembly first, and only the end is compared
-    way = _descent(task, kept, evaluation, failed, compare=not near)
+    way = _descent(task, kept, evaluation, failed, compare=problem.method != "exact")  # else only its end is compared
     if not way.holds:  # assemblies change on the way
         way = _descent(task, kept, evaluation, failed, compare=True)
     stopped, steps, lost = way.stopped or "budget", len(way.chi2), way.failed

@@ -191,8 +191,8 @@ def _from_earlier(
 ) -> WarmStart:
     """Elastic equilibrium from an earlier state; from the rigid pose where there is none or it does not lead there.
 
-    Without `compare` rows that do not lead there are not looked for elsewhere. Rows whose drives agreed on no pose stay
-    as they are: only a prediction without a start looks for one again.
+    Without `compare` states of ropes that do not lead there are not looked for elsewhere: descents are dear. Rows whose
+    drives agreed on no pose stay as they are: only a prediction without a start looks for one again.
     """
     system, rows = model.exact, start
     near = np.nonzero(start.status == RowStatus.SOLVED)[0]
@@ -207,7 +207,7 @@ def _from_earlier(
         solved = WarmStart(state, status, start.misfit[near])
         rows = solved if every else rows.put(near, solved)
     lost = (rows.status != RowStatus.SOLVED) & ~_still_out_of_reach(rows)
-    todo = np.nonzero(lost & (compare | (start.status != RowStatus.SOLVED)))[0]
+    todo = np.nonzero(lost & (compare | (not system.ropes) | (start.status != RowStatus.SOLVED)))[0]
     if not len(todo):
         return rows
     return rows.put(todo, _from_reference(model, coefficients[todo], numbers.take(todo), effort))
