@@ -27,12 +27,14 @@ def copies(problem: Problem) -> list[tuple[int, ...]]:
     read = np.where(unaided, problem.readings, np.nan)
     rows = np.nonzero(unaided.any(axis=1))[0]
     poses = np.hstack([problem.rows.readings, np.nan_to_num(problem.rows.forces)])[rows]
-    pose = _labels(poses)
-    whole = _labels(np.hstack([poses, np.nan_to_num(read[rows], nan=np.inf)]))
+    repeated = _pairs(_labels(poses))
+    if not repeated:
+        return []
+    whole = _labels(np.hstack([poses, read[rows]]))
     pairs = _pairs(whole)
     if not pairs:
         return []
-    expected = _pairs(pose) * _coincidence(problem, read)
+    expected = repeated * _coincidence(problem, read)
     if pairs < 1 or float(pdtrc(pairs - 1, expected)) > _CHANCE:
         return []
     order = np.argsort(whole, kind="stable")
@@ -41,8 +43,15 @@ def copies(problem: Problem) -> list[tuple[int, ...]]:
 
 
 def _labels(table: Array) -> Array:
-    """Number (n,) of the distinct row that each row of a table is."""
-    return np.asarray(np.unique(np.nan_to_num(table, nan=np.inf), axis=0, return_inverse=True)[1].ravel())
+    """Number (n,) of the distinct row that each row of a table (n, k) is; nan is equal to nan."""
+    columns = [np.unique(column, return_inverse=True)[1] for column in table.T]  # one at a time: tables may be long
+    order = np.lexsort(columns)
+    new = np.zeros(len(table), dtype=bool)
+    for column in columns:
+        new[1:] |= np.diff(column[order]) != 0
+    labels = np.empty(len(table), dtype=np.intp)
+    labels[order] = np.cumsum(new)
+    return labels
 
 
 def _pairs(labels: Array) -> int:

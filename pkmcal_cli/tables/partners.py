@@ -53,8 +53,9 @@ def _faults(measurements: Measurements, joined: NDArray[np.bool_]) -> Iterator[F
         yield Fault(
             "csv-partner", f"{message}, but no row has a `to`", where, "give the `id` of the other row in column `to`"
         )
-    ids = Counter(zip(measurements.file_index.tolist(), measurements.ids, strict=True))
-    for row in np.flatnonzero(named | (joined & ~np.isin(measurements.file_index, bare))).tolist():
+    rows = np.flatnonzero(named | (joined & ~np.isin(measurements.file_index, bare)))
+    ids = Counter(zip(measurements.file_index.tolist(), measurements.ids, strict=True) if len(rows) else ())
+    for row in rows.tolist():
         fault = _wrong_partner(measurements, row, partners[row], ids)
         if fault:
             yield fault
