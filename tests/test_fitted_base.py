@@ -246,3 +246,23 @@ def test_what_is_free_moves_all_rails_alike(table: Path) -> None:
     for place in shifts[1:3]:
         assert place == pytest.approx(shifts[0], abs=1e-4 * size)
     assert np.abs(shifts[3:]).max() <= 1e-4 * size
+
+
+def test_a_prior_holds_what_its_calibration_held_as_datum(table: Path) -> None:
+    """After the repair of a joint, with the tracker elsewhere: what is known of the others is relative to the datum."""
+    calibrated(table, "br1, bt1, z1")
+    machine, old = table.with_name("with_datum.yaml"), table.with_name("old.params.yaml")
+    assert run("calibrate", machine, table, "--holdout", "none", "-q", "-o", old).code == 0
+    repaired, after = table.with_name("repaired.yaml"), table.with_name("repaired.csv")
+    repaired.write_text(TRUE.replace("pr1: 150.06", "pr1: 149.53") + STANDS.replace("1500", "900"))
+    few = ("--grid", "z=-440:-310:2,rx=-10:10:2,ry=-10:10:2", "--noise", "declared", "--seed", "5", "-q")
+    assert run("simulate", table.with_name("head.yaml"), *few, "-p", repaired, "-o", after).code == 0
+    again = ("--prior", old, "--loosen", "pr1", "--holdout", "none", "--json")
+    done = run("calibrate", machine, after, *again)
+    assert "held as datum, as in " in done.err and ": br1, bt1, z1" in done.err
+    before = run("calibrate", machine, table, "--holdout", "none", "--json").json["parameters"]
+    new = {p["name"]: p for p in done.json["parameters"]}
+    assert not {"br1", "bt1", "z1"} & {n for n, p in new.items() if p["identified"]}
+    first = next(p for p in before if p["name"] == "pr1")
+    change, noise = new["pr1"]["value"] - first["value"], np.hypot(new["pr1"]["std"], first["std"])
+    assert abs(change + 0.53) < 3 * noise and noise < 0.1, (change, noise)

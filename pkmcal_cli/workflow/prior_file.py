@@ -34,7 +34,8 @@ def earlier_calibration(
     """Of the parameters `chosen`, and of all that the file knows where `all_known`; start (P,): values elsewhere.
 
     What is named in `loosen`, what the file does not know, and what a new set-up of an instrument changes is known to
-    its declared range about nominal. Raises BadInput for a file without covariance, UsageError for names of nothing.
+    its declared range about nominal. Where `all_known`, what was held as datum there is held again: all that the file
+    knows is relative to it. Raises BadInput for a file without covariance, UsageError for names of nothing.
     """
     dimensions = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
     known = known_parameters(path).of_dimensions(dimensions)
@@ -42,9 +43,11 @@ def earlier_calibration(
         message = "this parameter file has no complete `correlations` with `std`, so its uncertainties are unknown"
         raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
     free = [p for p in model.parameters if not p.fixed and p.range > 0 and p.kind != UNEXPLAINED]
-    of_file = set(known.names) if all_known else set()
-    selected = tuple(p.name for p in free if p.name in chosen or p.name in of_file)
     loosened = _loosened(model, loosen) | set(own_of(model))
+    of_file = set(known.names) if all_known else set()
+    datum = tuple(n for n in model.datum if n in known.values and n not in known.names) if all_known else ()
+    held = set(datum) - loosened
+    selected = tuple(p.name for p in free if (p.name in chosen or p.name in of_file) and p.name not in held)
     matched = tuple(n for n in selected if n in known.names and n not in loosened)
     others = tuple(n for n in selected if n not in matched)
     if not matched:
@@ -59,7 +62,7 @@ def earlier_calibration(
         prior=joined(prior, prior_of_ranges(model, others)) if others else prior,
         values=values,
         inputs={known.file: known.sha256},
-        notes=_notes(model, known, selected, loosened),
+        notes=_notes(model, known, selected, loosened, held),
     )
 
 
@@ -87,11 +90,13 @@ def _loosened(model: Model, text: str | None) -> set[str]:
 
 
 def _notes(
-    model: Model, known: KnownParameters, selected: tuple[str, ...], loosened: set[str]
+    model: Model, known: KnownParameters, selected: tuple[str, ...], loosened: set[str], held: set[str]
 ) -> tuple[str, ...]:
-    """What is known by which file, what is not, and what has no partner."""
+    """What is known by which file, what is not, what has no partner, and what is held as datum."""
     matched = sum(n in known.names and n not in loosened for n in selected)
     out = [f"prior: {matched} of {len(selected)} identified parameters known by {known.file}"]
+    if held:
+        out.append(f"prior: held as datum, as in {known.file}: {', '.join(n for n in model.datum if n in held)}")
     if loosened_names := [n for n in selected if n in loosened]:
         out.append(f"prior: known to their ranges only (loosened): {', '.join(loosened_names)}")
     if new := [n for n in selected if n not in known.names and n not in loosened]:
