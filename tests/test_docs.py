@@ -35,7 +35,7 @@ SHOWN = [
 ]
 FILES = all_files()
 FAULTY = {shown.line.split()[-1] for _, shown in COMMANDS if any(" error[" in line for line in shown.output)}
-VALUES = {"planted.yaml", "long-rod.yaml"}  # no machine but a parameter file
+VALUES = {"planted.yaml", "long-rod.yaml", "standing.yaml"}  # no machine but a parameter file
 MADE = {"portal.yaml"}  # an overlay of what a command on its page writes
 
 
