@@ -266,3 +266,17 @@ def test_a_prior_holds_what_its_calibration_held_as_datum(table: Path) -> None:
     first = next(p for p in before if p["name"] == "pr1")
     change, noise = new["pr1"]["value"] - first["value"], np.hypot(new["pr1"]["std"], first["std"])
     assert abs(change + 0.53) < 3 * noise and noise < 0.1, (change, noise)
+
+
+def test_a_frame_that_is_held_though_the_instrument_was_moved(table: Path) -> None:
+    """By a parameter file of the set-up before; not where it stands as it did, nor where its frame is identified."""
+    calibrated(table, "br1, bt1, z1")
+    machine, old, moved, true = (table.with_name(n) for n in ("with_datum.yaml", "old.yaml", "moved.csv", "moved.yaml"))
+    assert run("calibrate", machine, table, "--holdout", "none", "-q", "-o", old, "--force").code == 0
+    true.write_text(TRUE + STANDS.replace("rz: 30", "rz: 33"))
+    assert run("simulate", table.with_name("head.yaml"), *GRID, "-p", true, "-o", moved).code == 0
+    told = "frame@tracker is held at the values of"
+    for file, select, expected in ((moved, "pr1", True), (table, "pr1", False), (moved, "pr1,frame@tracker.*", False)):
+        done = run("calibrate", machine, file, "-p", old, "--select", select, "--holdout", "none")
+        assert (told in done.err) == expected, (file, select)
+        assert not expected or "the readings place the instrument elsewhere" in done.err

@@ -5,9 +5,11 @@ Kabsch 1976: the best rotation between two sets of points, by a singular value d
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
-from pkmcal_cli.base.rotation import Array, best_rotation, log
+from pkmcal_cli.base.rotation import Array, best_rotation, exp, log
 from pkmcal_cli.calibration.fitted_frames import fitted_frames
 from pkmcal_cli.model.effect_sites import PlacedEffect
 from pkmcal_cli.model.model import Model
@@ -15,6 +17,7 @@ from pkmcal_cli.model.observed import PlacedSensor
 from pkmcal_cli.prediction import Rows, predict
 
 _FEWEST = 3  # points that fix a pose
+_MOVED = 1e-2  # sizes of the machine, or rad: by which an instrument was moved, and no error of geometry moves it
 
 
 def with_frames(model: Model, rows: Rows, readings: Array) -> Model:
@@ -69,3 +72,28 @@ def at_frames(values: Array, declared: Model, placed: Model) -> Array:
     """Parameter values (P,) with the poses of frames that `placed` found, where they are as declared."""
     nominal = declared.nominal
     return np.where(values == nominal, placed.nominal, values)
+
+
+def moved_instruments(values: Array, declared: Model, placed: Model, selected: Collection[str]) -> list[str]:
+    """Names of instruments whose frames are held, at values (P,), far from where their readings put them.
+
+    `placed`: the model with the poses that `with_frames` found; what the machine file states is not doubted.
+    """
+    index, moved = {n: k for k, n in enumerate(placed.names)}, []
+    for effect in fitted_frames(placed):
+        at = [index[n] for n in effect.parameters]
+        if set(selected).isdisjoint(effect.parameters) and (placed.nominal[at] != declared.nominal[at]).any():
+            (held, shift), (seen, shifted) = (_motion(effect, v[at]) for v in (values, placed.nominal))
+            angle = float(np.linalg.norm(log(exp(held[None]).transpose(0, 2, 1) @ exp(seen[None]))))
+            if max(float(np.linalg.norm(shifted - shift)) / placed.length, angle) > _MOVED:
+                moved.append(effect.name)
+    return moved
+
+
+def _motion(effect: PlacedEffect, values: Array) -> tuple[Array, Array]:
+    """Rotation vector and shift (3,) of a frame, from the values of its parameters."""
+    vectors = {"r": np.zeros(3), "t": np.zeros(3)}
+    for name, value in zip(effect.parameters, values, strict=True):
+        short = name.partition("[")[0].rpartition(".")[2]
+        vectors[short[0]]["xyz".index(short[1])] = value
+    return vectors["r"], vectors["t"]

@@ -13,7 +13,7 @@ from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum
-from pkmcal_cli.calibration.frame_start import at_frames
+from pkmcal_cli.calibration.frame_start import at_frames, moved_instruments
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
@@ -133,6 +133,8 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     start = replace(start, values=at_frames(start.values, declared, problem.model))
     if request.fit_options.prior_file is not None:
         problem, selected, start = _after(request, request.fit_options.prior_file, problem, selected, start)
+    held = moved_instruments(start.values, declared, problem.model, selected)
+    start = replace(start, warnings=(*start.warnings, *(_moved_text(n, request.parameters) for n in held)))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
@@ -205,6 +207,13 @@ def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:
 def parameter_text(calibrated: Calibrated, **more: object) -> str:
     """Text of the parameter file of a calibration; more: what its provenance says besides."""
     return calibrated.report.parameter_file(parameter_head(calibrated, **more))
+
+
+def _moved_text(frame: str, file: str | None) -> str:
+    return (
+        f"warning: {frame} is held at the values of {file}, but the readings place the instrument elsewhere: "
+        f"if it was moved, identify its frame too (`--select ...,{frame}.*`)"
+    )
 
 
 def _after(
