@@ -19,9 +19,13 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierCalibration:
-    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes."""
+    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes.
+
+    datum: parameters that the file held as datum: what it says of the others is true only with these as they were.
+    """
 
     selected: tuple[str, ...]
+    datum: tuple[str, ...]
     prior: Prior
     values: Array
     inputs: dict[str, str]
@@ -43,8 +47,10 @@ def earlier_calibration(
         raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
     free = [p for p in model.parameters if not p.fixed and p.range > 0 and p.kind != UNEXPLAINED]
     of_file = set(known.names) if all_known else set()
-    selected = tuple(p.name for p in free if p.name in chosen or p.name in of_file)
     loosened = _loosened(model, loosen) | set(own_of(model))
+    asked = tuple(p.name for p in free if p.name in chosen or p.name in of_file)
+    datum = tuple(n for n in asked if n in model.datum and n not in loosened and n in known.exact)
+    selected = tuple(n for n in asked if n not in datum)
     matched = tuple(n for n in selected if n in known.names and n not in loosened)
     others = tuple(n for n in selected if n not in matched)
     if not matched:
@@ -56,10 +62,11 @@ def earlier_calibration(
     prior = prior_of_covariance(matched, known.covariance[np.ix_(places, places)], centre)
     return EarlierCalibration(
         selected=selected,
+        datum=datum,
         prior=joined(prior, prior_of_ranges(model, others)) if others else prior,
         values=values,
         inputs={known.file: known.sha256},
-        notes=_notes(model, known, selected, loosened),
+        notes=(*_notes(model, known, selected, loosened), *_datum_notes(known, datum)),
     )
 
 
@@ -94,8 +101,22 @@ def _notes(
     out = [f"prior: {matched} of {len(selected)} identified parameters known by {known.file}"]
     if loosened_names := [n for n in selected if n in loosened]:
         out.append(f"prior: known to their ranges only (loosened): {', '.join(loosened_names)}")
-    if new := [n for n in selected if n not in known.names and n not in loosened]:
+    others = [n for n in selected if n not in known.names and n not in loosened]
+    if exact := [n for n in others if n in known.exact]:
+        out.append(
+            f"prior: held in {known.file}, identified here, known to their ranges: {', '.join(exact)}; "
+            f"to hold them again, add `--select \"auto,{','.join(f'-{n}' for n in exact)}\"`"
+        )
+    if new := [n for n in others if n not in known.exact]:
         out.append(f"prior: without partner in {known.file}, known to their ranges: {', '.join(new)}")
     if gone := [n for n in known.parameters if n not in model.names]:
         out.append(f"prior: not in this machine, left out: {', '.join(gone)}")
     return tuple(out)
+
+
+def _datum_notes(known: KnownParameters, datum: tuple[str, ...]) -> tuple[str, ...]:
+    """What stays held, and how to free it."""
+    if not datum:
+        return ()
+    free = "to free one, name it in `--loosen`"
+    return (f"prior: datum of {known.file}, held at the values there: {', '.join(datum)}; {free}",)
