@@ -259,7 +259,7 @@ def test_a_prior_holds_what_its_calibration_held_as_datum(table: Path) -> None:
     assert run("simulate", table.with_name("head.yaml"), *few, "-p", repaired, "-o", after).code == 0
     again = ("--prior", old, "--loosen", "pr1", "--holdout", "none", "--json")
     done = run("calibrate", machine, after, *again)
-    assert "held as datum, as in " in done.err and ": br1, bt1, z1" in done.err
+    assert "held at the values there: br1, bt1, z1" in done.err and done.json["datum"] == ["br1", "bt1", "z1"]
     before = run("calibrate", machine, table, "--holdout", "none", "--json").json["parameters"]
     new = {p["name"]: p for p in done.json["parameters"]}
     assert not {"br1", "bt1", "z1"} & {n for n, p in new.items() if p["identified"]}

@@ -7,7 +7,7 @@ the fields t + w x r + s r at the places of the base (free network adjustment: t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +162,15 @@ class Datum:
         """What is not seen, and what fixes it."""
         message = f"the data do not fix the base ({', '.join(self.gauge.motions)})"
         return f"{message}; held fixed as datum: {', '.join(self.held)}" if self.held else message
+
+
+def with_held(datum: Datum | None, held: tuple[str, ...]) -> Datum | None:
+    """A datum of which some parameters are held already, so that the data need not show that they are free."""
+    if not held:
+        return datum
+    if datum is None:
+        return Datum(Gauge((), np.zeros((0, 0))), held, 0, held)
+    return replace(datum, held=(*held, *datum.held), proposed=(*held, *datum.proposed))
 
 
 def datum_of(problem: Problem, values: Array, directions: Directions) -> Datum | None:

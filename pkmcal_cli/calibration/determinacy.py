@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,21 +30,28 @@ class Determinacy:
         """What is to be told."""
         return (self.datum.text,) if self.datum is not None else ()
 
+    def of(self, problem: Problem) -> Problem:
+        """The problem without the ranges of what is held, which are no equations of the others."""
+        if problem.prior is None or self.datum is None:
+            return problem
+        return replace(problem, prior=problem.prior.without(self.datum.held))
+
 
 def determinacy(
     problem: Problem, values: Array, selected: tuple[str, ...], states: WarmStart | None = None
 ) -> Determinacy:
     """What the data can be asked for at parameter values (P,), if most rows can be predicted there.
 
-    `states`: of the rows, at these values.
+    `states`: of the rows, at these values. Ranges place no base: half way between two ranges is no datum.
     """
-    directions_, whole = _directions(problem, values, selected, states)
+    seen = problem if problem.prior is None else replace(problem, prior=problem.prior.without_ranges)
+    directions_, whole = _directions(seen, values, selected, states)
     if directions_ is None:
         return Determinacy(selected, None)
-    datum = datum_of(problem, values, directions_)
+    datum = datum_of(seen, values, directions_)
     held = datum.held if datum is not None else ()
     kept = tuple(n for n in selected if n not in held)
-    if datum is not None and datum.missing:
+    if datum is not None and datum.missing and problem.prior is None:
         left = ", ".join(datum.gauge.motions)
         message = f"the data do not fix the base ({left}); {_counts(problem, directions_, datum)}"
         proposed = f"`datum: [{', '.join(datum.proposed)}]`"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,14 +18,14 @@ _LEAST = 1e-12  # of the largest eigenvalue of a matrix of correlations
 class Prior:
     """Combinations of parameters that are known with standard uncertainty 1: rows (k, p), SI, of `names` about centre.
 
-    centre (p,): values of the parameters, SI. stated: whether an earlier calibration says so, not ranges, which are
-    guesses and may turn out to be wider.
+    centre (p,): values of the parameters, SI. stated: those of which an earlier calibration says so, not ranges, which
+    are guesses and may turn out to be wider.
     """
 
     names: tuple[str, ...]
     rows: Array
     centre: Array
-    stated: bool = False
+    stated: tuple[str, ...] = ()
 
     def errors(self, model: Model, values: Array) -> Array:
         """Known less given (k,), in standard uncertainties, at parameter values (P,)."""
@@ -39,14 +40,27 @@ class Prior:
                 out[:, k] = self.rows[:, self.names.index(name)]
         return out
 
+    @property
+    def without_ranges(self) -> Prior | None:
+        """What is stated, None for nothing."""
+        return self.without(set(self.names) - set(self.stated))
+
+    def without(self, left_out: Collection[str]) -> Prior | None:
+        """What is known of the others, which nothing joins to those left out; None for nothing."""
+        kept = np.array([n not in left_out for n in self.names])
+        if not kept.any():
+            return None
+        rows = self.rows[(self.rows[:, kept] != 0.0).any(axis=1)]
+        names, stated = ([n for n in some if n not in left_out] for some in (self.names, self.stated))
+        return Prior(tuple(names), rows[:, kept], self.centre[kept], tuple(stated))
+
 
 def joined(one: Prior, other: Prior) -> Prior:
     """What is known by both, of different parameters."""
     rows = np.zeros((len(one.rows) + len(other.rows), len(one.names) + len(other.names)))
     rows[: len(one.rows), : len(one.names)] = one.rows
     rows[len(one.rows) :, len(one.names) :] = other.rows
-    stated = one.stated or other.stated
-    return Prior((*one.names, *other.names), rows, np.append(one.centre, other.centre), stated)
+    return Prior((*one.names, *other.names), rows, np.append(one.centre, other.centre), (*one.stated, *other.stated))
 
 
 def prior_of_covariance(names: tuple[str, ...], covariance: Array, centre: Array) -> Prior:
@@ -54,7 +68,7 @@ def prior_of_covariance(names: tuple[str, ...], covariance: Array, centre: Array
     std = np.sqrt(np.diag(covariance))
     value, vector = np.linalg.eigh(covariance / np.outer(std, std))
     floor = _LEAST * value.max(initial=1.0)
-    return Prior(names, (vector / np.sqrt(np.maximum(value, floor))).T / std, centre, stated=True)
+    return Prior(names, (vector / np.sqrt(np.maximum(value, floor))).T / std, centre, stated=names)
 
 
 def prior_of_ranges(model: Model, names: tuple[str, ...]) -> Prior:

@@ -70,6 +70,11 @@ class KnownParameters:
         return replace(self, names=names, covariance=covariance, parameters=parameters)
 
     @property
+    def exact(self) -> frozenset[str]:
+        """Parameters without uncertainty: what the fit held exactly."""
+        return frozenset(self.parameters) - frozenset(self.names)
+
+    @property
     def values(self) -> dict[str, float]:
         """Values by name."""
         return {name: p.value for name, p in self.parameters.items()}

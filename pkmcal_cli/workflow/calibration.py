@@ -12,8 +12,13 @@ from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
+<<<<<<< HEAD
 from pkmcal_cli.calibration.datum import Datum
 from pkmcal_cli.calibration.frame_start import at_frames, moved_instruments
+=======
+from pkmcal_cli.calibration.datum import Datum, with_held
+from pkmcal_cli.calibration.frame_start import at_frames
+>>>>>>> priors
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
@@ -40,7 +45,7 @@ from pkmcal_cli.workflow.computed_readings import computed_readings
 from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
-from pkmcal_cli.workflow.prior_file import earlier_calibration
+from pkmcal_cli.workflow.prior_file import EarlierCalibration, earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
 _STEPS_IN_DOUBT = 15  # of a fit that a hint has made implausible already
@@ -89,6 +94,7 @@ class CalibrationSetting:
     selected: tuple[str, ...]
     start: Start
     apart: Measurements | None
+    kept: tuple[str, ...] = ()  # the datum of an earlier calibration
     datum: Datum | None = None
 
     @property
@@ -131,10 +137,16 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     start = load_parameters(problem.model, request.parameters)
     declared = loaded.model.for_sessions(measured.sessions)
     start = replace(start, values=at_frames(start.values, declared, problem.model))
+    kept: tuple[str, ...] = ()
     if request.fit_options.prior_file is not None:
+<<<<<<< HEAD
         problem, selected, start = _after(request, request.fit_options.prior_file, problem, selected, start)
     held = moved_instruments(start.values, declared, problem.model, selected)
     start = replace(start, warnings=(*start.warnings, *(_moved_text(n, request.parameters) for n in held)))
+=======
+        problem, start, earlier = _after(request, request.fit_options.prior_file, problem, selected, start)
+        selected, kept = earlier.selected, earlier.datum
+>>>>>>> priors
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
@@ -148,6 +160,7 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
         selected=selected,
         start=start,
         apart=None if file is None else _apart(loaded, measured, file),
+        kept=kept,
     )
 
 
@@ -218,15 +231,15 @@ def _moved_text(frame: str, file: str | None) -> str:
 
 def _after(
     request: CalibrationRequest, file: str, problem: Problem, selected: tuple[str, ...], start: Start
-) -> tuple[Problem, tuple[str, ...], Start]:
-    """Problem, parameters and start with what an earlier calibration knows. Raises BadInput and UsageError."""
+) -> tuple[Problem, Start, EarlierCalibration]:
+    """Problem and start with what an earlier calibration knows, and that. Raises BadInput and UsageError."""
     earlier = earlier_calibration(
         problem.model, file, selected, request.select == "auto", request.loosen, start.values
     )
     notes = tuple(f"note: {text}" for text in earlier.notes)
     values = earlier.values if request.parameters is None else start.values
     start = replace(start, values=values, inputs=start.inputs | earlier.inputs, warnings=start.warnings + notes)
-    return replace(problem, prior=earlier.prior), earlier.selected, start
+    return replace(problem, prior=earlier.prior), start, earlier
 
 
 def _determined(s: CalibrationSetting, states: WarmStart, to: Listener) -> CalibrationSetting:
@@ -234,7 +247,8 @@ def _determined(s: CalibrationSetting, states: WarmStart, to: Listener) -> Calib
     asked = determined(s.loaded.model.name, s.problem, s.start.values, s.selected, states)
     for line in asked.notes:
         to.say(line)
-    return replace(s, selected=asked.selected, datum=asked.datum)
+    problem, datum = asked.of(s.problem), with_held(asked.datum, s.kept)
+    return replace(s, problem=problem, selected=asked.selected, datum=datum)
 
 
 def _apart(loaded: LoadedMachine, measured: Measurements, file: str) -> Measurements:

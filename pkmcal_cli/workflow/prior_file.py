@@ -19,9 +19,13 @@ from pkmcal_cli.units.unit_text import parse_unit
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierCalibration:
-    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes."""
+    """A prior of the selected parameters; values (P,) where the fit begins; inputs: sha256 by file; notes.
+
+    datum: parameters that the file held as datum: what it says of the others is true only with these as they were.
+    """
 
     selected: tuple[str, ...]
+    datum: tuple[str, ...]
     prior: Prior
     values: Array
     inputs: dict[str, str]
@@ -34,8 +38,7 @@ def earlier_calibration(
     """Of the parameters `chosen`, and of all that the file knows where `all_known`; start (P,): values elsewhere.
 
     What is named in `loosen`, what the file does not know, and what a new set-up of an instrument changes is known to
-    its declared range about nominal. Where `all_known`, what was held as datum there is held again: all that the file
-    knows is relative to it. Raises BadInput for a file without covariance, UsageError for names of nothing.
+    its declared range about nominal. Raises BadInput for a file without covariance, UsageError for names of nothing.
     """
     dimensions = {p.name: parse_unit(p.unit or "1").dimension for p in model.parameters}
     known = known_parameters(path).of_dimensions(dimensions)
@@ -43,11 +46,11 @@ def earlier_calibration(
         message = "this parameter file has no complete `correlations` with `std`, so its uncertainties are unknown"
         raise BadInput.single(message, Location(path), "write it with `pkmcal calibrate -o`", "parameters")
     free = [p for p in model.parameters if not p.fixed and p.range > 0 and p.kind != UNEXPLAINED]
-    loosened = _loosened(model, loosen) | set(own_of(model))
     of_file = set(known.names) if all_known else set()
-    datum = tuple(n for n in model.datum if n in known.values and n not in known.names) if all_known else ()
-    held = set(datum) - loosened
-    selected = tuple(p.name for p in free if (p.name in chosen or p.name in of_file) and p.name not in held)
+    loosened = _loosened(model, loosen) | set(own_of(model))
+    asked = tuple(p.name for p in free if p.name in chosen or p.name in of_file)
+    datum = tuple(n for n in asked if n in model.datum and n not in loosened and n in known.exact)
+    selected = tuple(n for n in asked if n not in datum)
     matched = tuple(n for n in selected if n in known.names and n not in loosened)
     others = tuple(n for n in selected if n not in matched)
     if not matched:
@@ -59,10 +62,11 @@ def earlier_calibration(
     prior = prior_of_covariance(matched, known.covariance[np.ix_(places, places)], centre)
     return EarlierCalibration(
         selected=selected,
+        datum=datum,
         prior=joined(prior, prior_of_ranges(model, others)) if others else prior,
         values=values,
         inputs={known.file: known.sha256},
-        notes=_notes(model, known, selected, loosened, held),
+        notes=(*_notes(model, known, selected, loosened), *_datum_notes(known, datum)),
     )
 
 
@@ -90,17 +94,29 @@ def _loosened(model: Model, text: str | None) -> set[str]:
 
 
 def _notes(
-    model: Model, known: KnownParameters, selected: tuple[str, ...], loosened: set[str], held: set[str]
+    model: Model, known: KnownParameters, selected: tuple[str, ...], loosened: set[str]
 ) -> tuple[str, ...]:
-    """What is known by which file, what is not, what has no partner, and what is held as datum."""
+    """What is known by which file, what is not, and what has no partner."""
     matched = sum(n in known.names and n not in loosened for n in selected)
     out = [f"prior: {matched} of {len(selected)} identified parameters known by {known.file}"]
-    if held:
-        out.append(f"prior: held as datum, as in {known.file}: {', '.join(n for n in model.datum if n in held)}")
     if loosened_names := [n for n in selected if n in loosened]:
         out.append(f"prior: known to their ranges only (loosened): {', '.join(loosened_names)}")
-    if new := [n for n in selected if n not in known.names and n not in loosened]:
+    others = [n for n in selected if n not in known.names and n not in loosened]
+    if exact := [n for n in others if n in known.exact]:
+        out.append(
+            f"prior: held in {known.file}, identified here, known to their ranges: {', '.join(exact)}; "
+            f"to hold them again, add `--select \"auto,{','.join(f'-{n}' for n in exact)}\"`"
+        )
+    if new := [n for n in others if n not in known.exact]:
         out.append(f"prior: without partner in {known.file}, known to their ranges: {', '.join(new)}")
     if gone := [n for n in known.parameters if n not in model.names]:
         out.append(f"prior: not in this machine, left out: {', '.join(gone)}")
     return tuple(out)
+
+
+def _datum_notes(known: KnownParameters, datum: tuple[str, ...]) -> tuple[str, ...]:
+    """What stays held, and how to free it."""
+    if not datum:
+        return ()
+    free = "to free one, name it in `--loosen`"
+    return (f"prior: datum of {known.file}, held at the values there: {', '.join(datum)}; {free}",)

@@ -116,7 +116,7 @@ def prepare(
     asked = determined(model.name, problem, case.begin, selected)
     for line in asked.notes:
         to.say(line)
-    return replace(case, selected=asked.selected)
+    return replace(case, problem=asked.of(problem), selected=asked.selected)
 
 
 def _hints(case: Case, to: Listener) -> tuple[str, ...]:
