@@ -12,13 +12,8 @@ from pkmcal_cli.base.errors import BadInput, UsageError
 from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
-<<<<<<< HEAD
-from pkmcal_cli.calibration.datum import Datum
-from pkmcal_cli.calibration.frame_start import at_frames, moved_instruments
-=======
 from pkmcal_cli.calibration.datum import Datum, with_held
-from pkmcal_cli.calibration.frame_start import at_frames
->>>>>>> priors
+from pkmcal_cli.calibration.frame_start import at_frames, moved_instruments
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
@@ -139,14 +134,10 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     start = replace(start, values=at_frames(start.values, declared, problem.model))
     kept: tuple[str, ...] = ()
     if request.fit_options.prior_file is not None:
-<<<<<<< HEAD
-        problem, selected, start = _after(request, request.fit_options.prior_file, problem, selected, start)
-    held = moved_instruments(start.values, declared, problem.model, selected)
-    start = replace(start, warnings=(*start.warnings, *(_moved_text(n, request.parameters) for n in held)))
-=======
         problem, start, earlier = _after(request, request.fit_options.prior_file, problem, selected, start)
         selected, kept = earlier.selected, earlier.datum
->>>>>>> priors
+    held = moved_instruments(start.values, declared, problem.model, selected)
+    start = replace(start, warnings=(*start.warnings, *(_moved_text(n, request.parameters) for n in held)))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
