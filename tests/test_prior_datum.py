@@ -1,4 +1,4 @@
-"""The datum of a calibration stays the datum of the next: by the file of an earlier one, and where ranges are a prior."""
+"""The datum of a calibration stays the datum of the next: of a prior file, and where ranges are a prior."""
 
 from __future__ import annotations
 
@@ -82,3 +82,22 @@ def test_ranges_as_a_prior_place_no_base(folder: Path) -> None:
         assert found["x2"]["value"] == pytest.approx(TRUE.x2 - TRUE.x1, abs=4 * found["x2"]["std"])
     both = [v["x2"]["value"] for v in values.values()]
     assert both[0] == pytest.approx(both[1], abs=1e-3)
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+def test_frames_of_a_parameter_file_are_doubted_where_the_tracker_was_moved(folder: Path, command: str) -> None:
+    """Those that the fit identifies are not, nor those of the set-up that the file is of."""
+    AFTER.table(folder / "moved.csv", 3)
+    told = "warning: frame@tracker is held at the values of old.yaml, but the readings place the instrument elsewhere"
+    for table, select, expected in (("moved", "x2", True), ("old", "x2", False), ("moved", "auto", False)):
+        done = run(command, "m.yaml", f"{table}.csv", "-p", "old.yaml", "--select", select)
+        assert (told in done.err) == expected, (table, select, done.err)
+
+
+def test_a_frame_that_is_identified_gives_the_change_of_the_machine(folder: Path) -> None:
+    """What the warning advises."""
+    AFTER.table(folder / "moved.csv", 3)
+    asked = ("--select", "x2,frame@tracker.*", "--json", "--holdout", "none")
+    done = run("calibrate", "m.yaml", "moved.csv", "-p", "old.yaml", *asked)
+    found = {p["name"]: p for p in done.json["parameters"]}["x2"]
+    assert found["value"] == pytest.approx(AFTER.x2 - AFTER.x1, abs=0.05)
