@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
-from pkmcal_cli.base.rotation import best_rotation, exp
+from pkmcal_cli.base.rotation import Array, best_rotation, exp
 from pkmcal_cli.loading.load_machine import load_machine
 from tests.command import HANGPRINTER, HANGPRINTER_DATA, MACHINES, SCISSORS, run
+from tests.pages import all_files
 
 TURN, SHIFT = np.radians(137.0), np.array([2500.0, -1200.0, 700.0])  # mm
 
@@ -159,3 +161,41 @@ def test_other_nominal_values_are_another_reference() -> None:
     changed = np.abs(after - before)[0]
     assert changed.max() == pytest.approx(0.01, rel=1e-9) and (changed > 0).sum() == 1
     assert model.with_ranges(2 * model.ranges).reference_coefficients is before
+
+
+def _simulated(machine: Path | str, more: str = "") -> Array:
+    """Positions (n, 3), mm, that are read of delta4."""
+    poses = ("--grid", "x=-100:100:2,y=-80:90:2,z=-480:-420:2", "-q")
+    done = run("simulate", machine, *poses, *(("-p", more) if more else ()))
+    assert done.code == 0, done.err
+    rows = csv.DictReader(line for line in done.out.splitlines() if line[:1] != "#")
+    return np.array([[float(row[f"{c} [mm]"]) for c in "xyz"] for row in rows])
+
+
+def test_a_frame_is_the_pose_of_the_base_in_the_axes_of_the_instrument(tmp_path: Path) -> None:
+    """reading = R p + t, with Rodrigues' formula written anew; not the pose of the instrument in the base."""
+    aligned, tracked, file = tmp_path / "aligned.yaml", tmp_path / "tracked.yaml", tmp_path / "planted.yaml"
+    for machine, frame in ((aligned, "machine"), (tracked, "fitted")):
+        sensor = f"sensors: {{tracker: {{reads: [x, y, z], sigma: 8 um, frame: {frame}}}}}\n"
+        machine.write_text(f"extends: {MACHINES / 'delta4.yaml'}\n{sensor}", encoding="utf-8")
+    t, v = np.array([700.0, -1900.0, 350.0]), np.radians([20.0, -35.0, 110.0])
+    numbers = {f"t{c}": f"{x} mm" for c, x in zip("xyz", t, strict=True)}
+    numbers |= {f"r{c}": f"{np.degrees(x)} deg" for c, x in zip("xyz", v, strict=True)}
+    entries = ", ".join(f'"frame@tracker.{n}": {text}' for n, text in numbers.items())
+    file.write_text(f"parameters: {{{entries}}}\n", encoding="utf-8")
+    angle = float(np.linalg.norm(v))
+    x, y, z = v / angle
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
+    places = _simulated(aligned)
+    assert _simulated(tracked, str(file)) == pytest.approx(places @ turn.T + t, abs=1e-6)
+
+
+def test_the_example_of_the_page_stands_where_the_page_says() -> None:
+    """3 m along x and -0.5 m along y of the base, its x axis along y of the base: -R^T t, and the first row of R."""
+    entries = yaml.safe_load(all_files()["standing.yaml"])["parameters"]
+    t = 1e3 * np.array([float(entries[f"frame@tracker.{n}"].split()[0]) for n in ("tx", "ty")])
+    angle = np.radians(float(entries["frame@tracker.rz"].split()[0]))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    assert -turn.T @ t == pytest.approx([3000.0, -500.0]) and turn[0] == pytest.approx([0.0, 1.0])
+    assert turn @ [100.0, 0.0] + t == pytest.approx([500.0, 2900.0])

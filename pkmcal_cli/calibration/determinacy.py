@@ -28,7 +28,12 @@ class Determinacy:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be told."""
-        return (self.datum.text,) if self.datum is not None else ()
+        if self.datum is None:
+            return ()
+        if not self.datum.missing:
+            return (self.datum.text,)
+        proposed = ", ".join(self.datum.proposed)
+        return (f"{self.datum.text}; only ranges hold the rest: declare `datum: [{proposed}]`",)
 
     def of(self, problem: Problem) -> Problem:
         """The problem without the ranges of what is held, which are no equations of the others."""

@@ -152,6 +152,6 @@ class Sensor(Entity, Generic[V]):
     scale: SensorScale[V] | None = Field(default=None, description="Measured value per unit of the reading")
     frame: FRAMES | None = Field(
         default=None,
-        description="Frame of the coordinates: the machine's, or the instrument's own, whose pose is identified "
-        "once (fitted) or per session (no default)",
+        description="Frame of the coordinates: the machine's, or the instrument's own, in which the pose "
+        "of the base (reading = R p + t) is identified once (fitted) or per session (no default)",
     )

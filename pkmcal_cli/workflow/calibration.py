@@ -13,7 +13,7 @@ from pkmcal_cli.base.listener import Listener
 from pkmcal_cli.base.stages import Observer
 from pkmcal_cli.calibration.complete_fit import Calibration, FitOptions, calibrated
 from pkmcal_cli.calibration.datum import Datum, with_held
-from pkmcal_cli.calibration.frame_start import at_frames, moved_instruments
+from pkmcal_cli.calibration.frame_start import at_frames
 from pkmcal_cli.calibration.identify import STEPS, RowsFailed
 from pkmcal_cli.calibration.measured_problem import problem_of
 from pkmcal_cli.calibration.problem import Problem
@@ -40,6 +40,7 @@ from pkmcal_cli.workflow.computed_readings import computed_readings
 from pkmcal_cli.workflow.determined import determined
 from pkmcal_cli.workflow.gross_row_reasons import rows_beyond_noise
 from pkmcal_cli.workflow.held_out import held_out, holdout_file, validated
+from pkmcal_cli.workflow.moved_frames import moved_warnings
 from pkmcal_cli.workflow.prior_file import EarlierCalibration, earlier_calibration
 from pkmcal_cli.workflow.unsolved_rows import unsolved
 
@@ -136,8 +137,8 @@ def setting(request: CalibrationRequest, machine: LoadedMachine | None = None) -
     if request.fit_options.prior_file is not None:
         problem, start, earlier = _after(request, request.fit_options.prior_file, problem, selected, start)
         selected, kept = earlier.selected, earlier.datum
-    held = moved_instruments(start.values, declared, problem.model, selected)
-    start = replace(start, warnings=(*start.warnings, *(_moved_text(n, request.parameters) for n in held)))
+    moved = moved_warnings(start.values, declared, problem.model, selected, request.parameters)
+    start = replace(start, warnings=(*start.warnings, *moved))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     absurd = absurd_rows(problem, lambda row: place_of(measured, row))
@@ -211,13 +212,6 @@ def parameter_head(calibrated: Calibrated, **more: object) -> dict[str, Any]:
 def parameter_text(calibrated: Calibrated, **more: object) -> str:
     """Text of the parameter file of a calibration; more: what its provenance says besides."""
     return calibrated.report.parameter_file(parameter_head(calibrated, **more))
-
-
-def _moved_text(frame: str, file: str | None) -> str:
-    return (
-        f"warning: {frame} is held at the values of {file}, but the readings place the instrument elsewhere: "
-        f"if it was moved, identify its frame too (`--select ...,{frame}.*`)"
-    )
 
 
 def _after(

@@ -25,6 +25,7 @@ from pkmcal_cli.loading.poses import place_of
 from pkmcal_cli.tables.measurement_set import Measurements
 from pkmcal_cli.workflow.arguments import one_stdin, selection
 from pkmcal_cli.workflow.determined import determined
+from pkmcal_cli.workflow.moved_frames import moved_warnings
 
 FEWEST_ROWS = 8  # with fewer, no effect is told from noise
 
@@ -97,7 +98,9 @@ def prepare(
     start = load_parameters(model, request.parameters)
     if request.parameters is not None:
         values = np.append(start.values, candidates_.model.nominal[len(model.parameters) :])
-        candidates_ = replace(candidates_, start=at_frames(values, candidates_.model, problem.model))
+        begin = at_frames(values, candidates_.model, problem.model)
+        moved = moved_warnings(begin, candidates_.model, problem.model, selected, request.parameters)
+        candidates_, start = replace(candidates_, start=begin), replace(start, warnings=(*start.warnings, *moved))
     if not problem.count:
         raise BadInput([nothing_measured(loaded, problem)])
     _enough(problem, measured, selected, fewest)
