@@ -3,7 +3,7 @@
 A Triglide without redundancy, from nine even points on, until l1 is known to 25 um. Each proposal is measured by the
 simulator and added to the table. Compared with an even grid, and with a fixed D-optimal plan that knows beforehand what
 will happen. It would stop too early if the true error were beyond 1.96 times what is wanted in more than 5 % of runs.
-Of its medians the two compared with are of every fourth run. Without argument 200 runs of each case, in an hour and a half.
+The two that it is compared with are medians of every fourth run. Without argument 200 runs of each case (90 minutes).
 """
 
 from __future__ import annotations
