@@ -18,7 +18,7 @@ ROUNDING = 1e-12  # what lies below, as a share of the largest number of its kin
 _ESTIMATES = ("value", "interval", "nominal", "size", "estimate")
 _IN_STD = ("spread", "std_in_ranges", "by_std", "deviation")
 _SMALL = ("O2", "O3", "O4", "O5", "condition_number", "condition_number_whitened")
-_SIZES = ("mdb", "msb", "effective_tests", "cosine", "std", "std_by_data", "std_by_held", "factors")
+_SIZES = ("mdb", "msb", "p_value", "effective_tests", "cosine", "std", "std_by_data", "std_by_held", "factors")
 """Of these rounding is worth more: multiples of a standard uncertainty, columns of effects at kinks (the sign of a
 force that is nearly none), standard uncertainties of weak parameters, and what is estimated from them."""
 _FORCES, _LEAST_FORCE = ("before", "after", "internal"), 1e-4

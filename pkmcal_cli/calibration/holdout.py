@@ -96,6 +96,7 @@ def cross_validate(
     folds = np.unique(labels)
     for k, fold in enumerate(folds):
         observe(Stage("held-out fold", k, len(folds)))
+        trained = None  # the fold before: states of a long table are large
         inside, outside = np.nonzero(labels == fold)[0], np.nonzero(labels != fold)[0]
         trained = _refitted(problem.take(outside), fit, outside, again or _by_least_squares)
         failed += trained is None or trained.status != "converged"
