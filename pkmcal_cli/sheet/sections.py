@@ -196,7 +196,7 @@ def _next_measurement(results: Results) -> list[Block]:
     if ambiguous:
         rivals = (r.hypothesis.name for r in ambiguous[0].rivals)
         names = ",".join(list(dict.fromkeys([ambiguous[0].hypothesis.name, *rivals]))[:_SEPARATED])
-        text = "Several causes explain the data alike. Points that separate them:"
+        text = "Several causes explain the data alike. Whether further points separate them, and which:"
         return [Text(text), Text(command("plan", machine, table, "--aim", f"separate:{names}"), "command")]
     if results.verified is None:
         text = "After correction, measure again and hand over the sheet with both tables:"
