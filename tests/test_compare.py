@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.comparison import Alone, Changes, Omnibus, alone, changed, changes, common, holm, omnibus
+from pkmcal_cli.calibration.comparison import (
+    Alone,
+    Changes,
+    Omnibus,
+    Single,
+    alone,
+    changed,
+    changes,
+    common,
+    holm,
+    omnibus,
+)
 from pkmcal_cli.calibration.paired_errors import paired
 from pkmcal_cli.loading.data_information import DataInformation
 from tests.campaign_tables import MM, true_values, write_table
@@ -118,7 +129,7 @@ def test_what_is_named(
     tests, nothing = np.array(holms), np.zeros((2, 2))
     found = Changes(names=("a", "b"), values=np.zeros(2), covariance=nothing, null=nothing,
                     determined=np.ones(2, dtype=bool), p_values=tests, holm=tests)  # fmt: skip
-    single = Alone("c", 1.0, 0.1, p_left, ("d",), sufficient)
+    single = Alone("c", 1.0, 0.1, p_left, (Single("d", 2.0, 0.2, p_left),), sufficient)
     assert changed(found, single, Omnibus(5.0, 5, 50.0, p), 0.05) == names
 
 
@@ -190,7 +201,7 @@ def test_campaigns_of_unchanged_machines() -> None:
 def test_campaigns_of_changed_machines() -> None:
     found = [changed_pair(SUBJECTS[0], seed) for seed in range(8)]
     assert all(c.test.p_value < 0.05 for _, c in found)
-    assert all(c.alone is not None and s in (c.alone.name, *c.alone.rivals) for s, c in found)
+    assert all(c.alone is not None and s in c.alone.names for s, c in found)
 
 
 def test_the_same_rows_twice_are_told() -> None:
