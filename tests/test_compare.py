@@ -9,10 +9,6 @@ import numpy as np
 import pytest
 
 from pkmcal_cli.calibration.comparison import (
-    Alone,
-    Changes,
-    Omnibus,
-    Single,
     alone,
     changed,
     changes,
@@ -110,27 +106,6 @@ def test_a_single_change_that_some_fit_held_is_named() -> None:
     assert single is not None and single.name == "a" and single.explains and single.sufficient == ("a",)
     assert (found.holm < 0.05).any()  # put down to what was free
     assert changed(found, single, test, 0.05) == ("a",)
-
-
-@pytest.mark.parametrize(
-    ("p", "holms", "sufficient", "p_left", "names"),
-    [
-        (0.2, (1e-9, 1.0), ("a",), 0.5, ()),  # no alarm, no names
-        (1e-9, (1e-9, 1e-3), ("a",), 1e-6, ("a", "b")),  # one alone is not enough
-        (1e-9, (1e-9, 1e-3), ("a", "c"), 0.5, ("a",)),
-        (1e-9, (1.0, 1e-3), ("a", "c"), 0.5, ("c", "d")),
-        (1e-9, (1.0, 1.0), ("c",), 0.5, ("c", "d")),
-        (1e-9, (1.0, 1.0), (), 1e-6, ()),
-    ],
-)
-def test_what_is_named(
-    p: float, holms: tuple[float, float], sufficient: tuple[str, ...], p_left: float, names: tuple[str, ...]
-) -> None:
-    tests, nothing = np.array(holms), np.zeros((2, 2))
-    found = Changes(names=("a", "b"), values=np.zeros(2), covariance=nothing, null=nothing,
-                    determined=np.ones(2, dtype=bool), p_values=tests, holm=tests)  # fmt: skip
-    single = Alone("c", 1.0, 0.1, p_left, (Single("d", 2.0, 0.2, p_left),), sufficient)
-    assert changed(found, single, Omnibus(5.0, 5, 50.0, p), 0.05) == names
 
 
 def test_holm() -> None:
