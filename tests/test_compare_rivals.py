@@ -30,8 +30,8 @@ def test_changes_that_are_not_told_apart_have_their_sizes(tmp_path: Path) -> Non
         assert change["change"] == pytest.approx(true_change, abs=4 * change["std"]) and change["unit"] == "mm"
         assert change["std"] < 0.02
     (line,) = (each for each in done.err.splitlines() if each.startswith("or, not told from it, by another alone: "))
-    rival = one["rivals"][0]
-    assert re.search(rf" {rival['name']} by {'-' if rival['change'] < 0 else ''}[\d.]+\(\d+\) [um]m$", line), line
+    assert done.json["named"] == ["x2"] and "explained by one parameter alone: x2 by 0.4" in done.err
+    assert re.search(r" x1 by -0\.[\d]+\(\d+\) mm$", line), line  # the datum, which no fit identified
 
 
 @pytest.mark.parametrize(

@@ -102,15 +102,17 @@ class ComparisonReport:
 
     def _show_alone(self, to: Reporter) -> None:
         one, names = self.compared.alone, self.named
-        if self.unchanged or not self.compared.test.dof or one is None or (names and one.name not in names):
+        if self.unchanged or not self.compared.test.dof or one is None or (names and set(names).isdisjoint(one.names)):
             return
-        if one.explains:
-            to.say(f"explained by one parameter alone: {self._single(one)}")
+        equals: list[Single] = sorted((one, *one.rivals), key=lambda r: bool(names) and r.name not in names)
+        first, *others = equals
+        if first.explains:
+            to.say(f"explained by one parameter alone: {self._single(first)}")
         else:
-            left = f"p {one.p_left:.2g} of what is left"
-            to.say(f"no single parameter explains it; most of it: {self._single(one)} ({left})")
-        if one.rivals:
-            to.say(f"or, not told from it, by another alone: {_listed([self._single(r) for r in one.rivals])}")
+            left = f"p {first.p_left:.2g} of what is left"
+            to.say(f"no single parameter explains it; most of it: {self._single(first)} ({left})")
+        if others:
+            to.say(f"or, not told from it, by another alone: {_listed([self._single(r) for r in others])}")
 
     def _single(self, one: Single) -> str:
         """A parameter with the change by which it alone explains what it explains."""
