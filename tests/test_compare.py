@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pkmcal_cli.calibration.comparison import Alone, Changes, Omnibus, alone, changed, changes, common, holm, omnibus
+from pkmcal_cli.calibration.comparison import (
+    alone,
+    changed,
+    changes,
+    common,
+    holm,
+    omnibus,
+)
 from pkmcal_cli.calibration.paired_errors import paired
 from pkmcal_cli.loading.data_information import DataInformation
 from tests.campaign_tables import MM, true_values, write_table
@@ -101,27 +108,6 @@ def test_a_single_change_that_some_fit_held_is_named() -> None:
     assert changed(found, single, test, 0.05) == ("a",)
 
 
-@pytest.mark.parametrize(
-    ("p", "holms", "sufficient", "p_left", "names"),
-    [
-        (0.2, (1e-9, 1.0), ("a",), 0.5, ()),  # no alarm, no names
-        (1e-9, (1e-9, 1e-3), ("a",), 1e-6, ("a", "b")),  # one alone is not enough
-        (1e-9, (1e-9, 1e-3), ("a", "c"), 0.5, ("a",)),
-        (1e-9, (1.0, 1e-3), ("a", "c"), 0.5, ("c", "d")),
-        (1e-9, (1.0, 1.0), ("c",), 0.5, ("c", "d")),
-        (1e-9, (1.0, 1.0), (), 1e-6, ()),
-    ],
-)
-def test_what_is_named(
-    p: float, holms: tuple[float, float], sufficient: tuple[str, ...], p_left: float, names: tuple[str, ...]
-) -> None:
-    tests, nothing = np.array(holms), np.zeros((2, 2))
-    found = Changes(names=("a", "b"), values=np.zeros(2), covariance=nothing, null=nothing,
-                    determined=np.ones(2, dtype=bool), p_values=tests, holm=tests)  # fmt: skip
-    single = Alone("c", 1.0, 0.1, p_left, ("d",), sufficient)
-    assert changed(found, single, Omnibus(5.0, 5, 50.0, p), 0.05) == names
-
-
 def test_holm() -> None:
     """Aickin, Gensler 1996: each p value times the number of those not smaller, never falling."""
     assert holm(np.array([0.01, 0.04, np.nan, 0.03])) == pytest.approx([0.03, 0.06, np.nan, 0.06], nan_ok=True)
@@ -190,7 +176,7 @@ def test_campaigns_of_unchanged_machines() -> None:
 def test_campaigns_of_changed_machines() -> None:
     found = [changed_pair(SUBJECTS[0], seed) for seed in range(8)]
     assert all(c.test.p_value < 0.05 for _, c in found)
-    assert all(c.alone is not None and s in (c.alone.name, *c.alone.rivals) for s, c in found)
+    assert all(c.alone is not None and s in c.alone.names for s, c in found)
 
 
 def test_the_same_rows_twice_are_told() -> None:

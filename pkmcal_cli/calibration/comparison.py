@@ -200,23 +200,35 @@ def holm(p_values: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Alone:
-    """One parameter whose change alone explains most: change and standard uncertainty, SI; p value of what is left.
-
-    rivals: others that do so nearly as well; sufficient: all whose change alone leaves no more than noise.
-    """
+class Single:
+    """One parameter that alone has changed: change and standard uncertainty, SI; p value of what is left."""
 
     name: str
     value: float
     std: float
     p_left: float
-    rivals: tuple[str, ...]
-    sufficient: tuple[str, ...] = ()
 
     @property
     def explains(self) -> bool:
         """Whether it leaves no more than noise, as far as can be told."""
         return not self.p_left < _LEFT
+
+
+@dataclass(frozen=True)
+class Alone(Single):
+    """One parameter whose change alone explains most.
+
+    rivals: others that do so nearly as well, the best first; sufficient: all whose change alone leaves no more than
+    noise.
+    """
+
+    rivals: tuple[Single, ...]
+    sufficient: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameter and its rivals."""
+        return (self.name, *(r.name for r in self.rivals))
 
 
 def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) -> Alone | None:
@@ -226,18 +238,22 @@ def alone(c: Common, contrasts: Array, test: Omnibus, times: Sequence[float]) ->
     good = size > _WORTH**2
     if not good.any():
         return None
-    explained = np.where(good, pulled**2 / np.where(good, size, 1.0), 0.0)
-    best = int(np.argmax(explained))
-    left, scale = np.maximum(test.statistic * test.dof - explained, 0.0), c.scale[best]
+    size = np.where(good, size, np.inf)
+    explained = pulled**2 / size
+    left = np.maximum(test.statistic * test.dof - explained, 0.0)
     p_values = np.full(len(left), np.nan)
     if test.dof > 1:
         p_values = fdtrc(test.dof - 1, min(test.freedom, 1e9), left / (test.dof - 1))
-    near = [k for k in np.argsort(-explained) if k != best and explained[k] > explained[best] - _RIVAL]
-    rivals = tuple(c.names[k] for k in near if good[k])
-    value, std = float(pulled[best] / size[best] * scale), float(scale / np.sqrt(size[best]))
+    values, std = pulled / size * c.scale, c.scale / np.sqrt(size)
+
+    def single(k: int) -> tuple[str, float, float, float]:
+        return c.names[k], float(values[k]), float(std[k]), float(p_values[k])
+
+    best = int(np.argmax(explained))
+    near = [k for k in np.argsort(-explained) if k != best and explained[k] > explained[best] - _RIVAL and good[k]]
     enough = good & ~(p_values < _LEFT)
     sufficient = tuple(name for name, is_enough in zip(c.names, enough, strict=True) if is_enough)
-    return Alone(c.names[best], value, std, float(p_values[best]), rivals, sufficient)
+    return Alone(*single(best), tuple(Single(*single(k)) for k in near), sufficient)
 
 
 def changed(changes: Changes, single: Alone | None, test: Omnibus, alpha: float) -> tuple[str, ...]:
@@ -252,7 +268,7 @@ def changed(changes: Changes, single: Alone | None, test: Omnibus, alpha: float)
     significant = tuple(name for name, p in zip(changes.names, changes.holm, strict=True) if p < alpha)
     if single is None or not single.explains:
         return significant
-    return tuple(name for name in significant if name in single.sufficient) or (single.name, *single.rivals)
+    return tuple(name for name in significant if name in single.sufficient) or single.names
 
 
 def chosen_by_all(c: Common, chosen: Sequence[Sequence[str]]) -> tuple[str, ...]:

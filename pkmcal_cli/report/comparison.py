@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.special import ndtr
-
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.calibration.comparison import Alone, Changes, Common, Omnibus, changed
+from pkmcal_cli.calibration.comparison import Alone, Changes, Common, Omnibus, Single, changed
 from pkmcal_cli.loading.known_parameters import KnownParameters
+from pkmcal_cli.report.compared_effects import Effect, effects_of, letter
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.number_format import finite, readable, uncertain
 from pkmcal_cli.units.unit_text import Unit, parse_unit
@@ -63,7 +61,7 @@ class ComparisonReport:
         self, known: Sequence[KnownParameters], compared: Compared, tool: ToolChange | str | None, alpha: float
     ) -> None:
         self.known, self.compared, self.tool, self.alpha = known, compared, tool, alpha
-        self.effects = _effects(known)
+        self.effects = effects_of(known)
 
     @property
     def unchanged(self) -> bool:
@@ -90,7 +88,7 @@ class ComparisonReport:
         (to.say if self.unchanged else to.fail)(self.verdict())
         self._show_alone(to)
         to.say()
-        heads = [_letter(i) for i in range(len(self.known))]
+        heads = [letter(i) for i in range(len(self.known))]
         for head, k in zip(heads, self.known, strict=True):
             date = "no date" if k.created is None else f"{k.created:%Y-%m-%d %H:%M}"
             to.say(f"{head}: {k.file}, {date}")
@@ -104,17 +102,22 @@ class ComparisonReport:
 
     def _show_alone(self, to: Reporter) -> None:
         one, names = self.compared.alone, self.named
-        if self.unchanged or not self.compared.test.dof or one is None or (names and one.name not in names):
+        if self.unchanged or not self.compared.test.dof or one is None or (names and set(names).isdisjoint(one.names)):
             return
-        unit = self.unit(one.name)
-        size = uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)
-        per = f" per {self.compared.unit}" if self.compared.trend else ""
-        if not one.explains:
-            left = f"p {one.p_left:.2g} of what is left"
-            to.say(f"no single parameter explains it; most of it: {one.name} by {size}{per} ({left})")
-            return
-        others = f"; as well: {', '.join(one.rivals[:_LISTED])}" if one.rivals else ""
-        to.say(f"explained by one parameter alone: {one.name} by {size}{per}{others}")
+        equals: list[Single] = sorted((one, *one.rivals), key=lambda r: bool(names) and r.name not in names)
+        first, *others = equals
+        if first.explains:
+            to.say(f"explained by one parameter alone: {self._single(first)}")
+        else:
+            left = f"p {first.p_left:.2g} of what is left"
+            to.say(f"no single parameter explains it; most of it: {self._single(first)} ({left})")
+        if others:
+            to.say(f"or, not told from it, by another alone: {_listed([self._single(r) for r in others])}")
+
+    def _single(self, one: Single) -> str:
+        """A parameter with the change by which it alone explains what it explains."""
+        unit, per = self.unit(one.name), f" per {self.compared.unit}" if self.compared.trend else ""
+        return f"{one.name} by {uncertain(one.value / unit.scale, one.std / unit.scale, unit.text)}{per}"
 
     def unit(self, name: str) -> Unit:
         """Display unit of a parameter."""
@@ -168,7 +171,7 @@ class ComparisonReport:
             by_files.setdefault(where, []).append(name)
         for where, names in by_files.items():
             lone = len(where) < len(self.known)
-            label = f"without partner, only in {', '.join(_letter(i) for i in where)}" if lone else "not compared"
+            label = f"without partner, only in {', '.join(letter(i) for i in where)}" if lone else "not compared"
             to.say(f"{label}: {_listed(names)}")
 
     def json(self) -> dict[str, Any]:
@@ -198,6 +201,10 @@ class ComparisonReport:
         }
 
     def _alone_json(self, one: Alone) -> dict[str, Any]:
+        explains, rivals = not self.unchanged and one.explains, [self._single_json(r) for r in one.rivals]
+        return self._single_json(one) | {"explains": explains, "rivals": rivals}
+
+    def _single_json(self, one: Single) -> dict[str, Any]:
         unit = self.unit(one.name)
         return {
             "name": one.name,
@@ -205,8 +212,6 @@ class ComparisonReport:
             "std": one.std / unit.scale,
             "unit": unit.text,
             "p_value_left": finite(one.p_left),
-            "explains": not self.unchanged and one.explains,
-            "rivals": list(one.rivals),
         }
 
     def _parameter_json(self, k: int) -> dict[str, Any]:
@@ -242,57 +247,6 @@ class ComparisonReport:
         }
 
 
-def _letter(index: int) -> str:
-    return chr(ord("A") + index) if index < 26 else f"F{index + 1}"
-
-
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return ", ".join(names[:_LISTED]) + more
-
-
-@dataclass(frozen=True)
-class Effect:
-    """A number of an effect: value and standard uncertainty, SI, by number of the file that has it."""
-
-    name: str
-    unit: Unit
-    sizes: Mapping[int, tuple[float, float]]
-
-    def p_value(self) -> float:
-        """Of no difference between the first and the last; nan where one lacks it, or its uncertainty is not known."""
-        if len(self.sizes) < 2:
-            return math.nan
-        (a, u), (b, v) = self.sizes[min(self.sizes)], self.sizes[max(self.sizes)]
-        size = math.hypot(u, v)
-        return float(2.0 * ndtr(-abs(a - b) / size)) if size > 0 else math.nan
-
-    def remark(self, files: int, alpha: float) -> str:
-        """Where it is, or whether its size has changed."""
-        if len(self.sizes) < files:
-            return f"only in {', '.join(_letter(i) for i in self.sizes)}"
-        return "other size" if self.p_value() < alpha else ""
-
-    def json(self, files: int, alpha: float) -> dict[str, Any]:
-        """The same for JSON."""
-        sizes = [self.sizes.get(i) for i in range(files)]
-        return {
-            "name": self.name,
-            "values": [None if s is None else s[0] / self.unit.scale for s in sizes],
-            "stds": [None if s is None else finite(s[1] / self.unit.scale) for s in sizes],
-            "unit": self.unit.text,
-            "p_value": finite(self.p_value()),
-            "remark": self.remark(files, alpha) or None,
-        }
-
-
-def _effects(known: Sequence[KnownParameters]) -> tuple[Effect, ...]:
-    """Numbers of effects but for places of instruments, which are new each time."""
-    names = dict.fromkeys(n for k in known for n in k.parameters if "@" in n and not n.startswith("frame@"))
-    out = []
-    for name in names:
-        there = {i: k.parameters[name] for i, k in enumerate(known) if name in k.parameters}
-        unit = next(iter(there.values())).unit
-        out.append(Effect(name, unit, {i: (p.value, p.std) for i, p in there.items()}))
-    return tuple(out)
-

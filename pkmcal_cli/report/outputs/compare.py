@@ -27,7 +27,11 @@ alone.std number?:
 alone.unit text:
 alone.p_value_left number?: of what it leaves; null if nothing can be left
 alone.explains flag: whether something has changed and this explains it (`p_value_left` at least 0.01)
-alone.rivals[] text: others that explain it nearly as well (chi-square within 3.84)
+alone.rivals[].name text: another that alone explains it nearly as well (chi-square within 3.84)
+alone.rivals[].change number: in `unit`
+alone.rivals[].std number?:
+alone.rivals[].unit text:
+alone.rivals[].p_value_left number?: of what it leaves
 per~ text?: time in which parameters change, `day`, with three files or more; else null
 parameters~[].name text: a parameter that all fits identified
 parameters[].values[] number: its value in each file, in `unit`
