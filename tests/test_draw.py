@@ -106,6 +106,23 @@ def test_a_beam_is_drawn_as_it_bends() -> None:
     assert 1e-6 < sag < 1e-3
 
 
+def test_guides_reach_to_the_limits_of_their_drives() -> None:
+    """As far as the carriages go from the drawn configuration to each limit, and a little beyond."""
+    machine = loaded(str(MACHINES / "gantry.yaml"))
+    shape = shape_of(str(MACHINES / "gantry.yaml"))
+    limits = {a.name: a.limits for a in machine.model.actuators}
+    for drive, reading in shape.readings.items():
+        carriage = machine.machine.actuators[drive].target
+        guide = machine.machine.bodies[carriage].guide
+        if guide not in shape.reference.guides:  # a beam that is a guide is drawn as a beam
+            continue
+        ends, at = shape.reference.guides[guide], shape.reference.places[carriage]
+        way = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+        room = [limit - reading for limit in limits[drive]]
+        reach = [float(way @ (end - at)) for end in ends]
+        assert -0.3 < reach[0] - room[0] < 0 < reach[1] - room[1] < 0.3
+
+
 def test_a_telescope_is_drawn_in_one() -> None:
     """From the base to the platform, across the drive: lower beam, the way it has slid, upper beam."""
     shape = shape_of(str(MACHINES / "hexapod7.yaml"))

@@ -61,7 +61,7 @@ def _places(result: Assessment, held: Sequence[str]) -> list[PlaneErrors]:
         return []
     pairs = [(0, 1)] if len(columns) == 2 else [(0, 1), (0, 2)]
     names = [held[k] for k in columns]
-    stages = (("set values of the nominal machine", before - targets), ("corrected", after - targets))
+    stages = (("nominal set values", before - targets), ("corrected", after - targets))
     out = []
     for pair in pairs:
         errors = tuple((n, e[known][:, list(pair)]) for n, e in stages)

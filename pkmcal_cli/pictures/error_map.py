@@ -29,6 +29,7 @@ _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _KEY = 0.85, 0.15, 0.3, 0.55, 0.72  # inches
 _LOWEST, _HIGHEST = 1.3, 4.6  # inches, of a panel
 _CIRCLE = 0.2  # inches, radius of a circle of noise that has room in the key
 _ALONE = 0.01  # m, around a single position
+_UNSEEN = 1e-9  # m: less is what a solver leaves, and no instrument sees it
 _NOTHING = 1e-12  # m: rounding
 
 
@@ -132,7 +133,7 @@ def _panels(places: PlaneErrors) -> list[_Panel]:
     colours = [BEFORE] + [AFTER] * (len(places.stages) - 1) if len(places.stages) > 1 else [AFTER]
     out = [_Panel(n, e, 1.0, c) for (n, e), c in zip(places.stages, colours, strict=True)]
     first, last = _rms(places.stages[0][1]), _rms(places.stages[-1][1])
-    if len(out) > 1 and last > _NOTHING and first > _SMALL * last:
+    if len(out) > 1 and last > _UNSEEN and first > _SMALL * last:
         power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.3), 10.0, _MOST))
         out.append(_Panel(f"{power:g} x", places.stages[-1][1], power, AFTER))
     return out
@@ -173,7 +174,8 @@ def _key(ax: Axes, panel: _Panel, places: PlaneErrors, inches: float, width: flo
     ax.set_axis_off()
     ax.set_xlim(0, width)
     ax.set_ylim(0, _KEY)
-    text = f"{panel.title}: {size_text(_rms(panel.errors))} rms"
+    size = _rms(panel.errors)
+    text = f"{panel.title}: {size_text(size) if size > _UNSEEN else 'below 1 nm'} rms"
     text = text if panel.magnified == 1 else f"the same, arrows {panel.title}"
     ax.text(0.02, _KEY - 0.02, text, va="top", size=9, weight="bold", color=panel.colour, gid="stage")
     size = rounded(0.45 / inches)

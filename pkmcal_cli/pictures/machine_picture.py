@@ -268,6 +268,9 @@ def _legend(
         handles.append(Line2D([], [], color=FITTED, lw=1.6, label=text))
     else:
         handles.append(Line2D([], [], color=FITTED, lw=1.6, label="not displaced: as the control believes it to be"))
+    if shape.actual.guides:
+        handles.append(Line2D([], [], color="0.85", lw=6, label="guide"))
+    handles.append(Line2D([], [], ls="none", marker="o", mfc="white", mec=FITTED, ms=5, label="joint"))
     if shape.readings:
         handles.append(_mark(Line2D, "s", OTHER, "drive"))
     if shape.tool is not None:
@@ -278,7 +281,8 @@ def _legend(
             Line2D([], [], color=BEFORE, lw=3, ls=(0, (3, 0.8)), label="pushes (-)"),
         ]
     corner = (0.4 / size[0], 0.05 / size[1])
-    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, ncols=2, fontsize=8, frameon=False)
+    looks: dict[str, Any] = {"fontsize": 8, "frameon": False, "columnspacing": 1.0, "ncols": (len(handles) + 1) // 2}
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, **looks)
 
 
 def _mark(kind: Any, marker: str, colour: str, label: str) -> Any:

@@ -27,6 +27,8 @@ from pkmcal_cli.prediction import Rows, configuration
 from pkmcal_cli.prediction.forces import drive_forces
 from pkmcal_cli.prediction.solving import Solution
 
+_NO_FORCE = 1e-6  # N or N m
+_ENDLESS = 10.0  # sizes of the machine: limits so wide are no end of a guide
 _BEYOND = 0.08  # of the machine's size: how far a guide is drawn beyond its carriages
 _NOTHING = 1e-9  # of the machine's size: no displacement
 
@@ -132,17 +134,22 @@ def machine_shape(loaded: LoadedMachine, values: Array, rows: Rows, row: int) ->
     forces = drive_forces(model, actual)[0][0]
     names = [a.name for a in model.actuators]
     turning = [n for n, d in zip(names, model.topology.drives, strict=True) if not model.topology.moves_length(d)]
-    reach = _reach(machine, layout, _placed(plain, reference))
+    reach = _reach(machine, layout, _placed(plain, reference), _room(model, rows.readings[row]))
     return MachineShape(
         machine=machine,
         length=model.length,
         reference=_shape(machine, layout, _placed(plain, reference), reach),
         actual=_shape(machine, layout, _placed(model, actual), reach),
         readings=dict(zip(names, rows.readings[row].tolist(), strict=True)),
-        forces=dict(zip(names, forces.tolist(), strict=True)),
+        forces=_felt(dict(zip(names, forces.tolist(), strict=True))),
         turning=frozenset(turning),
-        tensions=_tensions(model, actual, machine),
+        tensions=_felt(_tensions(model, actual, machine)),
     )
+
+
+def _felt(forces: Mapping[str, float]) -> dict[str, float]:
+    """Forces with 0 for what a solver leaves of none."""
+    return {name: force if abs(force) > _NO_FORCE else 0.0 for name, force in forces.items()}
 
 
 def _reason(solution: Solution) -> str:
@@ -169,16 +176,32 @@ def _shape(
     return Shape(places, courses, guides)
 
 
-def _reach(machine: Machine[Quantity, float], layout: Layout, placed: Placed) -> dict[str, tuple[float, float]]:
-    """From where to where each guide is drawn, along it from its origin, m: a little beyond its carriages."""
+def _room(model: Model, readings: Array) -> dict[str, tuple[float, float]]:
+    """By drive, how far it may still travel both ways from its reading (A,), m or rad; not where that is endless."""
+    out = {}
+    for actuator, reading in zip(model.actuators, readings.tolist(), strict=True):
+        gain = float(model.topology.coefficients.constants[actuator.gain_coefficient])
+        low, high = sorted(gain * (limit - reading) for limit in actuator.limits)
+        if high - low < _ENDLESS * model.length:
+            out[actuator.name] = (low, high)
+    return out
+
+
+def _reach(
+    machine: Machine[Quantity, float], layout: Layout, placed: Placed, room: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """From where to where each guide is drawn, along it from its origin, m: beyond its carriages, to drives' limits.
+
+    room: by drive, how far it may still go both ways, m.
+    """
+    driven = {a.target: room[name] for name, a in machine.actuators.items() if a.winds is None and name in room}
     travels: dict[str, list[float]] = {}
     for name, body in machine.bodies.items():
         if body.guide is not None and body.guide in layout.rails:
             rail = layout.rails[body.guide]
             way = placed.direction(rail.tilted, rail.along)[0]
-            travels.setdefault(body.guide, []).append(
-                float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
-            )
+            at = float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
+            travels.setdefault(body.guide, []).extend(at + end for end in (0.0, *driven.get(name, ())))
     places = np.array([placed.place(point)[0] for point in layout.points.values()])
     beyond = _BEYOND * float(np.sqrt((np.ptp(places, axis=0) ** 2).sum()))
     return {name: (min(t) - beyond, max(t) + beyond) for name, t in travels.items()}
