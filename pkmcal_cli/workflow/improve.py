@@ -282,8 +282,8 @@ def _write(
         overlay.write(report.overlay(base))
         overlay.flush()
         values.write(report.parameter_file(head, replace(fingerprint_of_improved(overlay.name, inputs), of=machine)))
-    what = f"effects, an overlay of {base}" if report.improvement.accepted else f"no effect was added: as {base}"
-    to.say(f"written: {machine} ({what}), {parameters} (parameters)")
+    content = f"effects, an overlay of {base}" if report.improvement.accepted else f"no effect was added: as {base}"
+    to.say(f"written: {machine} ({content}), {parameters} (parameters)")
     return targets
 
 
