@@ -44,6 +44,8 @@ def copies(problem: Problem) -> list[tuple[int, ...]]:
 
 def _labels(table: Array) -> Array:
     """Number (n,) of the distinct row that each row of a table (n, k) is; nan is equal to nan."""
+    if not table.shape[1]:
+        return np.zeros(len(table), dtype=np.intp)
     columns = [np.unique(column, return_inverse=True)[1] for column in table.T]  # one at a time: tables may be long
     order = np.lexsort(columns)
     new = np.zeros(len(table), dtype=bool)
