@@ -12,7 +12,7 @@ from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.sheet.content import Verdict, Word
 from pkmcal_cli.sheet.results import Results
 
-COMMANDS = (
+_COMMANDS = (
     "The rows after correction are compared with what the identified parameters predict for the set values in the "
     "table: the machine meets its targets as well as this only if these set values were corrected (`correct`)."
 )
@@ -148,7 +148,7 @@ def _lines(results: Results) -> list[str]:
     lines = []
     report = results.diagnosis
     if results.verified is not None:
-        lines.append(COMMANDS)
+        lines.append(_COMMANDS)
     if stands_anywhere(results.calibrated.problem):
         lines.append(STANDS_ANYWHERE)
     if results.not_searched:
