@@ -86,7 +86,7 @@ def test_hangprinter_bad_row() -> None:
 
 
 def test_the_chance_that_is_told_is_that_on_which_the_words_rest(tmp_path: Path) -> None:
-    """A play of half of sigma in 231 rows: the sum of squares is that of noise, the shape is none by any measure."""
+    """Play that 231 rows show a little of each: the sum of squares is that of noise, the shape is not."""
     worn, table = tmp_path / "worn.yaml", tmp_path / "t.csv"
     machine, poses = MACHINES / "triglide-nonredundant.yaml", MACHINES / "triglide-nonredundant.csv"
     worn.write_text(f"extends: {machine}\neffects: {{backlash@q1: {{b: 55 um}}}}\n")

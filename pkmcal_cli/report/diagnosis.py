@@ -105,7 +105,7 @@ class DiagnosisReport(VisibilityReport):
         )
 
     def _chance(self) -> str:
-        """The p value on which the verdict rests: of the sum of squares, or of the shape of an effect where that is less.
+        """The p value on which the verdict rests: of the sum of squares, or of an effect's shape where that is less.
 
         A small effect that many readings share changes their sum of squares by less than chance does.
         """
