@@ -31,7 +31,7 @@ _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
 _BEYOND = "an effect explains the residuals, but its size is implausible; the true cause may be another"
-_LITTLE = 1e-3  # probability of residuals as large as these, above which their size is no evidence
+_SMALLEST = 1e-12  # p value that is told as a number
 _LARGER = 1.5  # times the stated noise: from which on residuals are called larger
 _MANY, _TOO_SMALL = 20, 0.25  # degrees of freedom, and chi-square for each of them: less is no noise of this sigma
 
@@ -98,14 +98,22 @@ class DiagnosisReport(VisibilityReport):
             "measurement_fault": "the measurement is at fault",
         }
         scale = f"{ratio:.3g} times {'larger than ' if ratio >= _LARGER else ''}the stated noise"
-        chance = f", p {diagnosis.p_global:.1g}" if diagnosis.p_global > 1e-12 else ", p < 1e-12"
-        if diagnosis.findings and diagnosis.p_global > _LITTLE:  # patterns are found in residuals that are not large
-            chance = ""
         return (
             f"diagnosis: {self._provisional()}{words[diagnosis.verdict]}\n"
             f"The residuals after calibration are {scale}: {rms_text} rms "
-            f"(sigma {sigma_text}{self._doubt_of_sigma()}{chance})."
+            f"(sigma {sigma_text}{self._doubt_of_sigma()}, {self._chance()})."
         )
+
+    def _chance(self) -> str:
+        """The p value on which the verdict rests: of the sum of squares, or of an effect's shape where that is less.
+
+        A small effect that many readings share changes their sum of squares by less than chance does.
+        """
+        chance, by = self.diagnosis.p_global, ""
+        best = min(self.diagnosis.findings, key=lambda f: f.p_value, default=None)
+        if best is not None and best.p_value < chance:
+            chance, by = best.p_value, f" by the shape of {best.hypothesis.name}"
+        return f"p {chance:.1g}{by}" if chance > _SMALLEST else "p < 1e-12"
 
     def _nameless(self) -> str:
         """Displacements without a name that stand for what is unknown."""

@@ -29,13 +29,15 @@ from pkmcal_cli.sheet.results import Results
 _MM_PER_MIN = 60e3  # of 1 m/s
 _AXIS = ("A", "R", "E", "M", "B")
 _LINE = ("E", "M", "B")
+_COMMANDED_BY = {"as built": "the nominal parameters", "after correction": "the identified parameters"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Acceptance:
     """What repeats and circles of a table say, and, without repeats, what the identified model predicts.
 
-    state: of the machine, "as built" or "after correction"; note: under which conditions lines are predicted.
+    state: of the machine whose repeats and circles these are, "as built" or "after correction"; lines are those of the
+    machine as built; note: under which conditions they are predicted.
     """
 
     results: Results
@@ -55,7 +57,10 @@ class Acceptance:
             blocks += [Text(text, "note"), self._lines()]
             if self.lines and self.note:
                 blocks.append(Text(self.note[0].upper() + self.note[1:] + ".", "note"))
-        return section("acceptance", f"Acceptance figures ({self.state})", blocks)
+        measured = any(block is not None for block in (self._axes(), self._poses(), self._circle()))
+        basis = f"Measured {self.state}: deviations from the poses that {_COMMANDED_BY[self.state]} give for the set "
+        basis += "values in the table."
+        return section("acceptance", "Acceptance figures", [Text(basis) if measured else None, *blocks])
 
     def _at(self, place: Sequence[tuple[str, float]]) -> str:
         return ", ".join(f"{name} = {self.results.place_text(value)}" for name, value in place)
@@ -95,7 +100,8 @@ class Acceptance:
             for line in self.lines
         ]
         heads = ("axis", "at", *(f"predicted {name}" for name in _LINE))
-        title = "Predicted by the identified model for commands by nominal parameters (no repeats: no A, no R)"
+        title = "Predicted for the machine as built, if the control commands by the nominal parameters "
+        title += "(identified model; no repeats: no A, no R)"
         return Table(title, heads, tuple(rows), left=2) if rows else None
 
     def json(self) -> dict[str, Any]:

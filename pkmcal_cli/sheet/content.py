@@ -8,7 +8,9 @@ from typing import Literal
 
 from pkmcal_cli.pictures.picture import Picture
 
-Word = Literal["PASS", "FAIL", "UNDECIDED", "CLEAN", "FOUND", "UNKNOWN", "IMPLAUSIBLE", "DONE"]
+Word = Literal[
+    "PASS", "FAIL", "UNDECIDED", "CONFIRMED", "CHANGED", "CLEAN", "FOUND", "UNKNOWN", "IMPLAUSIBLE", "DONE"
+]  # fmt: skip
 Kind = Literal["text", "warning", "note", "command"]
 
 
@@ -72,7 +74,7 @@ class Verdict:
     @property
     def negative(self) -> bool:
         """Whether a gate would stop here."""
-        return self.word in ("FAIL", "UNDECIDED", "IMPLAUSIBLE")
+        return self.word in ("FAIL", "UNDECIDED", "CHANGED", "IMPLAUSIBLE")
 
 
 @dataclass(frozen=True)

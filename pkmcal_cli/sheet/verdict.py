@@ -6,18 +6,23 @@ import numpy as np
 
 from pkmcal_cli.base.plural import count
 from pkmcal_cli.calibration.fitted_frames import stands_anywhere
-from pkmcal_cli.calibration.point_errors import Judged
+from pkmcal_cli.calibration.point_errors import Judged, point_errors
 from pkmcal_cli.report.sentences import STANDS_ANYWHERE, listed
+from pkmcal_cli.report.verification import VerificationReport
 from pkmcal_cli.sheet.content import Verdict, Word
 from pkmcal_cli.sheet.results import Results
 
+_COMMANDS = (
+    "The rows after correction are compared with what the identified parameters predict for the set values in the "
+    "table: the machine meets its targets as well as this only if these set values were corrected (`correct`)."
+)
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 _BY_TOLERANCE: dict[str, Word] = {"pass": "PASS", "fail": "FAIL", "undecided": "UNDECIDED"}
 _BY_DIAGNOSIS: dict[str, Word] = {"clean": "CLEAN", "found": "FOUND", "ambiguous": "FOUND"}
 
 
 def verdict(results: Results) -> Verdict:
-    """By the tolerance (ISO 14253-1) where there is one, else by what the search found."""
+    """By the tolerance (ISO 14253-1) where there is one, else by the second table, else by what the search found."""
     if not results.calibrated.usable:
         first, *reasons = results.calibrated.verdict().splitlines()
         return Verdict("IMPLAUSIBLE", first, tuple(reasons))
@@ -30,6 +35,8 @@ def verdict(results: Results) -> Verdict:
 
 
 def _word(results: Results) -> Word:
+    if results.verified is not None:
+        return "CONFIRMED" if results.verified.ok else "CHANGED"
     report = results.diagnosis
     return "DONE" if report is None else _BY_DIAGNOSIS.get(report.diagnosis.verdict, "UNKNOWN")
 
@@ -48,7 +55,9 @@ def _worst(results: Results, judged: Judged) -> str:
 
 
 def _error(results: Results) -> str:
-    """The error that remains after calibration, where no tolerance judges it."""
+    """The error that remains after calibration, or after correction, where no tolerance judges it."""
+    if results.verified is not None:
+        return _after(results, results.verified)
     points, _ = results.before
     if not len(points.errors):
         kind, figures = next(iter(results.calibrated.after.items()))
@@ -58,6 +67,18 @@ def _error(results: Results) -> str:
     unit = results.length_unit
     rms = float(np.sqrt((points.errors**2).mean()))
     return f"position errors of {unit.from_si(rms):.3g} {unit.text} rms after calibration"
+
+
+def _after(results: Results, verified: VerificationReport) -> str:
+    """What the second table says: the error that it leaves, and whether the identified parameters predict it."""
+    v = verified.verification
+    agrees = "as" if v.compatible else "not as"
+    told = f"{agrees} the identified parameters predict (p {v.p_value:.2g})"
+    points = point_errors(v.problem, v.errors, v.on)
+    if not len(points.errors):
+        return f"rows measured after correction are {told}"
+    rms = results.length_text(float(np.sqrt((points.errors**2).mean())))
+    return f"position errors of {rms} rms on {count(len(v.problem), 'row')} measured after correction, {told}"
 
 
 def _causes(results: Results) -> list[str]:
@@ -126,6 +147,8 @@ def _lines(results: Results) -> list[str]:
     """What makes the verdict provisional."""
     lines = []
     report = results.diagnosis
+    if results.verified is not None:
+        lines.append(_COMMANDS)
     if stands_anywhere(results.calibrated.problem):
         lines.append(STANDS_ANYWHERE)
     if results.not_searched:

@@ -282,8 +282,11 @@ def _write(
         overlay.write(report.overlay(base))
         overlay.flush()
         values.write(report.parameter_file(head, replace(fingerprint_of_improved(overlay.name, inputs), of=machine)))
-    content = f"effects, an overlay of {base}" if report.improvement.accepted else f"no effect was added: as {base}"
-    to.say(f"written: {machine} ({content}), {parameters} (parameters)")
+    if report.improvement.accepted:
+        to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
+    else:
+        to.say(f"no effect was accepted: the machine in {machine} is that of {base}, unchanged")
+        to.say(f"written: {machine} (refers to {base}), {parameters} (parameters)")
     return targets
 
 

@@ -25,8 +25,9 @@ _AFTER = _VERIFICATION.replace("verification~", "after?", 1).replace("verificati
 REPORT = Output(
     "report",
     f"""
-verdict pass|fail|undecided|clean|found|unknown|implausible|done: with a tolerance `pass`, `fail` or `undecided` (ISO
-    14253-1); else `clean`, `found`, `unknown` by the search for causes, `done` without one; `implausible`: the
+verdict pass|fail|undecided|confirmed|changed|clean|found|unknown|implausible|done: with a tolerance `pass`, `fail` or
+    `undecided` (ISO 14253-1); else with `--after` `confirmed` or `changed` (the identified parameters predict these
+    rows, or do not); else `clean`, `found`, `unknown` by the search for causes, `done` without one; `implausible`: the
     calibration should not be believed
 file text: the page
 headline text: the verdict in a sentence
@@ -57,7 +58,8 @@ provenance.status text: how the calibration ended
 ---
 {_AFTER}
 ---
-acceptance?.state as built|after correction: `as built` or `after correction`; `acceptance` is null without positions
+acceptance?.state as built|after correction: whose repeats and circles these are (`predicted`:
+    always as built); `acceptance` is null without positions
 acceptance.unit text: of deviations
 acceptance.at_unit text: of places
 acceptance.axes[].axis text: a coordinate with enough repeats for ISO 230-2
@@ -78,8 +80,8 @@ acceptance.circle.largest number: largest radial deviation
 acceptance.circle.smallest number: smallest
 acceptance.circle.radius number: radius commanded, in `at_unit`
 acceptance.circle.feed number?: of `--circle-feed`, mm/min; null: at rest
-acceptance.predicted[].axis text: a coordinate along which the identified model predicts; none where there are
-    repeats
+acceptance.predicted[].axis text: a coordinate along which the identified model predicts the machine as built, commanded
+    by the nominal parameters; none where there are repeats
 acceptance.predicted[].at.AXIS number: the other coordinates
 acceptance.predicted[].E number: systematic deviation
 acceptance.predicted[].M number: mean deviation
