@@ -82,6 +82,13 @@ class ImprovementReport(ImprovedFiles):
             for kind, f in figures.items()
         }
 
+    def files_text(self, machine: str, parameters: str, base: str) -> str:
+        """What was written: the machine, an overlay of `base`, and its parameters."""
+        if self.improvement.accepted:
+            return f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)"
+        unchanged = f"no effect was accepted: the machine in {machine} is that of {base}, unchanged"
+        return f"{unchanged}\nwritten: {machine} (refers to {base}), {parameters} (parameters)"
+
     # --- tables ----------------------------------------------------------------------------
     def show(self, to: Reporter) -> None:
         """What was tried, what it brought, what was not done."""
