@@ -26,7 +26,7 @@ from pkmcal_cli.report.sentences import cause_effect_action, command, listed, un
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.report.visibility import VisibilityReport
 
-_SEPARATED = 4
+_SEPARATED = 4  # effects at most that one measurement is planned for
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
@@ -192,11 +192,7 @@ class DiagnosisReport(VisibilityReport):
         if finding.ambiguous:
             text = f"{self._alternatives(finding)} {text}"
         text += self._selection(finding) + self._reservation(finding)
-        return (
-            f"{text}\nTo separate them, measure the points of: {self._to_decide(finding)}"
-            if finding.ambiguous
-            else text
-        )
+        return "\n".join([text, *self.to_separate(finding)])
 
     def _selection(self, finding: Finding) -> str:
         """Its size as it is likely to be, where it was found because noise made it larger."""
@@ -225,9 +221,26 @@ class DiagnosisReport(VisibilityReport):
             return f"Time and temperature go together ({together:.2f}): a cooling phase would decide."
         return "Their corrections differ: separate them first."
 
-    def _to_decide(self, finding: Finding) -> str:
-        names = dict.fromkeys([finding.hypothesis.name, *(r.hypothesis.name for r in finding.rivals)])
-        return command("plan", *self.files(), "--aim", f"separate:{','.join(list(names)[:_SEPARATED])}")
+    def to_separate(self, finding: Finding) -> list[str]:
+        """What separates a finding from its rivals: points where these can, else another measurement."""
+        apart, alike = finding.separable.apart[:_SEPARATED], finding.separable.alike
+        out = []
+        if apart:
+            points = command("plan", *self.files(), "--aim", f"separate:{','.join(apart)}")
+            out.append(f"To separate {listed(apart, _SEPARATED)}, measure the points of: {points}")
+        if alike:
+            which = f"{listed(alike, _SEPARATED)} from the others" if apart else listed(alike, _SEPARATED)
+            known = {h.name: h for h in (finding.hypothesis, *(r.hypothesis for r in finding.rivals))}
+            told = " ".join(f"{name}: {self.action(known[name])}" for name in alike[:_SEPARATED])
+            lead = f"Points like those that were measured do not separate {which}, which act alike there."
+            out.append(f"{lead} Another measurement may: {told}")
+        return out
+
+    def action(self, hypothesis: Hypothesis) -> str:
+        """What is to be done about a cause, its size aside."""
+        if hypothesis.effect == RELEASE:
+            return f"Identify it: --select auto,{hypothesis.at}"
+        return cause_effect_action(catalogue()[hypothesis.effect], hypothesis.at, "it")[2]
 
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""
