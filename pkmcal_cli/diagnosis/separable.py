@@ -33,8 +33,7 @@ def separable(search: Search, accepted: Hypothesis, others: Sequence[Hypothesis]
     places, is neither.
     """
     known = {h.name: h.whole for h in search.candidates.single}
-    found = [known[h.name] for h in (accepted, *others) if h.name in known]
-    whole = list(dict.fromkeys(found))
+    whole = list(dict.fromkeys(known[h.name] for h in (accepted, *others) if h.name in known))
     if accepted.name not in known or len(whole) < 2:
         return Separable()
     linear = linear_without(search, [accepted], tuple(whole))

@@ -231,9 +231,9 @@ class DiagnosisReport(VisibilityReport):
         if alike:
             which = f"{listed(alike, _SEPARATED)} from the others" if apart else listed(alike, _SEPARATED)
             known = {h.name: h for h in (finding.hypothesis, *(r.hypothesis for r in finding.rivals))}
-            told = " ".join(f"{name}: {self.action(known[name])}" for name in alike[:_SEPARATED])
+            actions = " ".join(f"{name}: {self.action(known[name])}" for name in alike[:_SEPARATED])
             lead = f"Points like those that were measured do not separate {which}, which act alike there."
-            out.append(f"{lead} Another measurement may: {told}")
+            out.append(f"{lead} Another measurement may: {actions}")
         return out
 
     def action(self, hypothesis: Hypothesis) -> str:

@@ -73,12 +73,12 @@ def _after(results: Results, verified: VerificationReport) -> str:
     """What the second table says: the error that it leaves, and whether the identified parameters predict it."""
     v = verified.verification
     agrees = "as" if v.compatible else "not as"
-    told = f"{agrees} the identified parameters predict (p {v.p_value:.2g})"
+    agreement = f"{agrees} the identified parameters predict (p {v.p_value:.2g})"
     points = point_errors(v.problem, v.errors, v.on)
     if not len(points.errors):
-        return f"rows measured after correction are {told}"
+        return f"rows measured after correction are {agreement}"
     rms = results.length_text(float(np.sqrt((points.errors**2).mean())))
-    return f"position errors of {rms} rms on {count(len(v.problem), 'row')} measured after correction, {told}"
+    return f"position errors of {rms} rms on {count(len(v.problem), 'row')} measured after correction, {agreement}"
 
 
 def _causes(results: Results) -> list[str]:

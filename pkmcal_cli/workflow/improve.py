@@ -282,11 +282,9 @@ def _write(
         overlay.write(report.overlay(base))
         overlay.flush()
         values.write(report.parameter_file(head, replace(fingerprint_of_improved(overlay.name, inputs), of=machine)))
-    if report.improvement.accepted:
-        to.say(f"written: {machine} (effects, an overlay of {base}), {parameters} (parameters)")
-    else:
-        to.say(f"no effect was accepted: the machine in {machine} is that of {base}, unchanged")
-        to.say(f"written: {machine} (refers to {base}), {parameters} (parameters)")
+    accepted = report.improvement.accepted
+    part = "effects, an overlay of" if accepted else "no effect was accepted, so the machine is unchanged:"
+    to.say(f"written: {machine} ({part} {base}), {parameters} (parameters)")
     return targets
 
 
