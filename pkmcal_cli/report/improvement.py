@@ -164,6 +164,12 @@ class ImprovementReport(ImprovedFiles):
         squares = (f"{f.criterion / unit.scale**2:.4g} {unit.text}^2" for f in (old, new))
         return (name, *(readable(x, unit) for x in numbers), *squares)
 
+    def added_to(self, base: str) -> str:
+        """What the written machine has that its base has not."""
+        if self.improvement.accepted:
+            return f"effects, an overlay of {base}"
+        return f"no effect was accepted, so the machine is unchanged: {base}"
+
     def _stop(self) -> str:
         """Why no further effect was tried."""
         if self.improvement.broken is not None:

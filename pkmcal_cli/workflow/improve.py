@@ -282,9 +282,7 @@ def _write(
         overlay.write(report.overlay(base))
         overlay.flush()
         values.write(report.parameter_file(head, replace(fingerprint_of_improved(overlay.name, inputs), of=machine)))
-    accepted = report.improvement.accepted
-    part = "effects, an overlay of" if accepted else "no effect was accepted, so the machine is unchanged:"
-    to.say(f"written: {machine} ({part} {base}), {parameters} (parameters)")
+    to.say(f"written: {machine} ({report.added_to(base)}), {parameters} (parameters)")
     return targets
 
 
