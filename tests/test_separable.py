@@ -33,3 +33,15 @@ def test_points_are_advised_where_they_separate(case: str, tmp_path: Path) -> No
     plan = ["plan", machine, table, "--aim", f"separate:{effect},{rivals[1]}"]
     done = run(*(shlex.split(advised[1]) if advised is not None else plan))
     assert done.code == 0 and ("cannot separate them at plausible sizes" in done.err) is not separable
+
+
+def test_every_effect_that_the_data_cannot_show_is_named() -> None:
+    """A suspected cause is looked for in this list, so none of it is left out, however long it is."""
+    done = clean(run("diagnose", MACHINES / "gantry.yaml", MACHINES / "gantry.csv", "--json"))
+    _, _, listed = done.err.partition("Effects that these data cannot show")
+    names = set(re.findall(r"^(\S+@\S+)", listed.partition("\nand ")[0], re.M))
+    for kind in listed.partition("in --json): ")[2].partition("\n")[0].split("; "):
+        effect, _, places = kind.partition("@")
+        names |= {f"{effect}@{place}" for place in places.split(", ")}
+    hidden = {f"{i['effect']}@{i['at']}" for i in done.json["invisible"] if i["effect"] != "release"}
+    assert len(hidden) > 12 and hidden == {name for name in names if not name.startswith("release")}
