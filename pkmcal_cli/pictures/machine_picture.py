@@ -28,6 +28,12 @@ _ROUND = (1.0, 2.0, 5.0)
 _THIN, _THICK = 1.2, 4.5  # points, of members by their force
 _SLIGHT = 1e-6  # of the largest force: no force
 _FACES = {"ground": "#d9d9d9", "body": "#cfe0ee"}
+_GUIDE: dict[str, Any] = {"lw": 5, "color": "0.85", "solid_capstyle": "butt"}
+_POINTS: dict[str, dict[str, Any]] = {
+    "base": {"marker": "^", "mfc": _FACES["ground"], "mec": FITTED, "ms": 6},
+    "node": {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3},
+    "joint or end of a member": {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4},
+}
 
 
 def default_scale(shape: MachineShape) -> float:
@@ -137,8 +143,7 @@ class _Drawing:
         """Guides, bodies and members of one shape."""
         style: dict[str, Any] = {"color": NOISE, "lw": 0.9, "ls": (0, (4, 2))} if reference else {"color": FITTED}
         for course in shape.guides.values():
-            band = {"lw": 5, "color": "0.85", "solid_capstyle": "butt"} if not reference else style
-            ax.plot(*self._on_page(course).T, zorder=1, gid="guide", **band)
+            ax.plot(*self._on_page(course).T, zorder=1, gid="guide", **(style if reference else _GUIDE))
         for names in self.shape.bodies.values():
             outline = self._outline(shape, names)
             if reference:
@@ -173,16 +178,10 @@ class _Drawing:
 
     def _marks(self, ax: Axes) -> None:
         """Markers of points: base, joints, nodes, drives, tool point."""
-        places, machine = self.shown.places, self.shape.machine
-        kinds: list[tuple[Sequence[str], dict[str, Any]]] = [
-            (list(machine.ground), {"marker": "^", "mfc": _FACES["ground"], "mec": FITTED, "ms": 6}),
-            (list(machine.nodes), {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3}),
-            (list(_ends(self.shape)), {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4}),
-        ]
-        for names, mark in kinds:
-            if there := [places[n] for n in names if n in places]:
-                at = self._on_page(np.array(there))
-                ax.plot(*at.T, ls="none", mew=0.8, zorder=5, **mark)
+        for kind, names in _points(self.shape).items():
+            if names:
+                at = self._on_page(np.array([self.shown.places[n] for n in names]))
+                ax.plot(*at.T, ls="none", mew=0.8, zorder=5, **_POINTS[kind])
         for name in self.shape.readings:
             at = self._on_page(self.shape.at_drive(name, self.shown))
             ax.plot(*at, marker="s", ms=7, mfc=OTHER, mec="white", mew=0.8, ls="none", zorder=6, gid=f"drive-{name}")
@@ -270,6 +269,7 @@ def _legend(
         handles.append(Line2D([], [], color=FITTED, lw=1.6, label="not displaced: as the control believes it to be"))
     if shape.readings:
         handles.append(_mark(Line2D, "s", OTHER, "drive"))
+    handles += _of_structure(shape)
     if shape.tool is not None:
         handles.append(_mark(Line2D, "D", BEFORE, _tool_text(shape, shape.tool)))
     if forces and any(shape.tensions.values()):
@@ -279,6 +279,25 @@ def _legend(
         ]
     corner = (0.4 / size[0], 0.05 / size[1])
     figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, ncols=2, fontsize=8, frameon=False)
+
+
+def _of_structure(shape: MachineShape) -> list[Any]:
+    """What guides and points of the structure look like, of those that there are."""
+    from matplotlib.lines import Line2D
+
+    out = []
+    if shape.actual.guides:
+        out.append(Line2D([], [], label="guide, over the limits of its drives", **_GUIDE))
+    for kind, names in _points(shape).items():
+        if names:
+            out.append(Line2D([], [], ls="none", mew=0.8, label=kind, **_POINTS[kind]))
+    return out
+
+
+def _points(shape: MachineShape) -> dict[str, list[str]]:
+    """Points that are marked, by what they are."""
+    marked = {"base": shape.machine.ground, "node": shape.machine.nodes, "joint or end of a member": _ends(shape)}
+    return {kind: [n for n in names if n in shape.actual.places] for kind, names in marked.items()}
 
 
 def _mark(kind: Any, marker: str, colour: str, label: str) -> Any:

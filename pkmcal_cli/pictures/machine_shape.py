@@ -132,7 +132,7 @@ def machine_shape(loaded: LoadedMachine, values: Array, rows: Rows, row: int) ->
     forces = drive_forces(model, actual)[0][0]
     names = [a.name for a in model.actuators]
     turning = [n for n, d in zip(names, model.topology.drives, strict=True) if not model.topology.moves_length(d)]
-    reach = _reach(machine, layout, _placed(plain, reference))
+    reach = _reach(machine, layout, _placed(plain, reference), _strokes(plain, rows.readings[row]))
     return MachineShape(
         machine=machine,
         length=model.length,
@@ -169,19 +169,37 @@ def _shape(
     return Shape(places, courses, guides)
 
 
-def _reach(machine: Machine[Quantity, float], layout: Layout, placed: Placed) -> dict[str, tuple[float, float]]:
-    """From where to where each guide is drawn, along it from its origin, m: a little beyond its carriages."""
-    travels: dict[str, list[float]] = {}
+def _strokes(model: Model, readings: Array) -> dict[str, tuple[float, ...]]:
+    """How far each drive can still travel from its reading, one way and the other; none where no limits are stated."""
+    gains = model.topology.coefficients.constants
+    return {
+        a.name: tuple(float(gains[a.gain_coefficient] * (limit - q)) for limit in a.limits if np.isfinite(limit))
+        for a, q in zip(model.actuators, readings, strict=True)
+    }
+
+
+def _reach(
+    machine: Machine[Quantity, float], layout: Layout, placed: Placed, strokes: Mapping[str, tuple[float, ...]]
+) -> dict[str, tuple[float, float]]:
+    """From where to where each guide is drawn, along it from its origin, m: over the limits of the drives that move its
+    carriages, and a little beyond where carriages are.
+    """
+    moved_by = {a.moves: strokes[name] for name, a in machine.actuators.items() if a.moves is not None}
+    carriages: dict[str, list[float]] = {}
+    limits: dict[str, list[float]] = {}
     for name, body in machine.bodies.items():
         if body.guide is not None and body.guide in layout.rails:
             rail = layout.rails[body.guide]
             way = placed.direction(rail.tilted, rail.along)[0]
-            travels.setdefault(body.guide, []).append(
-                float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
-            )
+            at = float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
+            carriages.setdefault(body.guide, []).append(at)
+            limits.setdefault(body.guide, []).extend(at + stroke for stroke in moved_by.get(name, ()))
     places = np.array([placed.place(point)[0] for point in layout.points.values()])
     beyond = _BEYOND * float(np.sqrt((np.ptp(places, axis=0) ** 2).sum()))
-    return {name: (min(t) - beyond, max(t) + beyond) for name, t in travels.items()}
+    return {
+        name: (min([min(at) - beyond, *limits[name]]), max([max(at) + beyond, *limits[name]]))
+        for name, at in carriages.items()
+    }
 
 
 def _tensions(model: Model, solution: Solution, machine: Machine[Quantity, float]) -> dict[str, float]:
