@@ -124,7 +124,7 @@ def test_the_legend_tells_every_mark() -> None:
     """Of the shipped gantry: bars of guides, circles of joints; nothing that is not drawn."""
     shape = strained(loaded(str(MACHINES / "gantry.yaml")))
     assert isinstance(shape, MachineShape)
-    with figure_of(machine_picture(shape, titles("gantry", "", []))) as figure:
+    with figure_of(machine_picture(shape, titles("gantry", "", []))) as (figure, _):
         entries = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"guide", "joint or end of a member", "drive"} <= entries and not {"base", "node"} & entries
 
