@@ -195,16 +195,19 @@ class DiagnosisReport(VisibilityReport):
         return "\n".join([text, *self.to_separate(finding)])
 
     def _selection(self, finding: Finding) -> str:
-        """Its size as it is likely to be, where it was found because noise made it larger."""
+        """Between which sizes it may be, where noise that made it larger may be why it was found.
+
+        The median of these sizes is no better estimate: near what is detectable it is further off than the fit's.
+        """
         chosen = finding.selected
         if chosen is None:
             return ""
         k = self.leading(finding)
         name = finding.hypothesis.parameters[k]
         size, unit = finding.estimate[k] - self.null(name), self.unit(name)
-        middle, *ends = (handy(size * x, unit) for x in (chosen.factor, chosen.low, chosen.high))
-        low, high = ends if size > 0 else ends[::-1]
-        return f" Found near the limit, so its size is corrected: {middle} (95 %: {low} to {high})."
+        low, high = sorted((chosen.low, chosen.high), key=lambda x: size * x)
+        ends = f"{handy(size * low, unit)} to {handy(size * high, unit)}"
+        return f" Found near the limit of detection, where what noise enlarges is found first: 95 % interval {ends}."
 
     def _alternatives(self, finding: Finding) -> str:
         """Which effects the data support in its place."""
