@@ -203,7 +203,7 @@ def _key(ax: Axes, panel: _Panel, places: PlaneErrors, inches: float, width: flo
     ax.set_axis_off()
     ax.set_xlim(0, width)
     ax.set_ylim(0, _KEY)
-    text = _heading(panel, _negligible(places), int(width / _LETTER))
+    text = _heading(panel, _negligible(places), int((width + 0.5 * _BETWEEN) / _LETTER))
     ax.text(0.02, _KEY - 0.02, text, va="top", size=9, weight="bold", color=panel.colour, gid="stage")
     size = rounded(0.45 / inches)
     ax.quiver([0.05], [0.22], [size * inches], [0.0], angles="xy", scale_units="xy", scale=1, units="inches",

@@ -31,7 +31,7 @@ def marked_points(shape: MachineShape) -> dict[str, list[str]]:
     base, nodes = shape.machine.ground, shape.machine.nodes
     between = [p for names in members(shape.machine).values() for p in names]
     ends = [n for n in dict.fromkeys([*between, *shape.joints]) if n not in base and n not in nodes]
-    marked = {"base": base, "node": nodes, "joint or end of a member": ends}
+    marked = {"base": list(base), "node": list(nodes), "joint or end of a member": ends}
     return {kind: [n for n in names if n in shape.actual.places and n != shape.tool] for kind, names in marked.items()}
 
 
