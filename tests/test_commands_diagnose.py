@@ -97,6 +97,8 @@ def test_the_chance_that_is_told_is_that_on_which_the_words_rest(tmp_path: Path)
     told = re.search(r", p (\S+) by the shape of backlash@q1\)\.", done.err)
     assert told is not None and done.json["p_value"] > 0.1 > 1e-5 > float(told[1])
     assert float(told[1]) == pytest.approx(found["p_value"], rel=0.5)
+    ends = re.search(r"Found near the limit of detection.*?: 95 % interval (\S+) um to (\S+) um\.", done.err)
+    assert ends is not None and 0 <= float(ends[1]) < 55 < float(ends[2]), "the planted size is in the interval"
 
 
 def test_what_is_far_beyond_its_range_is_found_last_and_said_to_be_unusual(tmp_path: Path) -> None:

@@ -114,6 +114,23 @@ def limit(least: float) -> Acceptance:
     return Acceptance(np.array([0.0, least - 1e-9, least, 50.0]), np.array([0.0, 0.0, 1.0, 1.0]))
 
 
+@pytest.mark.parametrize("times", [1.0, 1.15, 1.3])
+def test_near_the_limit_the_estimate_is_the_better_size_and_the_interval_holds(times: float) -> None:
+    """True sizes of 1.0 to 1.3 times what is detected in 80 %, a limit of 4: 400 of those that are found."""
+    true = times * (4.0 + 0.84)
+    drawn = true + np.random.default_rng(3).normal(size=600)
+    sizes = drawn[drawn > 4.0][:400]
+    told = [limit(4.0).corrected(float(z)) for z in sizes]
+    factor = np.array([1.0 if t is None else t.factor for t in told])
+    ends = np.array(
+        [(z - 1.96, z + 1.96) if t is None else (z * t.low, z * t.high) for z, t in zip(sizes, told, strict=True)]
+    )
+    assert len(sizes) == 400 and 0.91 < np.mean((ends[:, 0] <= true) & (true <= ends[:, 1])) < 0.99
+    off, off_of_median = sizes - true, factor * sizes - true
+    assert np.sqrt((off_of_median**2).mean()) > np.sqrt((off**2).mean())
+    assert abs(np.mean(off_of_median < 0) - 0.5) < 0.1 and np.mean(off_of_median) < -0.05
+
+
 @pytest.mark.parametrize("size", [4.3, 5.0, 5.5])
 def test_median_and_interval_are_those_of_a_truncated_normal_distribution(size: float) -> None:
     """At the ends 97.5, 50 and 2.5 % of what is beyond a limit of 4 would be larger."""

@@ -106,21 +106,27 @@ def test_a_beam_is_drawn_as_it_bends() -> None:
     assert 1e-6 < sag < 1e-3
 
 
-def test_guides_reach_to_the_limits_of_their_drives() -> None:
-    """As far as the carriages go from the drawn configuration to each limit, and a little beyond."""
-    machine = loaded(str(MACHINES / "gantry.yaml"))
-    shape = shape_of(str(MACHINES / "gantry.yaml"))
-    limits = {a.name: a.limits for a in machine.model.actuators}
-    for drive, reading in shape.readings.items():
-        carriage = machine.machine.actuators[drive].target
-        guide = machine.machine.bodies[carriage].guide
-        if guide not in shape.reference.guides:  # a beam that is a guide is drawn as a beam
-            continue
-        ends, at = shape.reference.guides[guide], shape.reference.places[carriage]
-        way = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-        room = [limit - reading for limit in limits[drive]]
-        reach = [float(way @ (end - at)) for end in ends]
-        assert -0.3 < reach[0] - room[0] < 0 < reach[1] - room[1] < 0.3
+@pytest.mark.parametrize("ratio", [1.0, -2.0])
+def test_a_guide_is_drawn_over_the_limits_of_its_drive(ratio: float, tmp_path: Path) -> None:
+    """Rails of the gantry along y, by the limits in its file: 1.8 m of reading, whichever way and however geared."""
+    file = tmp_path / "m.yaml"
+    drive = f"{{ratio: {ratio}, limits: [-700, 200]}}"
+    change = "" if ratio == 1.0 else f"actuators: {{Y2: {drive}}}\n"
+    file.write_text(f"extends: {MACHINES / 'gantry.yaml'}\n{change}", encoding="utf-8")
+    shape = strained(loaded(str(file)))
+    assert isinstance(shape, MachineShape)
+    low, high = (0.0, 1.8) if ratio == 1.0 else (-0.4, 1.4)  # m: -2 * 200 and -2 * -700 mm
+    ends = np.sort(shape.reference.guides["rail2"][:, 1])
+    assert ends[0] == pytest.approx(low, abs=1e-9) and ends[1] == pytest.approx(high, abs=1e-9)
+
+
+def test_the_legend_tells_every_mark() -> None:
+    """Of the shipped gantry: bars of guides, circles of joints; nothing that is not drawn."""
+    shape = strained(loaded(str(MACHINES / "gantry.yaml")))
+    assert isinstance(shape, MachineShape)
+    with figure_of(machine_picture(shape, titles("gantry", "", []))) as (figure, _):
+        entries = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"guide", "joint or end of a member", "drive"} <= entries and not {"base", "node"} & entries
 
 
 def test_a_telescope_is_drawn_in_one() -> None:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from pkmcal_cli.report.number_format import unknown
+from pkmcal_cli.report.number_format import plausible_share, unknown
 
 
 @pytest.mark.parametrize(
@@ -25,3 +25,18 @@ def test_what_nothing_determines_is_shown_to_a_hundredth_of_its_range(
     value: float, spread: float, unit: str, shown: str
 ) -> None:
     assert unknown(value, spread, unit) == shown
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [
+        (0.108, "10.8 % of the plausible size"),
+        (1.5, "150 % of the plausible size"),
+        (1953.0, "2000 times the plausible size"),
+        (33.4, "33 times the plausible size"),
+        (1e4, "never"),
+        (math.inf, "never"),
+    ],
+)
+def test_sizes_that_cannot_be_seen_are_told_without_powers_of_ten(share: float, text: str) -> None:
+    assert plausible_share(share) == text

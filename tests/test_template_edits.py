@@ -10,7 +10,7 @@ from tests.command import run
 
 X_RAILS = """
 frames: {left: {turn: [bl, al, cl]}, right: {at: [0, 1000, zr], turn: [0, ar, cl + cr]}}
-guides: {rail1: {along: x}, rail2: {along: x, stiffness: {x: null, y: kx}}}
+guides: {rail1: {along: [1, sq, 0]}, rail2: {along: [1, sq, 0], stiffness: {x: null, y: kx}}}
 workspace: {box: {x: [0, 900], y: [100, 900], z: [10, 190]}}
 """
 NO_RAM = """
@@ -22,9 +22,10 @@ actuators: {Z: null}
 workspace: {box: {z: null}}
 """
 TABLE = """
-parameters: {y2: null, sy2: null, zr: null, al: null, bl: null, cl: null, ar: null, cr: null, kx: null, kd: null}
+parameters: {y2: null, sy2: null, zr: null, al: null, bl: null, cl: null, sq: null, ar: null, cr: null,
+  kx: null, kd: null}
 frames: {left: {turn: null}, right: null}
-guides: {rail1: {at: [500, 0, 0]}, rail2: null}
+guides: {rail1: {at: [500, 0, 0], along: y}, rail2: null}
 bodies:
   plate1: {guide: null, at: [0, 500, 0], fixed: true}
   plate2: {guide: null, at: [1000, 500, 0], fixed: true}
@@ -73,3 +74,22 @@ def test_what_the_heads_say_can_be_changed(
     assert done.code == 0 and done.json["warnings"] == [], done.err
     found = done.json
     assert (found["degrees_of_freedom"], found["actuators"], found["degree_of_redundancy"]) == counts
+
+
+def test_the_squareness_of_a_clamped_beam_is_a_parameter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both rails 300 urad askew to a beam that keeps its direction, as errors of the guides: the parameter takes that
+    up and nothing else does. A yaw of the rails (`cl`) turns the clamped beam with them.
+    """
+    monkeypatch.chdir(tmp_path)
+    assert run("new", "gantry", "--span", "2 m", "-o", "m.yaml", "-q").code == 0
+    askew = "{guide_angle@rail1.x: {g: 300 urad}, guide_angle@rail2.x: {g: 300 urad}}"
+    Path("askew.yaml").write_text(f"extends: m.yaml\neffects: {askew}\n", encoding="utf-8")
+    assert run("plan", "m.yaml", "--grid", "40", "-o", "poses.csv", "-q").code == 0
+    measured = ("--noise", "declared", "--seed", "1", "-o", "table.csv", "-q")
+    assert run("simulate", "askew.yaml", "poses.csv", *measured).code == 0
+    found = run("calibrate", "m.yaml", "table.csv", "--holdout", "none", "--json", "-q").json
+    values = {p["name"]: (p["value"] - p["nominal"], p["std"]) for p in found["parameters"] if p["std"] is not None}
+    assert found["chi2_per_dof"] == pytest.approx(1.0, abs=0.3)
+    assert abs(values["sq"][0] - 300e-6) < 3 * values["sq"][1] < 100e-6
+    assert abs(abs(values["x0"][0]) - 0.3) < 3.5 * values["x0"][1]  # mm: guides turn about the middle of 2 m
+    assert all(abs(off) < 3.5 * std for name, (off, std) in values.items() if name not in ("sq", "x0"))

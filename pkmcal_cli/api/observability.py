@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from pkmcal_cli.base.listener import Record
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.pictures.bars import shares
 from pkmcal_cli.pictures.picture import Picture
 from pkmcal_cli.report.parameters import parameter_unit
@@ -82,7 +83,7 @@ class Observability(Result):
         return self.outcome.json()
 
     def _picture(self) -> Picture:
-        table = self.parameters
+        table = self.parameters.drop(index=frame_parameters(self.outcome.problem.model), errors="ignore")
         parts = dict(zip(table.index.astype(str), (table["std"] / table["range"]).tolist(), strict=True))
         return shares(f"Expected uncertainty, {self.machine.name}", parts)
 

@@ -158,7 +158,7 @@ def best_points(
 
     Greedy, in the order of their gain; then, with `exchange`, exchanged one by one while that is better (Fedorov).
     """
-    rows, prior, groups = _arranged(linear, blocks, aim)
+    rows, prior, groups = arranged(linear, blocks, aim)
     start = np.einsum("mca,mcb->ab", rows[:planned], rows[:planned]) + np.diag(prior)
     search = _PointSearch(start, rows[planned:], groups, aim.kind)
     chosen: list[int] = []
@@ -168,7 +168,7 @@ def best_points(
     return Chosen(np.array(chosen, dtype=np.intp), search.figure([]), search.figure(chosen))
 
 
-def _arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, list[NDArray[np.intp]]]:
+def arranged(linear: Linear, blocks: Array, aim: Aim) -> tuple[Array, Array, list[NDArray[np.intp]]]:
     """Rows (M, C, q) of what is projected out and of the aim's columns, weights (q,) of their priors, the aim's groups.
 
     What is projected out are directions, of which some are held; to determine parameters, the parameters themselves.
@@ -239,7 +239,15 @@ class _PointSearch:
         """Figure (M,) of covariances (M, g, g): the smallest information of a group; `determine`: log determinant."""
         if self.kind == "determine":
             return np.asarray(-np.linalg.slogdet(covariances[0])[1])
-        return np.asarray(np.min([1.0 / np.linalg.eigvalsh(c)[:, 0] for c in covariances], axis=0))
+        return smallest_information(covariances)
+
+
+def smallest_information(covariances: Sequence[Array]) -> Array:
+    """Of covariances (M, g, g) of each group's parameters, the least information (M,) that any group has.
+
+    Along the direction in which its numbers are known best: an effect is seen where some of its numbers are.
+    """
+    return np.asarray(np.min([1.0 / np.linalg.eigvalsh(c)[:, 0] for c in covariances], axis=0))
 
 
 def whitened_blocks(linear: Linear, rows: int) -> Array:

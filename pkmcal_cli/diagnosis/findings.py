@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from pkmcal_cli.diagnosis.score import UNUSUAL
 from pkmcal_cli.diagnosis.scoring import Scored, Search, linear_without
 from pkmcal_cli.diagnosis.search_options import SearchOptions
 from pkmcal_cli.diagnosis.selection_bias import SelectedSize
+from pkmcal_cli.diagnosis.separable import Separable, separable
 from pkmcal_cli.diagnosis.stability import STABLE, Stability, stability
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes, visible_sizes
 
@@ -42,7 +43,15 @@ class Finding:
     beyond: bool  # larger than twice what is plausible
     provisional: bool
     selected: SelectedSize | None  # its size where being found made it larger
+    separable: Separable = field(default_factory=Separable)  # which of it and its rivals further points can tell apart
     run_away: Mapping[str, float] | None = None  # of what is far off: offsets of declared parameters without it, SI
+
+    def compared(self, search: Search) -> Finding:
+        """The same with what further points can separate."""
+        if not self.ambiguous:
+            return self
+        rivals = [r.hypothesis for r in self.rivals]
+        return replace(self, separable=separable(search, self.hypothesis, rivals))
 
     @property
     def ambiguous(self) -> bool:
@@ -60,6 +69,7 @@ def findings_of(search: Search, last: Scored, doubt: bool, options: SearchOption
         options.observe(Stage("findings", k, len(search.near)))
         findings.append(_finding(search, h, last, every, doubt, options.seed))
     findings += [_far_finding(search, h, last, doubt) for h in search.accepted if h.name in search.far_off]
+    findings = [f.compared(search) for f in findings]
     return tuple(sorted(findings, key=lambda f: -f.held_out.gain))
 
 

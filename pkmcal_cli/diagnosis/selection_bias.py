@@ -33,7 +33,7 @@ class SelectedSize:
         """The same where the standard uncertainty is so many times as large as that by which effects are selected."""
         more = max(share, 1.0)
         low, high = (self.factor + more * (x - self.factor) for x in (self.low, self.high))
-        return SelectedSize(self.factor, low, high)
+        return SelectedSize(self.factor, max(low, 0.0), high)
 
 
 @dataclass(frozen=True)

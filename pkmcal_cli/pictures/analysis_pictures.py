@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
 from pkmcal_cli.calibration.mean_sensitivity import NO_SHIFT, Sensitivity, ranked
 from pkmcal_cli.calibration.observability_indices import Observability
 from pkmcal_cli.diagnosis.experiment_design import Plan
@@ -70,8 +71,10 @@ def _along_part(result: Sensitivity, model: Model, coordinate: str) -> Part:
 
 def observability_picture(result: Observability, model: Model, titles: Titles) -> Picture:
     """Expected standard uncertainty of each parameter as a share of its range, and the singular values."""
-    dots = []
+    dots, frames = [], frame_parameters(model)  # whose ranges nobody stated: as shares of them they are nothing
     for name, std, gone in zip(result.selected, result.std, result.directions.undetermined(), strict=True):
+        if name in frames:
+            continue
         p, unit = model.parameters[model.names.index(name)], parameter_unit(model, name)
         known = not gone and p.range > 0
         dots.append(Dot(name=name, value=float(std / p.range) if known else math.nan, good=bool(std < p.range / 2),

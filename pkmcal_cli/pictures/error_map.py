@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,16 +32,26 @@ _CIRCLE = 0.2  # inches, radius of a circle of noise that has room in the key
 _ALONE = 0.01  # m, around a single position
 _UNSEEN = 1e-9  # m: less is what a solver leaves, and no instrument sees it
 _NOTHING = 1e-12  # m: rounding
+_ROUNDING = 1e-6  # of the errors of the first stage: the same of what is solved for
+_LETTER, _LINES = 0.08, 2  # inches, of a letter of a panel's title, and its lines at most
 
 
 @dataclass(frozen=True)
 class PlaneErrors:
-    """Positions (N, 2) and their errors by stage (N, 2), SI, in a plane; sigma: of a coordinate, nan where unknown."""
+    """Positions (N, 2) and their errors by stage (N, 2), SI, in a plane; sigma: of a coordinate, nan where unknown.
+
+    axes: name of the instrument in whose axes they are, "" for those of the machine.
+    """
 
     plane: str
     at: Array
     stages: tuple[tuple[str, Array], ...]
     sigma: float
+    axes: str = ""
+
+    def label(self, k: int, unit: Unit) -> str:
+        """Of one of its axes."""
+        return f"{self.plane[k]}{f' of {self.axes}' if self.axes else ''} [{unit.text}]"
 
 
 @dataclass(frozen=True)
@@ -63,13 +74,15 @@ def places_of(problem: Problem, stages: Sequence[tuple[str, Array]]) -> list[Pla
         return []
     at = problem.readings[whole][:, channels]
     sigma = float(np.sqrt((problem.sigma[whole][:, channels] ** 2).mean()))
+    instrument = problem.model.channels[channels[0]].instrument
+    axes = instrument if instrument in problem.model.fitted_frames else ""
     letters = [problem.model.channels[k].name.rpartition(".")[2] for k in channels]
     pairs = [(0, 1)] if len(channels) == 2 else [(0, 1), (0, 2)]
     out = []
     for pair in pairs:
         pair_columns = [channels[k] for k in pair]
         errors = tuple((n, r[whole][:, pair_columns]) for n, r in stages)
-        out.append(PlaneErrors("".join(letters[k] for k in pair), at[:, list(pair)], errors, sigma))
+        out.append(PlaneErrors("".join(letters[k] for k in pair), at[:, list(pair)], errors, sigma, axes))
     return out
 
 
@@ -116,12 +129,12 @@ def map_part(places: PlaneErrors, length: Unit) -> Part:
             ax.set_xlim(*limits[:, 0] / length.scale)
             ax.set_ylim(*limits[:, 1] / length.scale)
             few = "" if len(shown) == len(places.at) else f"; {len(shown)} of {len(places.at)} rows are shown"
-            ax.set_xlabel(f"{places.plane[0]} [{length.text}]{few}", fontsize=8 if few else 9)
+            ax.set_xlabel(f"{places.label(0, length)}{few}", fontsize=8 if few else 9)
             ax.locator_params(nbins=5)
             if k:
                 ax.set_yticklabels([])
             else:
-                ax.set_ylabel(f"{places.plane[1]} [{length.text}]")
+                ax.set_ylabel(places.label(1, length))
             key = figure.add_axes((left / WIDTH, (_BOTTOM + height) / total, width / WIDTH, _KEY / total))
             _key(key, panel, places, factor * panel.magnified / per_inch, width)
 
@@ -133,10 +146,15 @@ def _panels(places: PlaneErrors) -> list[_Panel]:
     colours = [BEFORE] + [AFTER] * (len(places.stages) - 1) if len(places.stages) > 1 else [AFTER]
     out = [_Panel(n, e, 1.0, c) for (n, e), c in zip(places.stages, colours, strict=True)]
     first, last = _rms(places.stages[0][1]), _rms(places.stages[-1][1])
-    if len(out) > 1 and last > _UNSEEN and first > _SMALL * last:
+    if len(out) > 1 and last > _negligible(places) and first > _SMALL * last:
         power = float(np.clip(10.0 ** np.floor(np.log10(first / last) + 0.3), 10.0, _MOST))
         out.append(_Panel(f"{power:g} x", places.stages[-1][1], power, AFTER))
     return out
+
+
+def _negligible(places: PlaneErrors) -> float:
+    """Errors, m, that are what solving leaves, not what a machine does."""
+    return max(_UNSEEN, _ROUNDING * _rms(places.stages[0][1]))
 
 
 def _rms(errors: Array) -> float:
@@ -167,6 +185,18 @@ def _limits(places: Array, region: float) -> Array:
     return np.array([low - lacking, high + lacking])
 
 
+def _heading(panel: _Panel, negligible: float, letters: int) -> str:
+    """What a panel shows and how much it is, in lines of so many letters."""
+    if panel.magnified != 1:
+        return f"the same, arrows {panel.title}"
+    rms = _rms(panel.errors)
+    size = f": {size_text(rms)} rms" if rms > negligible else ": none"
+    lines = wrap(panel.title, letters, max_lines=_LINES, placeholder=" ...") or [""]
+    if len(lines[-1]) + len(size) <= letters:
+        return "\n".join([*lines[:-1], lines[-1] + size])
+    return "\n".join([*lines[: _LINES - 1], size[2:]]) if len(lines) >= _LINES else "\n".join([*lines, size[2:]])
+
+
 def _key(ax: Axes, panel: _Panel, places: PlaneErrors, inches: float, width: float) -> None:
     """Above a panel: what it shows, the scale arrow and the circle of noise; `inches` per metre of error."""
     from matplotlib.patches import Circle
@@ -174,9 +204,7 @@ def _key(ax: Axes, panel: _Panel, places: PlaneErrors, inches: float, width: flo
     ax.set_axis_off()
     ax.set_xlim(0, width)
     ax.set_ylim(0, _KEY)
-    size = _rms(panel.errors)
-    text = f"{panel.title}: {size_text(size) if size > _UNSEEN else 'below 1 nm'} rms"
-    text = text if panel.magnified == 1 else f"the same, arrows {panel.title}"
+    text = _heading(panel, _negligible(places), int((width + 0.5 * _BETWEEN) / _LETTER))
     ax.text(0.02, _KEY - 0.02, text, va="top", size=9, weight="bold", color=panel.colour, gid="stage")
     size = rounded(0.45 / inches)
     ax.quiver([0.05], [0.22], [size * inches], [0.0], angles="xy", scale_units="xy", scale=1, units="inches",

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pkmcal_cli.base.rotation import Array
-from pkmcal_cli.compiler.layout import members
 from pkmcal_cli.pictures.labels import Label, put_labels
+from pkmcal_cli.pictures.machine_legend import BODY, GUIDE, POINTS, legend_height, marked_points, write_legend
 from pkmcal_cli.pictures.machine_shape import MachineShape, Shape
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, FITTED, NOISE, OTHER, Picture
 from pkmcal_cli.pictures.titles import Titles
@@ -27,7 +27,6 @@ _SHOWN = 0.08  # of the machine's size: the largest displacement as it is drawn,
 _ROUND = (1.0, 2.0, 5.0)
 _THIN, _THICK = 1.2, 4.5  # points, of members by their force
 _SLIGHT = 1e-6  # of the largest force: no force
-_FACES = {"ground": "#d9d9d9", "body": "#cfe0ee"}
 
 
 def default_scale(shape: MachineShape) -> float:
@@ -51,7 +50,8 @@ def machine_picture(
     """
     factor = default_scale(shape) if scale is None else scale
     shown = shape.reference.towards(shape.actual, factor)
-    size, views = panes(np.vstack([shape.reference.corners, shown.corners]), shape.planar)
+    corners = np.vstack([shape.reference.corners, shown.corners])
+    size, views = panes(corners, shape.planar, legend_height(shape, forces))
     point, largest = shape.largest
     moved = f"largest displacement {handy(largest, parse_unit('mm'))} ({point})" if largest else "nothing is displaced"
     alt = f"{titles.machine}: {len(shape.actual.members)} members, drives {', '.join(shape.readings)}; {moved}."
@@ -61,7 +61,7 @@ def machine_picture(
         titles.write(figure)
         for pane in views:
             _Drawing(shape, shown, factor, forces, pane).draw(figure, size)
-        _legend(figure, size, shape, factor, forces)
+        write_legend(figure, size, shape, factor, forces=forces)
 
     return Picture(name, f"{titles.machine}: drawing", alt, size, draw)
 
@@ -137,14 +137,13 @@ class _Drawing:
         """Guides, bodies and members of one shape."""
         style: dict[str, Any] = {"color": NOISE, "lw": 0.9, "ls": (0, (4, 2))} if reference else {"color": FITTED}
         for course in shape.guides.values():
-            band = {"lw": 5, "color": "0.85", "solid_capstyle": "butt"} if not reference else style
-            ax.plot(*self._on_page(course).T, zorder=1, gid="guide", **band)
+            ax.plot(*self._on_page(course).T, zorder=1, gid="guide", **(style if reference else GUIDE))
         for names in self.shape.bodies.values():
             outline = self._outline(shape, names)
             if reference:
                 ax.plot(*outline.T, zorder=2, **style)
             else:
-                ax.fill(*outline.T, facecolor=_FACES["body"], edgecolor=FITTED, lw=0.9, zorder=3, gid="body")
+                ax.fill(*outline.T, facecolor=BODY, edgecolor=FITTED, lw=0.9, zorder=3, gid="body")
         for joint in self.shape.machine.joints.values():  # telescopes: the ends that slide are apart
             if all(name in shape.places for name in joint.between):
                 ends = self._on_page(np.array([shape.places[name] for name in joint.between]))
@@ -173,16 +172,10 @@ class _Drawing:
 
     def _marks(self, ax: Axes) -> None:
         """Markers of points: base, joints, nodes, drives, tool point."""
-        places, machine = self.shown.places, self.shape.machine
-        kinds: list[tuple[Sequence[str], dict[str, Any]]] = [
-            (list(machine.ground), {"marker": "^", "mfc": _FACES["ground"], "mec": FITTED, "ms": 6}),
-            (list(machine.nodes), {"marker": "o", "mfc": FITTED, "mec": FITTED, "ms": 3}),
-            (list(_ends(self.shape)), {"marker": "o", "mfc": "white", "mec": FITTED, "ms": 4}),
-        ]
-        for names, mark in kinds:
-            if there := [places[n] for n in names if n in places]:
-                at = self._on_page(np.array(there))
-                ax.plot(*at.T, ls="none", mew=0.8, zorder=5, **mark)
+        for kind, names in marked_points(self.shape).items():
+            if names:
+                at = self._on_page(np.array([self.shown.places[n] for n in names]))
+                ax.plot(*at.T, ls="none", mew=0.8, zorder=5, **POINTS[kind])
         for name in self.shape.readings:
             at = self._on_page(self.shape.at_drive(name, self.shown))
             ax.plot(*at, marker="s", ms=7, mfc=OTHER, mec="white", mew=0.8, ls="none", zorder=6, gid=f"drive-{name}")
@@ -245,52 +238,3 @@ def _pair(place: Array) -> tuple[float, float]:
 def _along(line: Array) -> Array:
     """Places along a line (K, 2)."""
     return np.vstack([a + (b - a) * np.linspace(0, 1, 20)[:, None] for a, b in pairwise(line)])
-
-
-def _ends(shape: MachineShape) -> list[str]:
-    """Points at which members end or joints are, but for those of the base."""
-    between = [p for names in members(shape.machine).values() for p in names]
-    every = dict.fromkeys([*between, *shape.joints])
-    return [n for n in every if n not in shape.machine.ground and n not in shape.machine.nodes]
-
-
-def _legend(
-    figure: Figure, size: tuple[float, float], shape: MachineShape, factor: float, forces: bool
-) -> None:
-    """What colours and lines mean, and the scale."""
-    from matplotlib.lines import Line2D
-
-    largest = shape.largest[1]
-    handles: list[Line2D] = []
-    if largest:
-        handles.append(Line2D([], [], color=NOISE, lw=0.9, ls=(0, (4, 2)), label="where the control believes it to be"))
-        text = f"where it is, displacements {factor:g} x" if factor != 1 else "where it is, at true scale"
-        handles.append(Line2D([], [], color=FITTED, lw=1.6, label=text))
-    else:
-        handles.append(Line2D([], [], color=FITTED, lw=1.6, label="not displaced: as the control believes it to be"))
-    if shape.actual.guides:
-        handles.append(Line2D([], [], color="0.85", lw=6, label="guide"))
-    handles.append(Line2D([], [], ls="none", marker="o", mfc="white", mec=FITTED, ms=5, label="joint"))
-    if shape.readings:
-        handles.append(_mark(Line2D, "s", OTHER, "drive"))
-    if shape.tool is not None:
-        handles.append(_mark(Line2D, "D", BEFORE, _tool_text(shape, shape.tool)))
-    if forces and any(shape.tensions.values()):
-        handles += [
-            Line2D([], [], color=AFTER, lw=3, label="pulls (+)"),
-            Line2D([], [], color=BEFORE, lw=3, ls=(0, (3, 0.8)), label="pushes (-)"),
-        ]
-    corner = (0.4 / size[0], 0.05 / size[1])
-    looks: dict[str, Any] = {"fontsize": 8, "frameon": False, "columnspacing": 1.0, "ncols": (len(handles) + 1) // 2}
-    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, **looks)
-
-
-def _mark(kind: Any, marker: str, colour: str, label: str) -> Any:
-    return kind([], [], ls="none", marker=marker, mfc=colour, mec="white", ms=7, label=label)
-
-
-def _tool_text(shape: MachineShape, tool: str) -> str:
-    size = float(np.sqrt((shape.displacement(tool) ** 2).sum()))
-    if size <= 1e-9 * shape.length:
-        return f"tool point {tool}"
-    return f"tool point {tool}, displaced by {handy(size, parse_unit('mm'))}"

@@ -134,7 +134,7 @@ def machine_shape(loaded: LoadedMachine, values: Array, rows: Rows, row: int) ->
     forces = drive_forces(model, actual)[0][0]
     names = [a.name for a in model.actuators]
     turning = [n for n, d in zip(names, model.topology.drives, strict=True) if not model.topology.moves_length(d)]
-    reach = _reach(machine, layout, _placed(plain, reference), _room(model, rows.readings[row]))
+    reach = _reach(machine, layout, _placed(plain, reference), _strokes(plain, rows.readings[row]))
     return MachineShape(
         machine=machine,
         length=model.length,
@@ -176,35 +176,38 @@ def _shape(
     return Shape(places, courses, guides)
 
 
-def _room(model: Model, readings: Array) -> dict[str, tuple[float, float]]:
-    """By drive, how far it may still travel both ways from its reading (A,), m or rad; not where that is endless."""
+def _strokes(model: Model, readings: Array) -> dict[str, tuple[float, ...]]:
+    """How far each drive can still travel from its reading, one way and the other; none where that is endless."""
+    gains = model.topology.coefficients.constants
     out = {}
-    for actuator, reading in zip(model.actuators, readings.tolist(), strict=True):
-        gain = float(model.topology.coefficients.constants[actuator.gain_coefficient])
-        low, high = sorted(gain * (limit - reading) for limit in actuator.limits)
-        if high - low < _ENDLESS * model.length:
-            out[actuator.name] = (low, high)
+    for a, q in zip(model.actuators, readings.tolist(), strict=True):
+        strokes = tuple(float(gains[a.gain_coefficient] * (limit - q)) for limit in a.limits)
+        out[a.name] = tuple(s for s in strokes if abs(s) < _ENDLESS * model.length)
     return out
 
 
 def _reach(
-    machine: Machine[Quantity, float], layout: Layout, placed: Placed, room: Mapping[str, tuple[float, float]]
+    machine: Machine[Quantity, float], layout: Layout, placed: Placed, strokes: Mapping[str, tuple[float, ...]]
 ) -> dict[str, tuple[float, float]]:
-    """From where to where each guide is drawn, along it from its origin, m: beyond its carriages, to drives' limits.
-
-    room: by drive, how far it may still go both ways, m.
+    """From where to where each guide is drawn, along it from its origin, m: over the limits of the drives that move its
+    carriages, and a little beyond where carriages are.
     """
-    driven = {a.target: room[name] for name, a in machine.actuators.items() if a.winds is None and name in room}
-    travels: dict[str, list[float]] = {}
+    moved_by = {a.moves: strokes[name] for name, a in machine.actuators.items() if a.moves is not None}
+    carriages: dict[str, list[float]] = {}
+    limits: dict[str, list[float]] = {}
     for name, body in machine.bodies.items():
         if body.guide is not None and body.guide in layout.rails:
             rail = layout.rails[body.guide]
             way = placed.direction(rail.tilted, rail.along)[0]
             at = float(way @ (placed.place(layout.points[name])[0] - placed.place(rail.origin)[0]))
-            travels.setdefault(body.guide, []).extend(at + end for end in (0.0, *driven.get(name, ())))
+            carriages.setdefault(body.guide, []).append(at)
+            limits.setdefault(body.guide, []).extend(at + stroke for stroke in moved_by.get(name, ()))
     places = np.array([placed.place(point)[0] for point in layout.points.values()])
     beyond = _BEYOND * float(np.sqrt((np.ptp(places, axis=0) ** 2).sum()))
-    return {name: (min(t) - beyond, max(t) + beyond) for name, t in travels.items()}
+    return {
+        name: (min([min(at) - beyond, *limits[name]]), max([max(at) + beyond, *limits[name]]))
+        for name, at in carriages.items()
+    }
 
 
 def _tensions(model: Model, solution: Solution, machine: Machine[Quantity, float]) -> dict[str, float]:

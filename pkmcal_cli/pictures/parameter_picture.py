@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from pkmcal_cli.calibration.fitted_frames import frame_parameters
+from pkmcal_cli.model.model import Model
 from pkmcal_cli.pictures.parts import Part, composed
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles, plain, shortened
@@ -27,6 +29,12 @@ def parameter_picture(rows: Sequence[ParameterRow], titles: Titles, name: str = 
     alt = f"{len(determined)} parameters with 95 % intervals, as shares of their ranges: "
     alt += ", ".join(f"{r.name} {uncertain(r.value, r.std, r.unit)}" for r in determined[:12])
     return composed(name, titles, f"{alt}.", [parameter_part(rows)])
+
+
+def without_frames(rows: Sequence[ParameterRow], model: Model) -> list[ParameterRow]:
+    """All but where instruments stand that may stand anywhere: nobody stated ranges of these."""
+    frames = frame_parameters(model)
+    return [r for r in rows if r.name not in frames]
 
 
 def parameter_part(rows: Sequence[ParameterRow]) -> Part:

@@ -13,7 +13,7 @@ from pkmcal_cli.calibration.errors_before_after import drive_readings, kinds_of,
 from pkmcal_cli.calibration.fit import Fit
 from pkmcal_cli.calibration.problem import Problem
 from pkmcal_cli.pictures.error_map import errors_in_words, map_part, places_of
-from pkmcal_cli.pictures.parameter_picture import parameter_part
+from pkmcal_cli.pictures.parameter_picture import parameter_part, without_frames
 from pkmcal_cli.pictures.parts import Part, composed, dots, shown_unit, thinned
 from pkmcal_cli.pictures.picture import AFTER, BEFORE, LOOKS, NOISE, Picture
 from pkmcal_cli.pictures.titles import Titles, plain
@@ -42,7 +42,7 @@ def calibration_picture(report: CalibrationReport, titles: Titles, length: Unit,
     parts = [map_part(p, length) for p in places]
     left = residual_parts(problem, fit)
     alt = (errors_in_words(places) + " " if places else "") + "Residuals over the reading of each drive."
-    return composed(name, titles, alt, [*parts, *left, parameter_part(report.rows)])
+    return composed(name, titles, alt, [*parts, *left, parameter_part(without_frames(report.rows, report.model))])
 
 
 def residual_parts(problem: Problem, fit: Fit) -> list[Part]:

@@ -14,7 +14,7 @@ _LEAST = 0.25  # of the larger side: a machine on one line has room across it
 _WIDTH, _LOWEST, _HIGHEST = 6.45, 2.6, 4.1  # inches, of the one view of a planar machine
 _LARGE, _LARGE_LOW, _LARGE_HIGH = 7.0, 2.4, 4.6  # inches, of the isometric view, in which everything is named
 _SMALL, _SMALL_LOW, _SMALL_HIGH = 1.66, 1.2, 2.6  # inches, of each of the three views below it
-LEFT, RIGHT, TOP, BOTTOM = 0.75, 0.2, 0.75, 1.1  # inches around the views: ticks, title, legend
+LEFT, RIGHT, TOP, BOTTOM = 0.75, 0.2, 0.75, 0.55  # inches around the views: ticks, title, ticks and names of axes
 BETWEEN = (0.74, 0.4)  # inches between views, across (ticks) and up (title)
 
 
@@ -50,22 +50,23 @@ class Pane:
     limits: Array
 
 
-def panes(corners: Array, planar: bool) -> tuple[tuple[float, float], list[Pane]]:
-    """Size of the page in inches, and the views of what lies within `corners` (K, 3).
+def panes(corners: Array, planar: bool, below: float) -> tuple[tuple[float, float], list[Pane]]:
+    """Size of the page in inches, and the views of what lies within `corners` (K, 3), `below` inches above its end.
 
     In space one large view, and three beside one another below it, at one scale. The page is as wide as the text of an
     A4 sheet, so that letters are printed at their size.
     """
+    bottom = BOTTOM + below
     if planar:
         (height,), (shown,) = _fitted((PLANE,), corners, _WIDTH, (_LOWEST, _HIGHEST))
-        box = (LEFT, BOTTOM, _WIDTH, height)
-        return (LEFT + _WIDTH + RIGHT, BOTTOM + height + TOP), [Pane(PLANE, box, shown)]
+        box = (LEFT, bottom, _WIDTH, height)
+        return (LEFT + _WIDTH + RIGHT, bottom + height + TOP), [Pane(PLANE, box, shown)]
     (high,), (large,) = _fitted((ISOMETRIC,), corners, _LARGE, (_LARGE_LOW, _LARGE_HIGH))
     (low, *_), limits = _fitted(ABREAST, corners, _SMALL, (_SMALL_LOW, _SMALL_HIGH))
-    above = BOTTOM + low + BETWEEN[1]
+    above = bottom + low + BETWEEN[1]
     out = [Pane(ISOMETRIC, (RIGHT, above, _LARGE, high), large)]
     for k, (view, shown) in enumerate(zip(ABREAST, limits, strict=True)):
-        out.append(Pane(view, (BETWEEN[0] + k * (_SMALL + BETWEEN[0]), BOTTOM, _SMALL, low), shown))
+        out.append(Pane(view, (BETWEEN[0] + k * (_SMALL + BETWEEN[0]), bottom, _SMALL, low), shown))
     return (_LARGE + 2 * RIGHT, above + high + TOP), out
 
 

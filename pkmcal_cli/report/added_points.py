@@ -12,11 +12,10 @@ from pkmcal_cli.diagnosis.experiment_design import Aim, Chosen
 from pkmcal_cli.diagnosis.score import minimal_detectable
 from pkmcal_cli.model.model import Model
 from pkmcal_cli.report.console import Reporter
-from pkmcal_cli.report.number_format import NEVER, detectable_size, finite, readable
+from pkmcal_cli.report.number_format import detectable_size, finite, plausible_share, readable
 from pkmcal_cli.report.parameters import parameter_unit
 from pkmcal_cli.units.unit_text import parse_unit
 
-_MANY = 10.0  # times the plausible size: from there on no percentage
 _ENOUGH = 2.0  # standard deviations of the prior: the plausible size
 
 
@@ -135,6 +134,4 @@ class Added:
         if len(alike) == 1 and len(declared) == len(self.aim.parameters):
             plausible = declared[0].range
             return detectable_size(0.5 * value * plausible, plausible, parse_unit(declared[0].unit or "1"))
-        times = value / _ENOUGH
-        share = f"{100 * times:.3g} %" if times < _MANY else f"{float(f'{times:.2g}'):.0f} times"
-        return "never" if value > NEVER else f"{share}{' of' if times < _MANY else ''} the plausible size"
+        return plausible_share(value / _ENOUGH)

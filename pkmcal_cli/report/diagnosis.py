@@ -26,7 +26,7 @@ from pkmcal_cli.report.sentences import cause_effect_action, command, listed, un
 from pkmcal_cli.report.shape_text import ShapeText
 from pkmcal_cli.report.visibility import VisibilityReport
 
-_SEPARATED = 4
+_SEPARATED = 4  # effects at most that one measurement is planned for
 _MAPPED = 0.05  # share of the variance that a map must explain to be told of
 _CLEAR, _OVERWHELMING = 3.0, 10.0  # log Bayes factors
 _LIKE_NOISE = "no effect found; sigma is too small, or the missing effect looks like noise"
@@ -192,23 +192,22 @@ class DiagnosisReport(VisibilityReport):
         if finding.ambiguous:
             text = f"{self._alternatives(finding)} {text}"
         text += self._selection(finding) + self._reservation(finding)
-        return (
-            f"{text}\nWhether further points separate them, and which: {self._to_decide(finding)}"
-            if finding.ambiguous
-            else text
-        )
+        return "\n".join([text, *self.to_separate(finding)])
 
     def _selection(self, finding: Finding) -> str:
-        """Its size as it is likely to be, where it was found because noise made it larger."""
+        """Between which sizes it may be, where noise that made it larger may be why it was found.
+
+        The median of these sizes is no better estimate: near what is detectable it is further off than the fit's.
+        """
         chosen = finding.selected
         if chosen is None:
             return ""
         k = self.leading(finding)
         name = finding.hypothesis.parameters[k]
         size, unit = finding.estimate[k] - self.null(name), self.unit(name)
-        middle, *ends = (handy(size * x, unit) for x in (chosen.factor, chosen.low, chosen.high))
-        low, high = ends if size > 0 else ends[::-1]
-        return f" Found near the limit, so its size is corrected: {middle} (95 %: {low} to {high})."
+        low, high = sorted((chosen.low, chosen.high), key=lambda x: size * x)
+        ends = f"{handy(size * low, unit)} to {handy(size * high, unit)}"
+        return f" Found near the limit of detection, where what noise enlarges is found first: 95 % interval {ends}."
 
     def _alternatives(self, finding: Finding) -> str:
         """Which effects the data support in its place."""
@@ -225,9 +224,26 @@ class DiagnosisReport(VisibilityReport):
             return f"Time and temperature go together ({together:.2f}): a cooling phase would decide."
         return "Their corrections differ: separate them first."
 
-    def _to_decide(self, finding: Finding) -> str:
-        names = dict.fromkeys([finding.hypothesis.name, *(r.hypothesis.name for r in finding.rivals)])
-        return command("plan", *self.files(), "--aim", f"separate:{','.join(list(names)[:_SEPARATED])}")
+    def to_separate(self, finding: Finding) -> list[str]:
+        """What separates a finding from its rivals: points where these can, else another measurement."""
+        apart, alike = finding.separable.apart[:_SEPARATED], finding.separable.alike
+        out = []
+        if apart:
+            points = command("plan", *self.files(), "--aim", f"separate:{','.join(apart)}")
+            out.append(f"To separate {listed(apart, _SEPARATED)}, measure the points of: {points}")
+        if alike:
+            which = f"{listed(alike, _SEPARATED)} from the others" if apart else listed(alike, _SEPARATED)
+            known = {h.name: h for h in (finding.hypothesis, *(r.hypothesis for r in finding.rivals))}
+            actions = " ".join(f"{name}: {self.action(known[name])}" for name in alike[:_SEPARATED])
+            lead = f"Points like those that were measured do not separate {which}, which act alike there."
+            out.append(f"{lead} Another measurement may: {actions}")
+        return out
+
+    def action(self, hypothesis: Hypothesis) -> str:
+        """What is to be done about a cause, its size aside."""
+        if hypothesis.effect == RELEASE:
+            return f"Identify it: --select auto,{hypothesis.at}"
+        return cause_effect_action(catalogue()[hypothesis.effect], hypothesis.at, "it")[2]
 
     def _reservation(self, finding: Finding) -> str:
         """How far off an effect is, or why it is provisional."""

@@ -59,6 +59,7 @@ def readable(value: float, unit: Unit, like: float | None = None) -> str:
 
 _LARGER = {"um": "mm", "mm": "m", "urad": "mrad", "um/m": "mm/m", "urad/rad": "mrad/rad", "N": "kN"}
 NEVER = 1e4  # times the plausible size: no machine has so large an effect
+_SEVERAL = 2.0  # times the plausible size: from there on multiples read better than percent
 
 
 def handy(value: float, unit: Unit) -> str:
@@ -73,3 +74,12 @@ def handy(value: float, unit: Unit) -> str:
 def detectable_size(value: float, plausible: float, unit: Unit) -> str:
     """A smallest detectable size (SI); "never" where it is beyond all that is plausible."""
     return handy(value, unit) if value < NEVER * plausible else "never"
+
+
+def plausible_share(share: float) -> str:
+    """A smallest detectable size over the plausible one; "never" where it is beyond all that is plausible."""
+    if not share < NEVER:
+        return "never"
+    if share < _SEVERAL:
+        return f"{100 * share:.3g} % of the plausible size"
+    return f"{float(f'{share:.2g}'):.0f} times the plausible size"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pkmcal_cli.base.plural import count
-from pkmcal_cli.diagnosis.hypotheses import RELEASE
+from pkmcal_cli.diagnosis.hypotheses import RELEASE, Hypothesis
 from pkmcal_cli.diagnosis.visible_sizes import VisibleSizes
 from pkmcal_cli.report.console import Reporter
 from pkmcal_cli.report.detectable_sizes import sizes_text, worst_text
@@ -55,8 +57,17 @@ class VisibilityReport(DiagnosisValues):
             rows.append((i.hypothesis.name, size, handy(i.plausible, unit), why))
         to.say()
         to.table("Effects that these data cannot show", ("effect", "smallest detectable", "plausible", "remark"), rows)
-        more = f"and {count(len(hidden) - _SHOWN, 'more effect')} (all in --json); " if len(hidden) > _SHOWN else ""
-        to.say(f"{more}points that would show one: {command('plan', *self.files(), '--aim', 'EFFECT')}")
+        if more := [i.hypothesis for i in hidden[_SHOWN:]]:
+            to.say(f"and {count(len(more), 'more effect')} (sizes in --json): {by_effect(more)}")
+        to.say(f"points that would show one: {command('plan', *self.files(), '--aim', 'EFFECT')}")
+
+
+def by_effect(hypotheses: Sequence[Hypothesis]) -> str:
+    """Names of hypotheses with all places of an effect together: zero@X, Y; drift."""
+    places: dict[str, list[str]] = {}
+    for h in hypotheses:
+        places.setdefault(h.name.removesuffix(h.at), []).append(h.at)
+    return "; ".join(f"{kind}{', '.join(at)}" for kind, at in places.items())
 
 
 def _hardest(seen: VisibleSizes) -> float:

@@ -10,7 +10,7 @@ from pkmcal_cli.pictures.diagnosis_pictures import driver_part, effect_panels, p
 from pkmcal_cli.pictures.error_map import error_map, places_of
 from pkmcal_cli.pictures.machine_picture import machine_picture
 from pkmcal_cli.pictures.machine_shape import machine_shape
-from pkmcal_cli.pictures.parameter_picture import parameter_picture
+from pkmcal_cli.pictures.parameter_picture import parameter_picture, without_frames
 from pkmcal_cli.pictures.parts import composed
 from pkmcal_cli.pictures.shape_picture import shape_in_words, shape_part
 from pkmcal_cli.pictures.titles import Titles, titles
@@ -103,7 +103,7 @@ def identified(results: Results) -> Figure | None:
     if improved is not None and improved.improvement.accepted:
         subject += ", together with the causes"
         rows = [_as_improved(row, improved) for row in rows]
-    picture = parameter_picture(rows, _titles(results, subject))
+    picture = parameter_picture(without_frames(rows, results.calibrated.model), _titles(results, subject))
     return Figure(picture, "Offsets from nominal as shares of the ranges (grey band), with 95 % intervals.")
 
 

@@ -20,7 +20,6 @@ from pkmcal_cli.sheet.recorder import Recorder
 from pkmcal_cli.sheet.results import Results
 from pkmcal_cli.sheet.verdict import verdict
 
-_SEPARATED = 4  # causes at most that one measurement is planned for
 _IDENTIFIED = ("-p", "params.yaml")
 _ERROR = "Error"  # title of the table that the sheet has in a form of its own
 
@@ -191,13 +190,10 @@ def _action(hypothesis: Hypothesis, size: str) -> str:
 def _next_measurement(results: Results) -> list[Block]:
     """Which points would tell most."""
     report, machine = results.diagnosis, results.machine.files[0][0]
-    table = results.measured.files[0]
     ambiguous = [] if report is None else [f for f in report.diagnosis.findings if f.ambiguous]
-    if ambiguous:
-        rivals = (r.hypothesis.name for r in ambiguous[0].rivals)
-        names = ",".join(list(dict.fromkeys([ambiguous[0].hypothesis.name, *rivals]))[:_SEPARATED])
-        text = "Several causes explain the data alike. Whether further points separate them, and which:"
-        return [Text(text), Text(command("plan", machine, table, "--aim", f"separate:{names}"), "command")]
+    if report is not None and ambiguous:
+        sentences = [s for f in ambiguous for s in report.to_separate(f)]
+        return [Text("Several causes explain the data alike."), *(Text(s) for s in sentences)]
     if results.verified is None:
         text = "After correction, measure again and hand over the sheet with both tables:"
         limit = () if results.tolerance is None else ("--tolerance", f"{results.length_text(results.tolerance[0])}")

@@ -154,6 +154,8 @@ def gantry(pose: Array, p: Parameters) -> Array:
     column, arm = lean.apply([0, 0, 1]), lean.apply([0, -0.08 * size, -0.1 * size])
     z = (pose[2] - 0.2 * size - arm[2]) / column[2]
     x, y, _ = pose - arm - z * column
+    y = y * np.hypot(1.0, p["sq"])  # the rails run askew to the beam, which keeps its direction
+    x = x - y * p["sq"] / np.hypot(1.0, p["sq"])
     travels = {"y1": y, "y2": y, "x0": x, "z0": z}
     scales = ("sy1", "sy2", "sx", "sz")
     return np.array([(at - p[zero]) / p[scale] for (zero, at), scale in zip(travels.items(), scales, strict=True)])

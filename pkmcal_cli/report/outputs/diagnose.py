@@ -51,8 +51,8 @@ effects[].otherwise[].at text:
 effects[].otherwise[].share number?: of all resamples
 effects[].likelihood_ratio_over_score number?: fall of chi-square in the fit over that predicted by the score: 1 if it
     acts in proportion to its size; null if no fit omits it
-effects[].selection?.factor number: size corrected for being found, over the estimate; `selection` is null where it
-    does not matter
+effects[].selection?.factor number: median of true sizes that fit, allowing for being found, over the
+    estimate; `selection` is null where it does not matter
 effects[].selection.low number?: lower end of its 95 % interval, over the estimate
 effects[].selection.high number?: upper end
 effects[].far_off?.NAME number?: by how much this declared parameter comes out off nominal without the effect, in its
