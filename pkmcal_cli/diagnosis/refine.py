@@ -15,8 +15,8 @@ from pkmcal_cli.diagnosis.beyond_range import begun_beyond
 from pkmcal_cli.diagnosis.confirm import held_out_gain
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.refits import refit
-from pkmcal_cli.diagnosis.scoring import Scored, Search, score_without, scored, shape_gains
-from pkmcal_cli.diagnosis.search import BETTER, needed_only, set_evidence, stands_on_one_row
+from pkmcal_cli.diagnosis.scoring import Scored, Search, score_all, score_without, scored, shape_gains
+from pkmcal_cli.diagnosis.search import BETTER, needed_only, ranked, set_evidence, stands_on_one_row
 from pkmcal_cli.diagnosis.warming import TOGETHER, fits_as_well, of_warming, warming
 
 RIVALS = 4
@@ -34,7 +34,18 @@ class Rival:
 
 
 def swapped(search: Search) -> Search:
-    """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all."""
+    """The search with effects exchanged for others, one or two at a time, while that raises the evidence of all.
+
+    Each exchange is judged by the scale of the noise without what it removes, the end by that with all that was there:
+    small steps by the former must not add up to less.
+    """
+    variance = score_all(search, ()).scale.variance
+    end = _walked(search)
+    return end if set_evidence(end, variance) > set_evidence(search, variance) - BETTER else search
+
+
+def _walked(search: Search) -> Search:
+    """Where single exchanges end."""
     tried: set[frozenset[Hypothesis]] = set()
     for _ in range(2 * len(search.near)):
         groups = [(h,) for h in search.near if h.members or h.begin]
@@ -53,7 +64,7 @@ def _improved(search: Search, hypothesis: Hypothesis) -> Search | None:
     without = score_without(search, [hypothesis], (hypothesis, *search.open_without([hypothesis])))
     shape = shape_gains(search, without) + _preferences(without)
     shaped = without.log_bayes + shape
-    order, unusual = np.argsort(-shaped[1:])[:RIVALS] + 1, without.unusual
+    order, unusual = ranked(shaped[1:])[:RIVALS] + 1, without.unusual
     for k in (int(k) for k in order if shaped[k] > shaped[0] + BETTER and not unusual[k]):
         after = _replaced(search, hypothesis, without, k)
         if after is not None and _gain(search, after, without, k) + shape[k] - shape[0] > BETTER:
@@ -76,8 +87,9 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
     margin = -BETTER if len(removed) == 1 else BETTER
     without = score_without(search, removed, (*removed, *search.open_without(removed)))
     least, kept = _evidence_of(search, without, removed) + margin, [h for h in search.accepted if h not in removed]
-    trials = sorted(_pairs(search, without), key=lambda trial: -trial[0])
-    for new in [new for evidence, new in trials if evidence >= least][:_TRIALS]:
+    trials = list(_pairs(search, without))
+    order = ranked(np.array([evidence for evidence, _ in trials]))
+    for new in [trials[k][1] for k in order if trials[k][0] >= least][:_TRIALS]:
         after = replace(search, accepted=(*kept, *new))
         if set(new) == set(removed) or frozenset(after.accepted) in tried:
             continue
@@ -95,13 +107,13 @@ def _exchanged(search: Search, removed: tuple[Hypothesis, ...], tried: set[froze
 def _pairs(search: Search, without: Scored) -> Iterator[tuple[float, tuple[Hypothesis, ...]]]:
     """Log evidence of single effects with most of it, each with the best second one beside it, and these effects."""
     evidence = _eligible(without)
-    for k in (int(k) for k in np.argsort(-evidence, kind="stable")[:RIVALS] if evidence[k] > -np.inf):
+    for k in (int(k) for k in ranked(evidence)[:RIVALS] if evidence[k] > -np.inf):
         first = without.hypotheses[k]
         yield float(evidence[k]) - search.price([first]), (first,)
         beside = _beside(search, without, first)
         more = _eligible(beside)
         more[[h.akin(first) for h in beside.hypotheses]] = -np.inf  # a group has what its members have
-        best = int(np.argmax(more))
+        best = int(ranked(more)[0])
         if more[best] > 0 and beside.p_values[best] < search.critical:
             both = (first, beside.hypotheses[best])
             yield float(evidence[k] + more[best]) - search.price(both), both
@@ -199,7 +211,7 @@ def final_evidence(search: Search, hypothesis: Hypothesis, scores: Scored) -> Ar
     With what they gain by shapes of their own; where scores and fits disagree, fits decide.
     """
     evidence = scores.log_bayes + shape_gains(search, scores) + _preferences(scores)
-    order = np.argsort(-evidence, kind="stable")
+    order = ranked(evidence)
     if order[0] != 0:
         better = [int(k) for k in order[:RIVALS] if k != 0]
         evidence[better] = [_fitted_evidence(search, hypothesis, scores, evidence, k) for k in better]
@@ -247,7 +259,7 @@ def credible_set(scores: Scored, evidence: Array, kept: NDArray[np.bool_]) -> tu
     """
     same = [k > 0 and h.name == scores.hypotheses[0].name for k, h in enumerate(scores.hypotheses)]
     evidence = np.where(same | _needless_groups(scores.hypotheses, evidence), -np.inf, evidence)
-    order = np.argsort(-evidence, kind="stable")
+    order = ranked(evidence)
     weight = np.exp(evidence - evidence.max()) / np.exp(evidence - evidence.max()).sum()
     last = int(np.searchsorted(np.cumsum(weight[order]), CREDIBLE)) + 1
     chosen = [*order[:last], *(k for k in order[last:] if kept[k])]

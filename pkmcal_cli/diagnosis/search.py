@@ -30,7 +30,7 @@ MOST_EFFECTS = 5
 _ODD_ROW = 0.01  # p value that an effect must keep without the row that speaks most for it
 BETTER = 0.5  # log evidence by which another set of effects must be better
 _BRANCHES = 4  # ends of a search that are followed
-_DIGITS = 6  # of a log evidence; the rest is rounding
+_DIGITS = 6  # of a log evidence; the rest is rounding, which must not decide between names of one thing
 _UNDECIDED, _SAME = 1.0, 0.999  # log evidence between two that are both followed; cosine of those that are the same
 _CONTENDERS, _CLOSE = 4, 8.0  # hypotheses within so much log evidence of the best are fitted before one is accepted
 
@@ -58,6 +58,11 @@ def _followed(search: Search, options: SearchOptions, variance: float) -> Search
         seen |= {s.state for s in new}
         ends += [] if new else [search]
     return max(ends, key=lambda s: set_evidence(s, variance))
+
+
+def ranked(evidence: Array) -> NDArray[np.intp]:
+    """Hypotheses (H,) by their log evidence (H,), most first; of equals the first of the catalogue."""
+    return np.argsort(-np.round(evidence, _DIGITS), kind="stable")
 
 
 def set_evidence(search: Search, variance: float) -> float:
@@ -98,7 +103,7 @@ def _best_of(search: Search, scored: Scored, evidence: Array) -> list[Search]:
     """
     shape = shape_gains(search, scored) + [h.preference for h in scored.hypotheses]
     evidence = evidence + shape
-    order = np.argsort(-evidence, kind="stable")[:_CONTENDERS]
+    order = ranked(evidence)[:_CONTENDERS]
     trials = []
     for k in (int(k) for k in order if evidence[k] > max(evidence[order[0]] - _CLOSE, 0.0)):
         if _is_discrepancy(search, scored, k) or stands_on_one_row(scored, k):

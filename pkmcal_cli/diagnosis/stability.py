@@ -15,6 +15,7 @@ from pkmcal_cli.diagnosis.hypotheses import Hypothesis
 from pkmcal_cli.diagnosis.linear import log_evidence
 from pkmcal_cli.diagnosis.noise_tests import time_order
 from pkmcal_cli.diagnosis.scoring import Scored
+from pkmcal_cli.diagnosis.search import ranked
 from pkmcal_cli.effects import catalogue
 
 STABLE = 0.8  # share of resamples that must name the same
@@ -43,7 +44,7 @@ def stability(
     `scores`: hypotheses scored without the effect; `evidence` (H,): theirs with all rows, by shapes of their own and by
     fits. Blocks are stretches of time for what depends on time, else cells of the workspace.
     """
-    best = np.argsort(-evidence, kind="stable")[:_RIVALS]
+    best = ranked(evidence)[:_RIVALS]
     chosen = [int(k) for k in best if scores.scores[k].count]
     grams, counts = _grams(scores, problem, hypothesis, chosen)
     prior, pull = scores.linear.fixed[1], scores.linear.pull
@@ -54,7 +55,7 @@ def stability(
     drawn = rng.multinomial(len(grams), np.full(len(grams), 1 / len(grams)), size=_DRAWS)
     weights, more = drawn.astype(float), evidence[chosen] - scores.log_bayes[chosen]
     best_of = [
-        int(np.argmax(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)) for w in weights
+        int(ranked(_evidence(np.tensordot(w, grams, 1), counts, prior, pull, scores) + more)[0]) for w in weights
     ]
     shares = np.bincount(best_of, minlength=len(chosen)) / len(weights)
     order = (int(k) for k in np.argsort(-shares, kind="stable") if shares[k] > 0 and not right[k])
