@@ -23,7 +23,12 @@ _SIZES = ("mdb", "msb", "p_value", "effective_tests", "cosine", "std", "std_by_d
 force that is nearly none), standard uncertainties of weak parameters, and what is estimated from them."""
 _FORCES, _LEAST_FORCE = ("before", "after", "internal"), 1e-4
 """Of drives, N or N m: equilibria of members of MN have such forces by rounding."""
-_LEAST_ERRORS = {"errors": ("position", 1e-8), "after": ("force", 1e-9), "heldout": ("force", 1e-9)}
+_ROUNDED_FORCE = 1e-9
+_LEAST_ERRORS = {
+    "errors": ("position", 1e-8),
+    **{part: ("force", _ROUNDED_FORCE) for part in ("before", "after", "heldout")},
+    **{part: (part, _ROUNDED_FORCE) for part in ("channels_before", "channels_after")},
+}
 """In the machine's units: what a search for set values leaves of a position, and the rounding of forces of kN."""
 _DRAWN = 0.05  # of sizes by 500 drawn campaigns, whose draws follow rounding where machines have many directions
 _OF_THE_SMALLEST = 1e-8  # of those: the smallest singular value has the rounding of the largest
