@@ -26,7 +26,7 @@ _FORCES, _LEAST_FORCE = ("before", "after", "internal"), 1e-4
 _ROUNDED_FORCE = 1e-9
 _LEAST_ERRORS = {
     "errors": ("position", 1e-8),
-    **{part: ("force", _ROUNDED_FORCE) for part in ("before", "after", "heldout")},
+    **dict.fromkeys(("before", "after", "heldout"), ("force", _ROUNDED_FORCE)),
     **{part: (part, _ROUNDED_FORCE) for part in ("channels_before", "channels_after")},
 }
 """In the machine's units: what a search for set values leaves of a position, and the rounding of forces of kN."""
