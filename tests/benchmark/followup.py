@@ -14,8 +14,9 @@ import numpy as np
 from pkmcal_cli.base.rotation import Array
 from pkmcal_cli.diagnosis.experiment_design import Aim, best_points, whitened_blocks
 from pkmcal_cli.diagnosis.hypotheses import Hypothesis
-from pkmcal_cli.diagnosis.linear import NONCENTRALITY, Linear, linear_problem
+from pkmcal_cli.diagnosis.linear import Linear, linear_problem
 from pkmcal_cli.diagnosis.run_diagnosis import Diagnosis
+from pkmcal_cli.diagnosis.score import NONCENTRALITY
 from tests.benchmark.cases import Case
 from tests.benchmark.names import names_of
 from tests.benchmark.setting import Ready, diagnosed, ready
